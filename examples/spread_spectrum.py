@@ -20,7 +20,7 @@ BAND = 0.04, 0.2
 """Frequencies of the patterns, cycles per pixel: a scene has most power below them, and training blurs above."""
 
 SMALLEST = 16
-"""Pixels in each direction, below which the band has too few frequencies for a pattern."""
+"""Least width and height in pixels: smaller images have too few frequencies in the band for a pattern."""
 
 
 def in_band(shape):
@@ -58,9 +58,9 @@ def correlations(image, key, count):
 
 
 def natural(text):
-    """Return a whole number from 0."""
+    """Return the whole number, 0 or more, that a text spells."""
     if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"expected a whole number from 0, found {text!r}")
+        raise argparse.ArgumentTypeError(f"expected a whole number, 0 or more, found {text!r}")
     return int(text)
 
 
@@ -81,8 +81,10 @@ def main():
     images = {path: np.asarray(Image.open(path).convert("RGB"), float) for path in sorted(args.images.glob("*.png"))}
     if not images:
         parser.error(f"{args.images}: expected PNG files, found none")
-    if small := [path for path, image in images.items() if min(image.shape[:2]) < SMALLEST]:
-        parser.error(f"{small[0]}: expected {SMALLEST} pixels or more in both directions")
+    for path, image in images.items():
+        height, width, _ = image.shape
+        if min(height, width) < SMALLEST:
+            parser.error(f"{path}: expected at least {SMALLEST}x{SMALLEST} pixels, found {width}x{height}")
     if args.command == "embed":
         if {*args.bits} - {*"01"} or not args.bits or not 0 < args.strength <= 255:
             parser.error("expected --bits of 0 and 1, and a --strength above 0, at most 255")

@@ -133,7 +133,7 @@ def require_only_png(folder: Path) -> None:
     """Refuse a folder to measure with images of other formats, which would not count."""
     for file in sorted(folder.iterdir()):
         if file.suffix != ".png" and file.suffix.lower() in chain(*FORMATS.values()):
-            raise InputError(file, "file", expected="only PNG files, named .png", found="another image")
+            raise InputError(file, "suffix", expected="only PNG files (.png) in the folder", found=file.suffix)
 
 
 def is_flat(image: Float32) -> bool:

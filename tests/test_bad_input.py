@@ -213,8 +213,8 @@ BAD_IMAGES = {
     "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
     "no image": (lambda: Path("b/2.png").write_text("no image"), "b/2.png: file: expected an image"),
     "other size": (lambda: write_image("b/2.png", np.zeros((9, 9, 3))), "b/2.png: size: expected 30x20, as a/2.png"),
-    "JPEG": (lambda: Path("b/2.png").rename("b/2.jpg"), "b/2.jpg: file: expected only PNG files, named .png"),
-    "capitals": (lambda: Path("b/2.png").rename("b/2.PNG"), "b/2.PNG: file: expected only PNG files, named .png"),
+    "JPEG": (lambda: Path("b/2.png").rename("b/2.jpg"), "b/2.jpg: suffix: expected only PNG files (.png)"),
+    "capitals": (lambda: Path("b/2.png").rename("b/2.PNG"), "b/2.PNG: suffix: expected only PNG files (.png)"),
     "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
 }
 

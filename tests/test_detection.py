@@ -337,7 +337,7 @@ def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path, readings, c
     assert audit.verdict == "no controls"
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
     page = (tmp_path / "report.html").read_text()
-    assert "too few views of the model" in page
+    assert "the model has too few views" in page
     assert "is present in 0" not in page
 
 
@@ -353,7 +353,7 @@ def test_a_scene_with_too_few_views_is_not_counted_among_those_without_the_mark(
     (audit,) = audits(outcomes, rows, [])
     assert (audit.verdict, audit.scenes, audit.unknown, audit.before.present) == ("judged", 2, 1, 1)
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
-    assert "present in 1 of 2 scenes, and unknown in 1" in (tmp_path / "report.html").read_text()
+    assert "present in 1 of 2 scenes (unknown in 1, which has too few views)" in (tmp_path / "report.html").read_text()
 
 
 def test_a_scene_without_the_mark_counts_neither_in_drops_nor_in_scenes(outcomes):

@@ -45,7 +45,7 @@ def test_detectors_read_variants_and_the_clean_model_of_every_model(monkeypatch)
         ({"assets": {"bot": ASSETS["bot"], "other": {**ASSETS["other"], "clean": "bot"}}}, "assets.bot.clean"),
         (
             {"assets": {"top": {**ASSETS["other"], "model": "Makefile", "clean": "bot"}, **ASSETS}},
-            "assets.top.clean: expected another asset without `clean`: other",
+            "assets.top.clean: expected another asset without `clean` (other)",
         ),
         ({"detectors": {"scene": SPREAD}}, "detectors.scene"),
         ({"detectors": {"message_mine": SPREAD}}, "detectors.message_mine"),

@@ -155,7 +155,7 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
     rows = read_table(path, ViewMetrics)
     targets = {row.target for row in rows} or {"rows"}
     for target in sorted(targets - {row.target for row in on_path(rows)}):
-        expected = f"at least one view on the camera path, of a name without {PREFIX}"
+        expected = f"at least one view on the camera path, not named {PREFIX}*"
         raise InputError(path, target, expected=expected, found="none")
     (view, count), *_ = Counter((row.target, row.view) for row in rows).most_common(1)
     if count > 1:

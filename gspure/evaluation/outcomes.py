@@ -339,7 +339,7 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     for path, views in views_of.items():
         before = views_of.get(path.parent.parent / UNATTACKED / path.name, views)
         if (views.keys() ^ before.keys()) - (before.keys() if path.parent.name in CONTROLS else set()):
-            expected = f"the targets of {UNATTACKED}, {', '.join(sorted(before))}"
+            expected = f"those of {UNATTACKED}: {', '.join(sorted(before))}"
             raise InputError(path, "targets", expected=expected, found=", ".join(sorted(views)))
         for target in views.keys() & before.keys():
             different = views[target] ^ before[target]

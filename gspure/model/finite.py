@@ -84,7 +84,7 @@ def require_computed(results: Gaussians | Float32, source: str | Path, network: 
         bad, total, unit, most = int(np.count_nonzero(~np.isfinite(results))), results.size, "numbers", 0
     if bad > most:
         found = f"infinity or not-a-number in {bad} of {total} {unit}"
-        raise InputError(source, network, expected="finite results", found=found, hint="weights that are too large?")
+        raise InputError(source, network, expected="finite results", found=found, hint="network parameters too large?")
 
 
 def _drawn_columns(model: Gaussians) -> Sequence[str]:

@@ -179,7 +179,7 @@ def _check_clean(scene: str, assets: Mapping[str, Mapping[str, Any]], source: st
     """Refuse a clean model that is not among the other assets, or has a mark of its own: one with a clean model."""
     unmarked = {name for name, asset in assets.items() if asset["clean"] is None} - {scene}
     if (clean := assets[scene]["clean"]) not in {None, *unmarked}:
-        expected = f"another asset without `clean`: {', '.join(sorted(unmarked)) or 'none here'}"
+        expected = f"another asset without `clean` ({', '.join(sorted(unmarked)) or 'there is none'})"
         raise InputError(source, f"assets.{scene}.clean", expected=expected, found=repr(clean))
 
 

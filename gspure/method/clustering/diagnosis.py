@@ -91,7 +91,7 @@ class Diagnosis:
         if self.coincident and self.clusters:
             sentences.append(
                 f"{self.coincident} rows have the same features as more than min_samples others: "
-                "such piles are infinitely dense, so each of at least min_cluster_size rows becomes a cluster"
+                "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster"
             )
         if self.heavy:
             sentences.append(
