@@ -78,7 +78,12 @@ def main():
     detect.add_argument("--count", type=natural, default=0, help="number of bits (default: a score)")
     args = parser.parse_args()
 
-    images = {path: np.asarray(Image.open(path).convert("RGB"), float) for path in sorted(args.images.glob("*.png"))}
+    images = {}
+    for path in sorted(args.images.glob("*.png")):
+        try:
+            images[path] = np.asarray(Image.open(path).convert("RGB"), float)
+        except (OSError, SyntaxError, ValueError) as error:
+            parser.error(f"{path}: {error}")
     if not images:
         parser.error(f"{args.images}: expected PNG files, found none")
     for path, image in images.items():

@@ -553,3 +553,10 @@ def test_the_example_refuses_numbers_below_0_and_images_without_its_frequencies(
     assert (refused.returncode, refused.stdout) == (2, "")
     assert "expected" in refused.stderr
     assert "Traceback" not in refused.stderr
+
+
+def test_the_example_refuses_an_image_that_cannot_be_read(tmp_path):
+    (tmp_path / "broken.png").write_text("no image")
+    refused = run_example("detect", "--key", 7, tmp_path)
+    assert (refused.returncode, "Traceback" in refused.stderr) == (2, False)
+    assert "broken.png" in refused.stderr

@@ -156,6 +156,14 @@ def test_views_that_do_not_show_the_message_are_counted(photographed, tmp_path, 
         assert ("do not show the message" in capsys.readouterr().err) == is_counted
 
 
+def test_a_warning_of_cameras_names_a_file_of_the_user(photographed, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("gspure.cameras.reading._fits", lambda _: False)
+    arguments = [*map(str, photographed), "--out", str(tmp_path / "pair"), "--resolution", "native"]
+    assert main(["pair", *arguments]) == 0
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if "focal length" in line)
+    assert line.startswith(f"warning: {photographed[0]}: ")
+
+
 def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
     project, _ = photographed
     out = tmp_path / "pair"

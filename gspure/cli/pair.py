@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import RENDERED, filling, write_record
+from gspure.artifacts import RENDERED, filling, read_json, write_record
 from gspure.bounds import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
-from gspure.cameras import Camera, off_path_cameras, read_cameras, write_cameras
+from gspure.cameras import Camera, inria, off_path_cameras, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
@@ -88,7 +88,8 @@ def run(args: Arguments) -> None:
     with filling(args.out, *_NAMES) as args.out:
         settings |= make(args)
         for folder, images in ((args.out, args.out / "scene"), (args.out / "message", args.out / "message")):
-            known = {camera.name: camera.numbers.tolist() for camera in read_cameras(folder / "cameras.json")}
+            cameras = inria.parse(file := folder / "cameras.json", read_json(file))
+            known = {camera.name: camera.numbers.tolist() for camera in cameras}
             views = {image.stem: known.get(image.stem, []) for image in images.glob("*.png")}
             record_views(images, views, target=images.name)
             for name in ("cameras.json", "points3D.ply"):
