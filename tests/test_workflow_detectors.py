@@ -15,6 +15,7 @@ from tests.models import blobs
 from tests.test_workflow import CONFIG, ROOT, TABLE, checkout, planned, started  # noqa: F401
 from tests.test_workflow_models import plan_of
 
+CONTEST = "results/tables/contest.csv"
 SPREAD = {"command": "python spread_spectrum.py detect --key 7"}
 BITS = {"command": "python spread_spectrum.py detect --key 7 --count 8", "message": "01101001"}
 ASSETS = {
@@ -94,3 +95,21 @@ def test_readings_enter_the_tables_and_a_failed_detector_leaves_the_rest(tmp_pat
         script.write("# edited\n")
     jobs = planned(project.run(TABLE, "--dry-run"))
     assert (jobs["detect_mark"], jobs["tabulate_metrics"], jobs["total"]) == (6, 1, 7)
+
+
+@pytest.mark.workflow
+def test_files_of_an_earlier_configuration_stop_no_later_one(tmp_path, started):  # noqa: F811
+    """Neither those of a variant and a detector that were removed, nor those of a model that was replaced."""
+    project = started.copy(tmp_path / "project")
+    shutil.copy(ROOT / "examples" / "spread_spectrum.py", project.folder)
+    variants = {"unattacked": {}, "gspure": {}, "random_pruning": {}}
+    config = {**CONFIG, "variants": variants, "detectors": {"spread": SPREAD}, "views": {"off_path": 0}}
+    project.configure(config)
+    project.run(CONTEST)
+    write_model(project.folder / "bot.ply", blobs(200, 5, sh_degree=0))
+    project.configure({**config, "variants": {"unattacked": {}, "gspure": {}}, "detectors": {"renamed": SPREAD}})
+    project.run(CONTEST)
+    assert (project.folder / "results/vanilla/bot/random_pruning/detections/spread.csv").is_file()
+    assert (project.folder / "results/benchmarks/vanilla/bot/random_pruning/attack.cost.json").is_file()
+    with (project.folder / TABLE).open() as table:
+        assert {row["target"] for row in csv.DictReader(table)} == {"scene", "renamed"}
