@@ -11,7 +11,7 @@ rule write_report:
     input:
         table="results/tables/results.csv",
         clouds=get_finished(expand("results/{model}/figures/model", model=MODELS)),
-        figures=get_finished(path for path in FIGURES if not path.rpartition("/")[0].endswith("/figures/model")),
+        figures=get_finished(path for path in FIGURES if os.path.basename(os.path.dirname(path)) != "model"),
         comparisons=get_finished(CONDITION_FIGURES),
         matched="results/tables/matched.csv",
         contest="results/tables/contest.csv",
