@@ -1,6 +1,10 @@
 # Which results fit, by the notes of their jobs (gspure/workflow/notes.py). Snakemake compares times and settings, but not the
 # content of results, and what it knows stays behind in .snakemake when results are copied.
 
+import contextlib
+import signal
+import threading
+
 from gspure.artifacts import digest
 from gspure.workflow.notes import NOTES, misfit, state_of, write_note
 
@@ -38,6 +42,20 @@ def require_notes(dag):
         sys.exit(2)
 
 
+@contextlib.contextmanager
+def postponed_sigterm():
+    """Deliver SIGTERM later: Snakemake's handler waits for a lock of the scheduler, which is held while jobs finish."""
+
+    def deliver_later(number, frame):
+        threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
+
+    handler = signal.signal(signal.SIGTERM, deliver_later)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, handler)
+
+
 def keep_notes(dag, persistence):
     """Let finished jobs leave their notes; of inputs that other jobs of a group still make, the state before is unknown."""
     states = {}
@@ -53,7 +71,8 @@ def keep_notes(dag, persistence):
     async def finished(job, finish=persistence.finished):
         await finish(job)
         if job.log:
-            write_note(job.log[0], get_settings(job), get_paths(job), states.pop(job, {}))
+            with postponed_sigterm():
+                write_note(job.log[0], get_settings(job), get_paths(job), states.pop(job, {}))
 
     persistence.started, persistence.finished = started, finished
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -20,6 +21,17 @@ from tests.test_workflow import CONFIG, OMEGA, SLOW_WRITES, TABLE, Project, chec
 
 pytestmark = pytest.mark.workflow
 
+SLOW_NOTES = """
+import time
+from pathlib import Path
+from gspure.workflow import notes
+write_note = notes.write_note
+def slow(*arguments):
+    Path("noting").touch()
+    time.sleep(1)
+    write_note(*arguments)
+notes.write_note = slow
+"""
 BROKEN = {"model": "broken.ply", "cameras": "views.json"}
 VARIANTS = {**CONFIG["variants"], "crop": {"fraction": 1e-9}, "random_pruning": {}}
 KILLED = "import os, sys\nif 'random_pruning' in sys.argv: os.kill(os.getpid(), 9)\n"
@@ -155,6 +167,29 @@ def test_a_stopped_run_makes_no_tables_and_has_no_failures(tmp_path, started, nu
     assert "tabulate_metrics" not in printed.partition("Terminating processes")[2]
     assert not failures_below(project.folder / "results")
     project.run(OMEGA)
+
+
+def test_a_run_that_is_terminated_while_it_writes_a_note_ends(tmp_path, started):  # noqa: F811
+    project = started.copy(tmp_path / "project")
+    (tmp_path / "slow").mkdir()
+    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_NOTES)
+    run = subprocess.Popen(
+        [*project.command(TABLE), "--configfile", "config.yaml"],
+        cwd=project.folder,
+        env=project.environment(tmp_path / "slow"),
+        start_new_session=True,
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while not (project.folder / "noting").exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        run.terminate()
+        assert run.wait(60) != 0
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)
+    assert not (project.folder / TABLE).exists()
 
 
 def test_a_scheme_without_its_package_is_refused_before_any_job(tmp_path, checkout):  # noqa: F811
