@@ -43,13 +43,10 @@ def require_notes(dag):
 
 
 @contextlib.contextmanager
-def postponed_sigterm():
-    """Deliver SIGTERM later: Snakemake's handler waits for a lock of the scheduler, which is held while jobs finish."""
-
-    def deliver_later(number, frame):
-        threading.Timer(0.2, os.kill, (os.getpid(), number)).start()
-
-    handler = signal.signal(signal.SIGTERM, deliver_later)
+def threaded_sigterm():
+    """Handle SIGTERM in a thread: Snakemake's handler waits for a lock of the scheduler, held here by the main thread."""
+    handler = signal.getsignal(signal.SIGTERM)
+    signal.signal(signal.SIGTERM, lambda *arguments: threading.Thread(target=handler, args=arguments).start())
     try:
         yield
     finally:
@@ -71,7 +68,7 @@ def keep_notes(dag, persistence):
     async def finished(job, finish=persistence.finished):
         await finish(job)
         if job.log:
-            with postponed_sigterm():
+            with threaded_sigterm():
                 write_note(job.log[0], get_settings(job), get_paths(job), states.pop(job, {}))
 
     persistence.started, persistence.finished = started, finished
