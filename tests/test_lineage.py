@@ -249,6 +249,15 @@ def test_files_without_records_are_of_any_origin(tmp_path):
     require_related(args)
 
 
+def test_a_mask_of_clusters_without_a_record_names_the_model_given_beside_them(tmp_path):
+    shutil.copy("R/clusters.npz", tmp_path)
+    out = tmp_path / "mask.npy"
+    model = Path("R/public/point_cloud.ply")
+    prune = f"prune --clusters {tmp_path}/clusters.npz --weights R/weights.npy --model {model} --out {out}"
+    assert main(prune.split()) == 0
+    assert record_of(out)["geometry"] == geometry_of(model)
+
+
 def test_weights_of_anchors_with_other_networks_are_refused(tmp_path, monkeypatch, capsys):
     """And an index of their contributions, though rows and types are equal."""
     monkeypatch.chdir(tmp_path)
