@@ -12,8 +12,10 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -83,6 +85,29 @@ class Project:
         )
         assert done.returncode == status, done.stdout
         return done.stdout
+
+    @contextmanager
+    def started(self, target, code, ready):
+        """Start a run whose programs all run `code` first, printing into run.log; yield its process when `ready`."""
+        with TemporaryDirectory() as folder, (self.folder / "run.log").open("w") as printed:
+            Path(folder, "sitecustomize.py").write_text(code)
+            run = subprocess.Popen(
+                [*self.command(target), "--configfile", "config.yaml"],
+                cwd=self.folder,
+                env=self.environment(folder),
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            try:
+                deadline = time.monotonic() + 60
+                while not ready():
+                    assert time.monotonic() < deadline
+                    time.sleep(0.02)
+                yield run
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(run.pid, signal.SIGKILL)
 
     def configure(self, config):
         (self.folder / "config.yaml").write_text(yaml.safe_dump(config))
@@ -255,31 +280,22 @@ def test_changing_colours_recomputes_no_view(project):
 
 def test_a_killed_run_continues_with_what_is_missing_and_ends_with_the_same_bytes(tmp_path, started, finished):
     project = started.copy(tmp_path / "project")
-    (tmp_path / "slow").mkdir()
-    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_WRITES)
-    victim = subprocess.Popen(
-        [*project.command(OMEGA), "--configfile", "config.yaml"],
-        cwd=project.folder,
-        env=project.environment(tmp_path / "slow"),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 60
-    while len(whole := {name for name in project.stages() if not name.startswith(".")}) < 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    os.killpg(victim.pid, signal.SIGKILL)
-    victim.wait()
-    before = {name: written for name, written in project.stages().items() if not name.startswith(".")}
-    assert whole <= before.keys()
+
+    def whole():
+        return {name: written for name, written in project.stages().items() if not name.startswith(".")}
+
+    with project.started(OMEGA, SLOW_WRITES, lambda: len(whole()) >= 2) as victim:
+        stored = whole().keys()
+        os.killpg(victim.pid, signal.SIGKILL)
+        victim.wait()
+    before = whole()
+    assert stored <= before.keys()
     assert len(before) < 7
 
     assert "--unlock" in project.run(OMEGA, status=1)
     project.run("--unlock")
     project.run(OMEGA)
-    after = {name: written for name, written in project.stages().items() if not name.startswith(".")}
-    assert len(computed(before, after)) == 7 - len(before)
+    assert len(computed(before, whole())) == 7 - len(before)
     assert project.omega() == finished.omega()
 
 

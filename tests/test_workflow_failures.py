@@ -6,8 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -146,24 +144,10 @@ def test_without_a_finished_cell_there_is_no_table(tmp_path, started):  # noqa: 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["interrupted", "terminated"])
 def test_a_stopped_run_makes_no_tables_and_has_no_failures(tmp_path, started, number):  # noqa: F811
     project = started.copy(tmp_path / "project")
-    (tmp_path / "slow").mkdir()
-    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_WRITES)
-    run = subprocess.Popen(
-        [*project.command(TABLE), "--configfile", "config.yaml"],
-        cwd=project.folder,
-        env=project.environment(tmp_path / "slow"),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 60
-    while not project.stages():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    os.killpg(run.pid, number)
-    printed = run.communicate()[0]
-    assert run.returncode != 0
+    with project.started(TABLE, SLOW_WRITES, project.stages) as run:
+        os.killpg(run.pid, number)
+        assert run.wait(60) != 0
+    printed = (project.folder / "run.log").read_text()
     assert "tabulate_metrics" not in printed.partition("Terminating processes")[2]
     assert not failures_below(project.folder / "results")
     project.run(OMEGA)
@@ -171,24 +155,9 @@ def test_a_stopped_run_makes_no_tables_and_has_no_failures(tmp_path, started, nu
 
 def test_a_run_that_is_terminated_while_it_writes_a_note_ends(tmp_path, started):  # noqa: F811
     project = started.copy(tmp_path / "project")
-    (tmp_path / "slow").mkdir()
-    (tmp_path / "slow" / "sitecustomize.py").write_text(SLOW_NOTES)
-    run = subprocess.Popen(
-        [*project.command(TABLE), "--configfile", "config.yaml"],
-        cwd=project.folder,
-        env=project.environment(tmp_path / "slow"),
-        start_new_session=True,
-    )
-    try:
-        deadline = time.monotonic() + 60
-        while not (project.folder / "noting").exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+    with project.started(TABLE, SLOW_NOTES, (project.folder / "noting").exists) as run:
         run.terminate()
         assert run.wait(60) != 0
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(run.pid, signal.SIGKILL)
     assert not (project.folder / TABLE).exists()
 
 
