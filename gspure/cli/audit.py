@@ -4,9 +4,10 @@ import fcntl
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +30,9 @@ EXAMPLES = """\
 _CONFIGURATION = Path("results/audit.yaml")
 _LOCKS = Path(".snakemake/locks")
 _DRY_RUN = re.compile("--dry-?r.*|-[a-zA-Z]*n[a-zA-Z]*")
+_UNTIL_UNREAD = (  # Snakemake, ended without a traceback when the reader of its output (`| head`) has gone
+    "import signal; signal.signal(signal.SIGPIPE, signal.SIG_DFL); from snakemake.cli import main; main()"
+)
 
 
 def add_arguments(parser: Parser) -> None:
@@ -53,7 +57,10 @@ def run(args: Arguments) -> int:
     if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
         with TemporaryDirectory() as folder:
             configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
-            return subprocess.call(_command(args, configuration))
+            status = subprocess.call(_command(args, configuration, ["-c", _UNTIL_UNREAD]))
+        if status == -signal.SIGPIPE:
+            raise BrokenPipeError
+        return status
     configuration = _configuration(args, _CONFIGURATION)
     environment = {**os.environ, COMMAND: shlex.join(["gspure", *sys.argv[1:]])}
     if args.quiet or not (args.verbose or args.passed_on):
@@ -79,7 +86,7 @@ def _only_run(configuration: Path) -> Iterator[None]:
         yield
 
 
-def _command(args: Arguments, configuration: Path) -> list[str]:
+def _command(args: Arguments, configuration: Path, snakemake: Sequence[str] = ("-m", "snakemake")) -> list[str]:
     """Return the command line of Snakemake; the default profile as options, unless another profile may be meant."""
     workflow = snakefile()
     options = ["--snakefile", str(workflow), "--configfile", str(configuration)]
@@ -88,7 +95,7 @@ def _command(args: Arguments, configuration: Path) -> list[str]:
     options += ["--dry-run"] if args.dry_run else []
     options += ["--cores", str(args.cores)] if args.cores else []
     sys.stdout.flush()
-    return [sys.executable, "-m", "snakemake", *options, *args.passed_on]
+    return [sys.executable, *snakemake, *options, *args.passed_on]
 
 
 def snakefile() -> Path:
