@@ -195,8 +195,7 @@ def require_all_images(folder: Path) -> None:
     images = {path.stem: path for path in folder.glob("*.png") if path.is_file()}
     if record["views"] and (others := sorted(images.keys() - record["views"].keys())):
         more = ", ..." * (len(others) > 1)
-        count = f"{len(others)} of {len(images)} images"
-        warn(f"{folder}: {RENDERED} does not list {count}, but they are compared, too: {others[0]}.png{more}")
+        warn(f"{folder}: {RENDERED} does not list {len(others)} of {len(images)} images: {others[0]}.png{more}")
     if missing := [view for view in record["views"] if view not in images]:
         found = f"all but {len(missing)}: {missing[0]}.png" + ", ..." * (len(missing) > 1)
         hint = f"render them again; if deleted on purpose, delete {RENDERED} too"

@@ -38,6 +38,7 @@ def words(monkeypatch):
 
 
 def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words):
+    Path("audit").mkdir()
     assert main(["audit", "my model.ply", "--cameras", "orbit", "--up", "0", "0", "1"]) == 0
     file = Path(words[words.index("--configfile") + 1])
     schema = snakefile().parent / "schemas" / "config.schema.yaml"

@@ -225,6 +225,11 @@ def test_bad_images_are_refused(folder, capsys, spoil, line):
     assert refusal(folder, capsys, COMMANDS["metrics"]).startswith(line)
 
 
+def test_a_folder_that_is_called_like_an_argument_is_named_itself(folder, capsys):
+    Path("images").mkdir()
+    assert refusal(folder, capsys, "metrics a images --out out.csv").startswith("images: folder: expected PNG files")
+
+
 BAD_OPTIONS = {
     "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
     "attack --set tau=x": "attack plain_weight: tau: expected a number above 0, at most 1000000, found 'x'",

@@ -102,9 +102,10 @@ def test_renders_that_are_corrupt_or_missing_are_listed(capsys):
     assert status == 1
     assert [line.split(": ")[0] for line in lines[:-1]] == [str(SCENE / "renders"), str(renders[0])]
     record = (SCENE / "renders" / "rendered.json").read_text()
-    for damaged in ('{"views', record.replace("1.5", "1.6"), '["a", "b"]'):
+    twice = record.replace("{", '{"background": "1 1 1", ', 1)
+    for damaged in ('{"views', record.replace("1.5", "1.6"), '["a", "b"]', "{}", twice):
         (SCENE / "renders" / "rendered.json").write_text(damaged)
-        assert any(line.startswith(f"{SCENE}/renders/rendered.json: ") for line in verify(capsys)[1])
+        assert any(line.startswith(f"{SCENE}/renders/rendered.json: record: ") for line in verify(capsys)[1])
 
 
 def test_a_missing_folder_cannot_be_verified(capsys):

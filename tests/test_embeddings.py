@@ -22,6 +22,7 @@ from gspure.artifacts import (
 from gspure.artifacts.checksums import record_file
 from gspure.cli import main
 from gspure.cli.extract import _lesson
+from gspure.cost import LOG
 from gspure.errors import InputError
 from gspure.evaluation.comparison import ViewMetrics, write_metrics
 from gspure.evaluation.metrics import METRICS
@@ -67,6 +68,15 @@ def test_an_embedding_replaces_all_of_an_earlier_one_in_its_folder(planted, pair
     assert main([*command, "--set", "message_weight=0"]) == 0
     assert not any((out / "key").iterdir())
     assert embedding_of(out / "public")
+
+
+def test_the_job_of_an_embedding_passes_over_corrupt_files_of_others(planted, pair_folder, tmp_path, monkeypatch):
+    shutil.copytree(planted / "1", out := tmp_path / "out")
+    (other := out / "key" / "other.npz").touch()
+    record_file(other).write_text('{"artifact": "other.npz", "crc32": "0", "record": "corrupt"}')
+    monkeypatch.setenv(LOG, str(tmp_path / "embed.log"))
+    assert main(["embed", "planted", str(pair_folder), "--out", str(out), "--set", "gaussians=400"]) == 0
+    assert other.exists()
 
 
 def test_the_key_of_another_model_extracts_only_as_a_control(planted, pair_folder, tmp_path, capsys):

@@ -10,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import load_array, read_json, record_of, save_array, save_arrays, write_record
+from gspure.artifacts import facts_of, load_array, read_json, record_of, save_array, save_arrays, write_record
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -23,7 +23,7 @@ from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
-from gspure.schemes.registry import find_scheme, read_public_model, schemes
+from gspure.schemes.registry import find_scheme, geometry_of, read_public_model, schemes
 from gspure.schemes.scheme import Scheme, hide
 from tests.documentation import blocks
 from tests.models import blobs, without
@@ -382,6 +382,27 @@ def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_lo
     assert read_json(tmp_path / "share.json") == {
         "hidden_low_share": share_on_low(weights, hidden, pictured.scheme.tau_n)
     }
+
+
+def test_rows_that_are_not_finite_have_no_hidden_weight_and_its_record_names_the_stored_model(
+    pictured, pair_folder, tmp_path
+):
+    if pictured.scheme.name not in schemes() or isinstance(pictured.public, secure_gs.AnchorModel):
+        pytest.skip("no entry point offers the example of the guide here, or the model is refused")
+    rows, hidden = pictured.public.model, {}
+    pictured.key.write(tmp_path / "key")
+    damaged = rows.with_columns({"scale_0": np.where(np.arange(len(rows)) == 5, np.nan, rows.table["scale_0"])})
+    for name, model in {"damaged": damaged, "shorter": rows[np.arange(len(rows)) != 5]}.items():
+        (file,) = pictured.public.with_model(model).write(tmp_path / name / "point_cloud.ply")[:1]
+        save_array(weights := tmp_path / name / "weights.npy", np.ones(len(model), np.float32))
+        files = {"model": file, "weights": weights, "out": tmp_path / "share.json", "hidden": tmp_path / f"{name}.npy"}
+        options = {**files, "key": tmp_path / "key", "cameras": pair_folder / "cameras.json"}
+        words = [word for option, path in options.items() for word in (f"--{option}", str(path))]
+        assert main(["hidden", *words, "--scheme", pictured.scheme.name]) == 0
+        hidden[name] = load_array(files["hidden"], dtype=np.float32, shape=(len(model),))
+        assert facts_of(files["hidden"])["model"] == geometry_of(file)
+    assert hidden["damaged"][5] == 0
+    assert np.array_equal(np.delete(hidden["damaged"], 5), hidden["shorter"])
 
 
 @pytest.mark.parametrize("column", ["x", "scale_0"])

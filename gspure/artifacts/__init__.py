@@ -1,8 +1,8 @@
 """Files of results: whole or absent, with a checksum beside them, and checked when they are read."""
 
 from gspure.artifacts.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.artifacts.checksums import digest, file_digest, intact, record_of, verify
-from gspure.artifacts.files import distinct, filling, read_json, replacing, require_place, write_json, write_text
+from gspure.artifacts.checksums import digest, distinct, file_digest, intact, record_of, verify
+from gspure.artifacts.files import filling, read_json, replacing, require_place, write_json, write_text
 from gspure.artifacts.provenance import (
     UNMOVED,
     embedding_of,

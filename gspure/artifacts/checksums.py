@@ -9,7 +9,7 @@ import json
 import os
 import reprlib
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from contextvars import ContextVar
 from functools import lru_cache
@@ -101,10 +101,20 @@ def read_once(read: Callable[[Path], Record]) -> Callable[[Path], Record]:
 def own_record(file: Path) -> Record:
     """Return a record that holds its own checksum, such as that of a folder of images; refuse any other file."""
     with reading(file, "a record with its checksum", "record"):
-        record: Record = json.loads(file.read_text(encoding="utf-8"))
-        if record["record"] != record_checksum(record):
-            raise ValueError("a corrupt record")
-        return record
+        record = json.loads(file.read_text(encoding="utf-8"), object_pairs_hook=distinct)
+        if isinstance(record, dict) and record.get("record") == record_checksum(record):
+            return record
+        raise ValueError("a corrupt record")
+
+
+def distinct(pairs: Iterable[tuple[str, Any]]) -> Record:
+    """Return a JSON object, or raise `ValueError` if it repeats a name: JSON parsers keep the last value silently."""
+    content: Record = {}
+    for name, value in pairs:
+        if name in content:
+            raise ValueError(f"{name!r} twice in an object")
+        content[name] = value
+    return content
 
 
 def with_checksum(record: Mapping[str, Any]) -> Record:

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, Final
 
-from gspure.artifacts.checksums import file_checksum, forget, record_file, verify, with_checksum
+from gspure.artifacts.checksums import distinct, file_checksum, forget, record_file, verify, with_checksum
 from gspure.artifacts.replacement import RENDERED, remove_images, require_replaceable
 from gspure.errors import InputError, reading
 
@@ -113,7 +113,7 @@ def _temporary_folder(folder: Path) -> Iterator[Path]:
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Lock a folder, or raise OSError if another process has, or the file system cannot."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
@@ -175,13 +175,3 @@ def read_json(path: Path) -> Any:
     verify(path)
     with reading(path, "JSON"):
         return json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=distinct)
-
-
-def distinct(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object, or raise `ValueError` if it repeats a name: JSON parsers keep the last value silently."""
-    content: dict[str, Any] = {}
-    for name, value in pairs:
-        if name in content:
-            raise ValueError(f"{name!r} twice in an object")
-        content[name] = value
-    return content

@@ -16,7 +16,7 @@ from typing import NoReturn
 
 from gspure import __version__, progress
 from gspure.cli.lineage import require_related
-from gspure.cli.parser import Arguments, Parser, outputs, require_distinct, suggestion
+from gspure.cli.parser import Arguments, Parser, outputs, paths_of, require_distinct, suggestion
 from gspure.cost import LOG, cost_of, spent
 from gspure.errors import InputError, printable
 
@@ -97,12 +97,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _costed(args: Arguments) -> int:
-    """Run a command; beside the log of its job, write its cost. An error about an argument names its file."""
+    """Run a command; beside the log of its job, write its cost. An error about an argument names its file.
+
+    The source of an error may be the name of an argument, or a file that is called so.
+    """
     try:
         status = int(args.run(args) or 0)
     except InputError as error:
         argument = getattr(args, error.source, None)
-        error.source = str(argument) if isinstance(argument, Path) else error.source
+        if isinstance(argument, Path) and Path(error.source) not in paths_of(vars(args).values()):
+            error.source = str(argument)
         raise
     sys.stdout.flush()
     if log := os.environ.get(LOG):

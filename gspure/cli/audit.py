@@ -131,7 +131,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
     configuration = {"assets": {scene: asset}}
-    resolved(validated(configuration, snakefile().parent / "schemas" / "config.schema.yaml", "audit"), "audit")
+    schema = snakefile().parent / "schemas" / "config.schema.yaml"
+    resolved(validated(configuration, schema, _CONFIGURATION), _CONFIGURATION)
     text = yaml.safe_dump(configuration)
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):

@@ -36,12 +36,12 @@ def run(args: Arguments) -> None:
     from gspure.cameras import views_digest
     from gspure.method.contributions import Measurement, contribute, write_index
     from gspure.model.suspicious import lines, suspicious_rows
-    from gspure.schemes.registry import read_public_model
+    from gspure.schemes.registry import geometry_of, read_public_model
 
     part, parts = args.part
     views = read_views(args)
     stored = read_public_model(args.model, args.scheme)
-    public, geometry = stored.drawable(args.model), stored.geometry_digest()
+    public, geometry = stored.drawable(args.model), geometry_of(args.model)
     for line in lines(suspicious_rows(stored.model), len(stored.model)):
         say(line)
     device = read_device(args)

@@ -4,7 +4,8 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, record_of, remove, write_json, write_record
+from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, remove, write_json, write_record
+from gspure.artifacts.checksums import record_file
 from gspure.bounds import SEED
 from gspure.cli.options import add_device, described, read_device
 from gspure.cli.parser import Arguments, Parser
@@ -76,8 +77,8 @@ def run(args: Arguments) -> None:
         for path in artifacts:
             write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=photographs)
         written = {args.out / path.relative_to(folder) for path in artifacts}
-    earlier = {file for part in ("public", "key") for file in args.out.glob(f"{part}/*") if record_of(file)} - written
-    remove(*earlier)
+    earlier = {file for part in ("public", "key") for file in args.out.glob(f"{part}/*")} - written
+    remove(*(file for file in earlier if record_file(file).is_file()))
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

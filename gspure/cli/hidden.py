@@ -1,7 +1,7 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
 from gspure.bounds import FACTOR
-from gspure.cli.options import add_device, add_energy, add_views, read_device, read_public, read_views
+from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
 
@@ -41,22 +41,25 @@ def run(args: Arguments) -> None:
         write_record,
     )
     from gspure.model import model_file
+    from gspure.model.finite import undrawable_rows
     from gspure.numerals import percent
     from gspure.progress import warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
-    from gspure.schemes.registry import find_scheme
+    from gspure.schemes.registry import find_scheme, geometry_of, read_public_model
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_embedding(embedding_of(model_file(args.model)), args.key)
-    public, key = read_public(args), scheme.read_key(args.key)
+    public, key = read_public_model(args.model, args.scheme), scheme.read_key(args.key)
     weights = load_array(args.weights, dtype=np.float32, shape=(len(public.model),), least=0)
     require_kind(args.weights, "weights")
     settings = {name: getattr(args, name) for name in ("energy", "reduction", "split")}
     hint = "measure the message as the weights"
     require_agreement(args.out, args.weights, settings, settings_of(args.weights), hint)
     extraction = list(scheme.extractions)[-1]  # the most complete
-    hidden = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
+    drawn = np.delete(np.arange(len(weights)), undrawable_rows(public.model))
+    hidden, public = np.zeros(len(weights), np.float32), public.drawn(args.model)
+    hidden[drawn] = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     tau_n = scheme.tau_n if args.tau_n is None else args.tau_n
     share = share_on_low(weights, hidden, tau_n) if hidden.any() else None
     inputs = {"model": args.model, "cameras": args.cameras}
@@ -65,7 +68,7 @@ def run(args: Arguments) -> None:
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)
     if args.hidden:
         save_array(args.hidden, hidden)
-        write_record(args.hidden, inputs=inputs, settings=settings, geometry=public.geometry_digest(), kind="hidden")
+        write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry_of(args.model), kind="hidden")
     if share is None:
         warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
     else:

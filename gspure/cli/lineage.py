@@ -20,7 +20,7 @@ def require_related(args: Arguments) -> None:
     ``--control`` or ``--wrong-key``, the model may be another than that of the key. Files in the folder of a model, or
     of a variant, of ``--table`` are compared with what the table measures there. `Unrelated` inputs are not compared.
     """
-    from gspure.artifacts import known_digest, require_agreement
+    from gspure.artifacts import known_digest, require_agreement, settings_of
 
     model = getattr(args, "model", None)
     is_control = getattr(args, "control", False) or getattr(args, "wrong_key", None) is not None
@@ -41,8 +41,9 @@ def require_related(args: Arguments) -> None:
         from gspure.evaluation.origins import model_facts, tabulated_facts
 
         facts[table] |= {"table": known_digest(table)}
+        tabulated = settings_of(table)
         for path in several:
-            require_agreement(table, path, tabulated_facts(table, path), model_facts(path))
+            require_agreement(table, path, tabulated_facts(tabulated, path), model_facts(path))
     hint = _CONTROL if "control" in args and not is_control else ""
     for first, second in (*combinations(single, 2), *product(single, several)):
         require_agreement(first, second, facts[first], facts[second], hint)

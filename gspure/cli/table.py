@@ -87,6 +87,6 @@ def _warn_of_repeated_scenes(images: Mapping[str, Sequence[str]]) -> None:
 
     first: dict[tuple[str, ...], str] = {}
     for name, digests in images.items():
-        scheme, folder, variant = name.split("/")
+        scheme, folder, variant = name.rsplit("/", 2)
         if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
             warn(f"{model_name(scheme, folder)}: the same images as {twin}; intervals and tests count this scene twice")

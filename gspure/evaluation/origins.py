@@ -98,9 +98,9 @@ def model_facts(path: Path) -> dict[str, Any]:
     return settings_of(path) | facts_of(path) | ({"public model": model} if model else {})
 
 
-def tabulated_facts(table: Path, path: Path) -> dict[str, Any]:
-    """Return the same of the model, and of the variant, of a table in whose folder a path lies."""
-    known, facts = settings_of(table), dict[str, Any]()
+def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return the same, as the settings of a table tell it, of the model and the variant in whose folder a path lies."""
+    facts = dict[str, Any]()
     for folder in path.resolve().parents:
         facts = facts or known.get("attacks", {}).get("/".join(folder.parts[-3:]), {})
         if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
