@@ -1,9 +1,9 @@
 # Which results fit, by the notes of their jobs (gspure/workflow/notes.py). Snakemake compares times and settings, but not the
 # content of results, and what it knows stays behind in .snakemake when results are copied.
 
-import contextlib
-import signal
 import threading
+
+from snakemake.scheduling.job_scheduler import JobScheduler
 
 from gspure.artifacts import digest
 from gspure.workflow.notes import NOTES, misfit, state_of, write_note
@@ -42,15 +42,10 @@ def require_notes(dag):
         sys.exit(2)
 
 
-@contextlib.contextmanager
-def threaded_sigterm():
-    """Handle SIGTERM in a thread: Snakemake's handler waits for a lock of the scheduler, held here by the main thread."""
-    handler = signal.getsignal(signal.SIGTERM)
-    signal.signal(signal.SIGTERM, lambda *arguments: threading.Thread(target=handler, args=arguments).start())
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, handler)
+def handle_sigterm_in_a_thread(scheduler):
+    """Let a thread wait for the lock that Snakemake's handler needs: the interrupted main thread may hold it."""
+    end = scheduler.exit_gracefully
+    scheduler.exit_gracefully = lambda *arguments: threading.Thread(target=end, args=arguments).start()
 
 
 def keep_notes(dag, persistence):
@@ -68,8 +63,7 @@ def keep_notes(dag, persistence):
     async def finished(job, finish=persistence.finished):
         await finish(job)
         if job.log:
-            with threaded_sigterm():
-                write_note(job.log[0], get_settings(job), get_paths(job), states.pop(job, {}))
+            write_note(job.log[0], get_settings(job), get_paths(job), states.pop(job, {}))
 
     persistence.started, persistence.finished = started, finished
 
@@ -95,3 +89,4 @@ def build_dag(build=workflow._build_dag):
 
 if workflow.is_main_process:
     workflow._build_dag = build_dag
+    handle_sigterm_in_a_thread(JobScheduler)

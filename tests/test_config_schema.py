@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -427,6 +428,18 @@ def test_a_scheme_that_needs_ray_traced_pairs_is_refused_on_photographs(tmp_path
     assert resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}}}), "mine.yaml")
     with pytest.raises(InputError, match=r"schemes\.planted: expected ray-traced pairs .* pairs\.photos"):
         resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}, "planted": {}}}), "mine.yaml")
+
+
+@pytest.mark.parametrize("name", ["a", "A_b-1", "_", "a" * 19, "x" + "ab" * 19, "ab" * 20 + "c", "ab" * 10 + "c" * 15])
+def test_any_other_name_is_accepted(name):
+    assert name in filled({"assets": {name: BOT}})["assets"]
+
+
+def test_the_length_of_a_name_is_tested_first():
+    began = time.process_time()
+    with pytest.raises(InputError):
+        filled({"assets": {"ab" * 5000 + "c": BOT}})
+    assert time.process_time() - began < 10  # minutes if repetitions are searched for first
 
 
 @pytest.mark.parametrize("name", ["a\n", "../a", "a/b", ".a", "-a", "", "a" * 101, "x" + "ab" * 20, "\x1b[2J"])

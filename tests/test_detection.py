@@ -257,6 +257,17 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
     assert detection(readings, []).present is None
 
 
+@pytest.mark.parametrize(
+    ("views", "clean", "above", "present"),
+    [(5, 199, 0, False), (5, 199, 1, True), (6, 229, 1, False), (6, 229, 2, True)],
+)
+def test_from_199_clean_views_on_the_threshold_is_their_second_highest(views, clean, above, present):
+    """That 1 of 5 or 6 views exceeds it has the probability 1 - C(N, 2) / C(N + V, 2): 0.0485 and 0.0505."""
+    readings = [Reading(str(i), clean - 1.5 if i < above else 0.0, 0) for i in range(views)]
+    read = detection(readings, [float(i) for i in range(clean)])
+    assert (read.tpr, read.present) == (above / views, present)
+
+
 @pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
 def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, present):
     readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32) for i in range(4)]
@@ -330,6 +341,7 @@ def test_a_mark_that_cannot_be_judged_is_not_called_absent(tmp_path, readings, c
     unclear = detection(readings, clean)
     levels = {"unattacked": 9.0, "gspure": 8.0, "clean": 1.5}
     scores = {name: {"mark": unclear._replace(level=level)} for name, level in levels.items()}
+    scores["clean"]["mark"] = scores["clean"]["mark"]._replace(present=False)
     outcomes = with_references(replace(outcome(name, 0.0), detections=read) for name, read in scores.items())
     rows = survival(outcomes)
     assert all(row.above_floor for row in rows)
@@ -353,7 +365,7 @@ def test_a_scene_with_too_few_views_is_not_counted_among_those_without_the_mark(
     (audit,) = audits(outcomes, rows, [])
     assert (audit.verdict, audit.scenes, audit.unknown, audit.before.present) == ("judged", 2, 1, 1)
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
-    assert "present in 1 of 2 scenes (unknown in 1, which has too few views)" in (tmp_path / "report.html").read_text()
+    assert "present in 1 of 2 scenes (unknown in 1: too few views" in (tmp_path / "report.html").read_text()
 
 
 def test_a_scene_without_the_mark_counts_neither_in_drops_nor_in_scenes(outcomes):

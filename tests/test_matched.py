@@ -1,6 +1,7 @@
 """Attacks at equal damage: their rows over scenes, and the table."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -119,7 +120,21 @@ def test_the_range_of_a_missed_damage_is_that_of_scenes_however_many_there_are()
     names = [row.cells[1].text for row in summary_table(outcomes(**scenes)).rows]
     assert "noise, 1 dB: 0.40 to 1.00 dB reached" in names
     (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
-    assert name == "noise, 1 dB: 0.47 dB reached"  # the mean, as a survival table has no range of many scenes
+    assert name == "noise, 1 dB: 0.47 dB reached on average"  # a survival table has no range of many scenes
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_misses_that_cancel_in_the_mean_are_stated(count: int) -> None:
+    scenes = {f"s{i}": {"noise@1dB": (0.1 if i % 2 else 1.9, 5.0)} for i in range(count)}
+    (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
+    assert name == "noise, 1 dB: " + ("0.10 to 1.90 dB reached" if count < 6 else "1.00 dB reached on average")
+
+
+def test_a_failed_seed_hides_no_missed_damage() -> None:
+    known = outcomes(a={"noise@1dB": (0.4, 5.0)})
+    failed = [replace(o, seed=1, targets={}, failure="killed") for o in known if o.variant == "noise@1dB"]
+    names = [row.cells[1].text for row in summary_table([*known, *failed]).rows]
+    assert "noise, 1 dB: 0.40 dB reached" in names
 
 
 def test_rows_over_fewer_scenes_than_the_table_state_their_number() -> None:

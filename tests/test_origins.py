@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import os
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gspure.artifacts import known_digest, save_array, write_json, write_record
+from gspure.artifacts.checksums import record_file
 from gspure.errors import InputError
 from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.controls import OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading
-from gspure.evaluation.origins import require_origins
-from gspure.evaluation.outcomes import MESSAGE, SCENE, collect
+from gspure.evaluation.origins import require_conditions, require_origins
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.images import record_views, with_records, write_image
 from tests.contest_cases import measured
@@ -98,11 +100,11 @@ def unfit() -> set[Path]:
     return artifacts
 
 
-def tabulated() -> None:
+def tabulated() -> list[Outcome]:
     files = (sorted(ROOM.glob(f"*/{name}")) for name in ("prune_mask.npy", "verdict.json", "detections/score.csv"))
     masks, verdicts, detections = files
     metrics, retrievals = sorted(ROOM.glob("*/metrics.csv")), [ROOM / "retrieval.csv"]
-    collect(metrics, masks, (), verdicts, (), retrievals, detections)
+    return collect(metrics, masks, (), verdicts, (), retrievals, detections)
 
 
 def test_artifacts_of_their_variants_are_fit():
@@ -127,6 +129,37 @@ def test_an_artifact_of_another_variant_is_unfit_and_no_table_reads_it(name):
     assert not any("noise_2" in str(path) for path in unfit())
     with pytest.raises(InputError, match="noise_1"):
         tabulated()
+
+
+def test_a_table_without_a_record_may_measure_any_images():
+    copy("noise_2/renders/message", "noise_1/renders/message")
+    for table in (ROOM / "noise_1/metrics.csv", ROOM / "retrieval.csv"):
+        record_file(table).unlink()
+    with pytest.raises(InputError, match=r"noise_1.renders.message: model"):
+        tabulated()
+
+
+def test_readings_may_be_a_symbolic_link(tmp_path):
+    readings = ROOM / "noise_1/detections/score.csv"
+    readings.rename(tmp_path / "score.csv")
+    record_file(readings).unlink()
+    readings.symlink_to(tmp_path / "score.csv")
+    (outcome,) = (o for o in tabulated() if o.variant == "noise_1")
+    assert outcome.detections.keys() == {"score"}
+
+
+def test_models_of_one_condition_are_trained_alike_in_any_order(tmp_path):
+    """Also if the first one has no record."""
+    models = [ROOM.parent / name / "public/point_cloud.ply" for name in "abc"]
+    for path, settings in zip(models, ({}, {"protocol": "own"}, {"protocol": "shared"}), strict=True):
+        path.parent.mkdir(parents=True)
+        path.write_text(path.parts[-3])
+        record(path, **settings)
+    tables = [path.parents[1] / "unattacked/metrics.csv" for path in models]
+    for order in permutations(tables):
+        with pytest.raises(InputError, match="protocol: expected"):
+            require_conditions(order, {})
+    require_conditions(tables[:2], {})
 
 
 @pytest.mark.parametrize(

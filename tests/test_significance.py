@@ -40,6 +40,11 @@ def test_seeds_of_a_scene_are_not_independent_evidence():
     assert once.p == 2 / 2**4
 
 
+def test_seeds_that_cancel_but_for_rounding_are_no_difference():
+    assert sum([0.1, 0.2, -0.3]) != 0
+    assert paired_test([[0.1, 0.2, -0.3]] * 7)[:2] == (0, 1)
+
+
 @pytest.mark.parametrize(("scenes", "smallest"), [(1, 1.0), (3, 0.25), (5, 0.0625), (6, 0.03125)])
 def test_few_scenes_cannot_be_significant_and_the_test_says_so(scenes, smallest):
     test = paired_test([[100.0 + scene] for scene in range(scenes)])

@@ -56,7 +56,7 @@ def _files_of_records(args: Arguments) -> dict[str, list[Path]]:
     records, benchmarks = getattr(args, "records", []), getattr(args, "benchmarks", None)
     costs = sorted(benchmarks.rglob(f"attack{SUFFIX}")) if benchmarks else []
     attacks = settings_of(args.table).get("attacks", {}) if costs else {}
-    costs = [cost for cost in costs if "/".join(cost.resolve().parts[-4:-1]) in attacks]  # no others are read
+    costs = [cost for cost in costs if "/".join(cost.parent.resolve().parts[-3:]) in attacks]  # no others are read
     return {"records": [path.with_suffix("") for path in records], "benchmarks": costs}
 
 

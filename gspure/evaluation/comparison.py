@@ -62,7 +62,7 @@ def pair_images(
     renamed, chosen = against or {}, frozenset(targets)
     available, compared = _png_files(reference), _png_files(images, chosen)
     shown = {path.parent.as_posix() for path in compared}
-    for target in shown:
+    for target in sorted(shown):
         require_only_png(images / target)
     for target in (renamed.keys() | chosen) - shown:
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))

@@ -91,6 +91,11 @@ def checked(values: Sequence[ArrayLike]) -> Groups:
     return sorted(groups, key=lambda group: (group.mean(), *group))
 
 
+def means_of(groups: Groups) -> Float64:
+    """Return the mean of each group, 0 if rounding alone may distinguish it from 0."""
+    return np.array([_without_noise(float(group.mean()), float(np.abs(group).max())) for group in groups])
+
+
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     """Return the mean over scenes with its interval; `values` are those of the seeds of every scene.
 
@@ -100,7 +105,7 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     Raise `InputError` if there is no value, or one is not finite.
     """
     groups = checked(values)
-    means = np.array([group.mean() for group in groups])
+    means = means_of(groups)
     level_of_range = 1 - 2.0 ** (1 - len(groups))
     if level_of_range < LEVEL:
         low, high, level = means.min(), means.max(), level_of_range

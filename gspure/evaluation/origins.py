@@ -31,19 +31,18 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
     they are a control, the wrong one, and tables of these images, or, if there are none, of the same. Only those of
     the `tables` that are of the variant, or of all variants of its model, count, and the images that they measure: the
-    folder may hold older ones, as of a detector that was removed.
+    folder may hold older ones, as of a detector that was removed. A table without a record may measure any images.
     """
     of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
     require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
     folders = (variant, variant / DETECTIONS, variant.parent)
-    tables = [table for table in map(Path.resolve, tables) if table.parent in folders]
-    inputs = [path for table in tables for path in map(Path, recorded_inputs(table))]
-    measured = {path.parent.name for path in inputs if path.name == RENDERED}
+    tables = [table for table in tables if table.parent.resolve() in folders]
+    measured = [{p.parent.name for p in map(Path, recorded_inputs(t)) if p.name == RENDERED} for t in tables]
     for images in (record.parent for record in sorted(variant.glob(f"renders/*/{RENDERED}"))):
-        if not measured or images.name in measured:
+        if not all(measured) or any(images.name in names for names in measured):
             _require_images_of(variant, images)
-    require_same_origin(*tables)
     for table in tables:
+        require_same_origin(tables[0], table)
         _require_measured_in(variant, table)
 
 
@@ -52,22 +51,23 @@ def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[s
 
     `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
     """
-    trained: dict[tuple[str, tuple[str, str]], tuple[Path, dict[str, str]]] = {}
-    for folder in dict.fromkeys(path.resolve().parents[1] for path in metrics):
+    trained: dict[tuple[str, tuple[str, str], str], tuple[Path, str]] = {}
+    for folder in dict.fromkeys(path.parent.resolve().parent for path in metrics):
         scheme, scene = folder.parts[-2:]
         condition = conditions.get(f"{scheme}/{scene}", ("", ""))
         recorded = settings_of(model := folder / MODEL)
         known: dict[str, str] = {name: recorded[name] for name in TRAINED if name in recorded}
         named = {name: value for name, value in zip(TRAINED, condition, strict=True) if value}
-        source = Path("--condition") if named else model
-        first, expected = trained.setdefault((scheme, condition), (source, {**known, **named}))
-        require_agreement(first, model, expected, known, "name the condition of each model by --condition")
+        for name, value in {**known, **named}.items():
+            source = Path("--condition") if name in named else model
+            first, expected = trained.setdefault((scheme, condition, name), (source, value))
+            require_agreement(first, model, {name: expected}, known, "name the condition of each model by --condition")
 
 
 def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
     """Return the digests of the records of the images that tables ``SCHEME/SCENE/VARIANT/metrics.csv`` measure."""
     return {
-        "/".join(table.resolve().parts[-4:-1]): sorted(
+        "/".join(table.parent.resolve().parts[-3:]): sorted(
             digest for path, digest in recorded_inputs(table).items() if Path(path).name == RENDERED
         )
         for table in tables
@@ -76,14 +76,14 @@ def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
 
 def recorded_attacks(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """Return attack and settings of the variants ``SCHEME/SCENE/VARIANT`` of tables, as far as records tell."""
-    variants = [table.resolve().parent for table in tables]
+    variants = [table.parent.resolve() for table in tables]
     known = {"/".join(variant.parts[-3:]): settings_of(variant / MODEL) for variant in variants}
     return {variant: settings for variant, settings in known.items() if "attack" in settings}
 
 
 def recorded_models(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """Return the origin of the models ``SCHEME/SCENE`` of tables, as the records of their attacked variants name it."""
-    variants = [table.resolve().parent for table in tables]
+    variants = [table.parent.resolve() for table in tables]
     attacked = [variant for variant in variants if "attack" in settings_of(variant / MODEL)]
     origins = ("embedding", "message", "scene", "public model")
     return {
@@ -101,7 +101,7 @@ def model_facts(path: Path) -> dict[str, Any]:
 def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return the same, as the settings of a table tell it, of the model and the variant in whose folder a path lies."""
     facts = dict[str, Any]()
-    for folder in path.resolve().parents:
+    for folder in (path.parent.resolve() / path.name).parents:
         facts = facts or known.get("attacks", {}).get("/".join(folder.parts[-3:]), {})
         if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
             return {**facts, **model}

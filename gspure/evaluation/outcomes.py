@@ -207,12 +207,12 @@ def collect(
     _require_distinct(metrics)
     _require_equal_references(rows)
     _require_equal_views(rows)
-    for variant in sorted({path.resolve().parents[path.parent.name == DETECTIONS] for path in (*metrics, *detections)}):
+    for variant in sorted({path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}):
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
-    retrieved = {path.resolve().parts[-3:-1]: read_table(path, Retrieved) for path in retrievals}
+    retrieved = {path.parent.resolve().parts[-2:]: read_table(path, Retrieved) for path in retrievals}
     if len(retrieved) < len(retrievals):
         found = f"{len(retrievals)} of {len(retrieved)}"
         raise InputError("table", "retrievals", expected="one file for every model", found=found)
@@ -285,7 +285,7 @@ def _with_detections(outcomes: Sequence[Outcome], tables: Sequence[Path], failur
 
 def _empty(path: Path) -> Outcome:
     """Return the outcome of a file of metrics, without any number."""
-    scheme, folder, variant = path.resolve().parts[-4:-1]
+    scheme, folder, variant = path.parent.resolve().parts[-3:]
     scene, _, seed = folder.partition("@")
     return Outcome(scheme, scene, variant, {}, {}, seed=int(seed) if seed.isdecimal() else 0)
 
@@ -302,7 +302,7 @@ def _require_distinct(metrics: Sequence[Path]) -> None:
 
 def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     """Raise `InputError` if a variant is compared with renders and the unattacked model with photographs."""
-    references_of = {path.resolve(): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
+    references_of = {_place(path): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
     for path, references in references_of.items():
         before = references_of.get(path.parent.parent / UNATTACKED / path.name, {})
         for target, reference in references.items():
@@ -319,10 +319,10 @@ def _without_identical_views(rows_of: Mapping[Path, list[ViewMetrics]]) -> dict[
     identical_in: dict[tuple[Path, str], set[str]] = {}
     for path, rows in rows_of.items():
         for row in filter(_equals_photograph, rows):
-            identical_in.setdefault((path.resolve().parents[1], row.target), set()).add(row.view)
+            identical_in.setdefault((path.parent.resolve().parent, row.target), set()).add(row.view)
     kept: dict[Path, list[ViewMetrics]] = {}
     for path, rows in rows_of.items():
-        model, kept[path] = path.resolve().parents[1], []
+        model, kept[path] = path.parent.resolve().parent, []
         for target, part in product(dict.fromkeys(row.target for row in rows), (on_path, off_path)):
             views = [row for row in part(rows) if row.target == target]
             others = [row for row in views if row.view not in identical_in.get((model, target), ())]
@@ -335,7 +335,7 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
 
     Targets must be equal, too; those of controls are some of the model's.
     """
-    views_of = {path.resolve(): _views_in_means(rows) for path, rows in rows_of.items()}
+    views_of = {_place(path): _views_in_means(rows) for path, rows in rows_of.items()}
     for path, views in views_of.items():
         before = views_of.get(path.parent.parent / UNATTACKED / path.name, views)
         if (views.keys() ^ before.keys()) - (before.keys() if path.parent.name in CONTROLS else set()):
@@ -369,7 +369,7 @@ def _outcome(
     truth: Sequence[Path],
     verdicts: Sequence[Path],
 ) -> Outcome:
-    folder = path.resolve().parent
+    folder = path.parent.resolve()
     outcome = _empty(path)
     targets = {mean.target: mean for mean in means(on_path(rows))}
     views = {target: sum(row.target == target for row in on_path(rows)) for target in targets}
@@ -402,9 +402,14 @@ def _verdict(verdict: Path | None) -> dict[str, Any]:
     raise InputError(verdict, "file", expected="the verdict of an attack", found="other JSON")
 
 
+def _place(file: Path) -> Path:
+    """Return the path of a file without links of folders, which tells what it is about, even if it is a link itself."""
+    return file.parent.resolve() / file.name
+
+
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:
     """Return the file below a folder, or None; raise `InputError` if there are several."""
-    below = {path: file for file in files if (path := file.parent.resolve() / file.name).is_relative_to(folder)}
+    below = {path: file for file in files if (path := _place(file)).is_relative_to(folder)}
     first, *others = below.values() or [None]
     if others:
         raise InputError(str(others[0]), "file", expected="one for every folder", found=f"a second one beside {first}")

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.dtypes import Float64
-from gspure.evaluation.intervals import LEVEL, checked
+from gspure.evaluation.intervals import LEVEL, checked, means_of
 
 DRAWS: Final = 2**16  # ours: up to 16 scenes this is every combination of signs; for more, as many are drawn
 
@@ -43,7 +43,7 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
     `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
     never 0 (Phipson and Smyth 2010). Raise `InputError` if there is no value, or one is not finite.
     """
-    means = np.array([group.mean() for group in checked(differences)])
+    means = means_of(checked(differences))
     scenes = len(means)
     smallest = max(2.0 ** (1 - scenes), 2 / (DRAWS + 1))
     return PairedTest(float(means.mean()), _sign_flip_p(means), smallest, scenes)

@@ -13,6 +13,7 @@ from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import Detectability, detectability
+from gspure.numerals import decimal
 
 MARGIN: Final = 1.0  # smallest margin above the floor at which a message counts as present, dB; our choice
 
@@ -48,9 +49,11 @@ class Survival(NamedTuple):
 
         This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
         """
-        if not (drop := self.scene_drop):
-            return display_name(self.variant)
-        return reached_name(self.variant, *((drop.low, drop.high) if drop.level < LEVEL else (drop.mean,)))
+        name = display_name(self.variant)
+        named = reached_name(self.variant, drop.low, drop.high) if (drop := self.scene_drop) else name
+        if not drop or named == name or drop.level < LEVEL:
+            return named
+        return f"{name}: {decimal(drop.mean)} dB reached on average"
 
     @property
     def scenes(self) -> int:

@@ -75,7 +75,7 @@ class Audit:
     condition: Condition
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
-    unknown: int  # the number of these with too few views to tell whether the mark is present
+    unknown: int  # the number of these in which too few views, or no clean model, tell whether the mark is present
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
     verdict: Verdict
@@ -192,7 +192,7 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
     if UNATTACKED not in by_variant:
         return "no reference"
     flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)
-    readings = [o.is_judged(judged_by) for o in outcomes if judged_by in o.detections]
+    readings = [o.is_judged(judged_by) for o in outcomes if o.variant == UNATTACKED and judged_by in o.detections]
     if not any(readings or [flat, *(row.above_floor for row in by_variant.values())]):
         return "no controls"
     return "not touched" if any(row.present for row in by_variant.values()) else "not present"

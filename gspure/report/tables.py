@@ -229,7 +229,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     for condition, alike in groupby(rows, key=condition_of):
         for i, row in enumerate(alike):
             attacked = [o for o in outcomes if (o.condition, o.variant) == (condition, row.variant)]
-            drops = scene_means({(o.scene, o.seed): o.psnr_drop(SCENE) for o in attacked})
+            drops = scene_means({(o.scene, o.seed): drop for o in attacked if isfinite(drop := o.psnr_drop(SCENE))})
             name = reached_name(row.variant, *drops.values())
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
             names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
