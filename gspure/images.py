@@ -73,7 +73,7 @@ def read_image(
 ) -> Float32:
     """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
-    Grey images get three equal channels. Transparent ones are composited on the background, rounded to 8 bits; if it is
+    Grey images get three equal channels. Transparent ones are composited on the `levels` of the background; if it is
     None, they keep their alpha, [H,W,4]. An orientation noted in the file's EXIF data is not applied, as camera poses
     belong to the pixels as stored.
 
@@ -91,7 +91,7 @@ def read_image(
             image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
     if pixels.mode == "RGBA" and background is not None:
-        red, green, blue = (round(255 * channel) for channel in background)
+        red, green, blue = levels(np.array(background)).tolist()
         behind = Image.new("RGBA", pixels.size, (red, green, blue, 255))
         pixels = Image.alpha_composite(behind, pixels).convert("RGB")
     if size is not None and pixels.size != size:
@@ -134,6 +134,12 @@ def require_only_png(folder: Path) -> None:
     for file in sorted(folder.iterdir()):
         if file.suffix != ".png" and file.suffix.lower() in chain(*FORMATS.values()):
             raise InputError(file, "suffix", expected="only PNG files (.png) in the folder", found=file.suffix)
+
+
+def mean_colour(image: Float32) -> Float32:
+    """Return an image [...,3] in which every pixel has the mean colour; that of one colour is unchanged."""
+    mean = image.reshape(-1, 3).mean(axis=0, dtype=np.float64)  # float32 would add up errors of each pixel
+    return np.broadcast_to(mean.astype(np.float32), image.shape)
 
 
 def is_flat(image: Float32) -> bool:

@@ -8,7 +8,7 @@ from gspure.workflow.configuration import require_distinct_names, resolved, vali
 from gspure.cost import COSTS, LOG, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
-from gspure.evaluation.detector import words_of
+from gspure.evaluation.detector import files_of
 from gspure.evaluation.outcomes import BITS
 from gspure.opencl.program import kernel_digest
 from gspure.report.templates import TEMPLATES
@@ -153,7 +153,7 @@ def get_detector_files(wildcards):
     """Return the files that the command of a detector names, such as its code and weights, or the key of bits."""
     if wildcards.detector == BITS:
         return [f"{get_model(wildcards).folder}/key"]
-    return [word for word in words_of(config["detectors"][wildcards.detector]["command"]) if os.path.isfile(word)]
+    return files_of(config["detectors"][wildcards.detector]["command"])
 
 
 def get_attack_files(wildcards):

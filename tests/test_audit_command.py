@@ -78,6 +78,13 @@ def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(fo
     assert not Path("results").exists()
 
 
+def test_a_target_is_no_second_configuration(folder, words):
+    Path("mine.yaml").write_text("assets: {}")
+    assert main(["audit", "mine.yaml", "--", "purified"]) == 0
+    assert words[-1] == "purified"
+    assert words[words.index("--configfile") + 2].startswith("--")
+
+
 def test_snakemake_is_silent_about_the_default_profile_but_names_other_ones(folder):
     def planned(*further):
         command = [sys.executable, "-m", "gspure", "audit", "my model.ply", "--cameras", "orbit", "-n", *further]

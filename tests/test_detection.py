@@ -26,7 +26,7 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.detection import Reading, Threshold, detection, read_detections, share_correct
-from gspure.evaluation.detector import read_bits, read_marks
+from gspure.evaluation.detector import files_of, read_bits, read_marks
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, collect, ordered, with_references
 from gspure.evaluation.results import read_results, write_results
@@ -145,6 +145,15 @@ def test_images_that_would_not_count_are_refused(renders, name):
 def test_a_folder_without_images_is_refused(tmp_path):
     with pytest.raises(InputError, match="PNG files"):
         read_marks(printing("{}"), tmp_path, "", 60)
+
+
+def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("detect.py", "my weights.pt", "a=b", "folder/x"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).touch()
+    command = "python detect.py --weights='my weights.pt' --mode=fast -k folder a=b --empty="
+    assert files_of(command) == ["detect.py", "my weights.pt", "a=b"]
 
 
 def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):

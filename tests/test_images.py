@@ -13,7 +13,16 @@ from gspure.artifacts import write_record
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
 from gspure.evaluation.detector import read_marks
-from gspure.images import FORMATS, read_image, record_views, require_all_images, require_intact, write_image
+from gspure.images import (
+    FORMATS,
+    mean_colour,
+    read_back,
+    read_image,
+    record_views,
+    require_all_images,
+    require_intact,
+    write_image,
+)
 from gspure.training.dataset import _with_photographs
 from tests.documentation import ROOT
 from tests.models import camera
@@ -54,6 +63,25 @@ def test_grey_is_spread_over_three_channels_and_transparency_stands_on_black(tmp
     assert read_image(tmp_path / "grey.png").tolist() == np.full((2, 2, 3), np.float32(0.2)).tolist()
     Image.new("RGBA", (2, 2), (255, 0, 100, 51)).save(tmp_path / "clear.png")
     assert read_image(tmp_path / "clear.png")[0, 0] * 255 == pytest.approx([51, 0, 20])
+
+
+def test_transparent_pixels_have_the_background_of_renders(tmp_path):
+    Image.new("RGBA", (2, 2)).save(tmp_path / "clear.png")
+    for channel in np.linspace(0, 1, 511):
+        background = np.full(3, channel)
+        assert (
+            read_image(tmp_path / "clear.png", background=background)[0, 0].tolist() == read_back(background).tolist()
+        )
+
+
+@pytest.mark.parametrize("shape", [(480, 640, 3), (1060, 1600, 3), (3000, 3)])
+def test_the_mean_colour_is_exact_in_large_images_and_flat_ones(shape):
+    pale = read_back(np.random.default_rng(0).normal(0.9, 0.02, shape))
+    expected = pale.reshape(-1, 3).mean(axis=0, dtype=np.float64)
+    assert mean_colour(pale).reshape(-1, 3)[0] == pytest.approx(expected, rel=1e-7)
+    for level in (30, 128, 229):
+        flat = np.broadcast_to(read_back(np.array([level, 90, 255 - level]) / 255), shape)
+        assert np.array_equal(mean_colour(flat), flat)
 
 
 def test_a_photograph_is_reduced_to_the_size_of_its_view(tmp_path):

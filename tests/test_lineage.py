@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gspure.artifacts import record_of, save_array, write_record, write_text
+from gspure.artifacts.checksums import record_file
 from gspure.cameras import read_cameras, write_cameras
 from gspure.cli import main, parser_of
 from gspure.cli.lineage import require_related
@@ -256,6 +257,20 @@ def test_a_mask_of_clusters_without_a_record_names_the_model_given_beside_them(t
     prune = f"prune --clusters {tmp_path}/clusters.npz --weights R/weights.npy --model {model} --out {out}"
     assert main(prune.split()) == 0
     assert record_of(out)["geometry"] == geometry_of(model)
+
+
+def test_the_folder_of_a_model_is_recorded_like_its_file(monkeypatch, tmp_path):
+    shutil.copytree("R", tmp_path / "R")
+    monkeypatch.chdir(tmp_path)
+    file, tried = SHORT["MODEL"], set()
+    for words in words_of(MADE):
+        if file in words and "--out" in words:
+            record = record_file(Path(words[words.index("--out") + 1]))
+            before = record.read_text()
+            assert main([str(Path(file).parent) if word == file else word for word in words]) == 0
+            assert record.read_text() == before
+            tried.add(words[0])
+    assert tried >= {"weights", "opacities", "surface", "features", "prune", "hidden", "attack"}
 
 
 def test_weights_of_anchors_with_other_networks_are_refused(tmp_path, monkeypatch, capsys):

@@ -122,7 +122,7 @@ def run(args: Arguments) -> None:
     public.require_place(args.out)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
-    sources = {"model": args.model, **files} | ({"cameras": args.cameras} if args.cameras else {})
+    sources = {"model": model_file(args.model), **files} | ({"cameras": args.cameras} if args.cameras else {})
     known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
     search = None
     begin = spent().cpu

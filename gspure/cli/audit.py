@@ -88,8 +88,8 @@ def _only_run(configuration: Path) -> Iterator[None]:
 
 def _command(args: Arguments, configuration: Path, snakemake: Sequence[str] = ("-m", "snakemake")) -> list[str]:
     """Return the command line of Snakemake; the default profile as options, unless another profile may be meant."""
-    workflow = snakefile()
-    options = ["--snakefile", str(workflow), "--configfile", str(configuration)]
+    workflow = snakefile()  # named last, as targets behind --configfile would count as configurations
+    options = ["--configfile", str(configuration), "--snakefile", str(workflow)]
     if not (args.verbose or args.passed_on or any(Path(name).exists() for name in ("default", DEFAULT_PROFILE))):
         options += profile_options(workflow.parent)
     options += ["--dry-run"] if args.dry_run else []

@@ -35,6 +35,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_record
     from gspure.cameras import views_digest
     from gspure.method.contributions import Measurement, contribute, write_index
+    from gspure.model import model_file
     from gspure.model.suspicious import lines, suspicious_rows
     from gspure.schemes.registry import geometry_of, read_public_model
 
@@ -48,7 +49,7 @@ def run(args: Arguments) -> None:
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
     write_index(args.index, stages, Measurement.of(public, geometry, views, args.energy, device))
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
-    inputs, ancestors = {"model": args.model, "cameras": args.cameras}, {"views": views_digest(views)}
+    inputs, ancestors = {"model": model_file(args.model), "cameras": args.cameras}, {"views": views_digest(views)}
     write_record(args.index, inputs=inputs, settings=settings, geometry=geometry, ancestors=ancestors)
 
 

@@ -20,6 +20,7 @@ def run(args: Arguments) -> None:
 
     from gspure.artifacts import load_array, require_kind, save_array, write_record
     from gspure.method.features import features
+    from gspure.model import model_file
     from gspure.schemes.registry import read_public_model
 
     public = read_public_model(args.model)
@@ -33,4 +34,5 @@ def run(args: Arguments) -> None:
     for kind, path in evidence.items():
         require_kind(path, kind)
     save_array(args.out, features(model.means, opacities, weights))
-    write_record(args.out, inputs={"model": args.model, **evidence}, settings={}, geometry=public.geometry_digest())
+    inputs = {"model": model_file(args.model), **evidence}
+    write_record(args.out, inputs=inputs, settings={}, geometry=public.geometry_digest())

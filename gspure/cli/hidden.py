@@ -62,7 +62,7 @@ def run(args: Arguments) -> None:
     hidden[drawn] = hidden_weights(public, key, extraction, views, args.energy, read_device(args), args.reduction)
     tau_n = scheme.tau_n if args.tau_n is None else args.tau_n
     share = share_on_low(weights, hidden, tau_n) if hidden.any() else None
-    inputs = {"model": args.model, "cameras": args.cameras}
+    inputs = {"model": model_file(args.model), "cameras": args.cameras}
     settings |= {"scheme": scheme.name, "tau_n": tau_n}
     write_json(args.out, {"hidden_low_share": share})
     write_record(args.out, inputs={**inputs, "weights": args.weights}, settings=settings)

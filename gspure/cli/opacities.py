@@ -19,11 +19,12 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, write_record
     from gspure.cameras import views_digest
+    from gspure.model import model_file
     from gspure.schemes.registry import geometry_of, read_public_model
 
     public, views = read_public_model(args.model, args.scheme), read_views(args)
     save_array(args.out, public.drawable(args.model).opacities(views))
-    inputs, geometry = {"model": args.model, "cameras": args.cameras}, geometry_of(args.model)
+    inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, geometry_of(args.model)
     ancestors = {} if public.rows_are_gaussians else {"views": views_digest(views)}  # those of Gaussians are stored
     settings = {"split": args.split}
     write_record(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="opacities", ancestors=ancestors)

@@ -28,7 +28,7 @@ def run(args: Arguments) -> None:
     from gspure.method.clustering.diagnosis import diagnose
     from gspure.method.clustering.store import read_clusters
     from gspure.method.pruning import prune_mask
-    from gspure.model import read_model
+    from gspure.model import model_file, read_model
     from gspure.model.suspicious import suspicious_rows, to_json
     from gspure.schemes.registry import geometry_of
 
@@ -38,7 +38,9 @@ def run(args: Arguments) -> None:
     geometry = facts_of(args.clusters).get("model") or (geometry_of(args.model) if args.model else "")
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident, quantity)
-    inputs = {"clusters": args.clusters, "weights": args.weights} | ({"model": args.model} if args.model else {})
+    inputs = {"clusters": args.clusters, "weights": args.weights}
+    if args.model:
+        inputs["model"] = model_file(args.model)
     settings = {"tau_c": args.tau_c, "tau_n": args.tau_n}
     if args.diagnosis:
         suspects = {"suspicious": to_json(suspicious_rows(model))} if model else {}

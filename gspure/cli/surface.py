@@ -43,6 +43,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, write_record
     from gspure.attacks.pruning import TOLERANCE
+    from gspure.model import model_file
     from gspure.schemes.registry import geometry_of, read_public_model
     from gspure.surface.distances import depth_distances
 
@@ -54,7 +55,7 @@ def run(args: Arguments) -> None:
     views, device = read_views(args), read_device(args)
     distances = _from_mesh(args, public, views, device) if method == "mesh" else depth_distances(public, views, device)
     save_array(args.out, distances)
-    inputs, geometry = {"model": args.model, "cameras": args.cameras}, geometry_of(args.model)
+    inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, geometry_of(args.model)
     settings = {"split": args.split, "method": method}
     for path in filter(None, (args.out, args.mesh)):
         write_record(path, inputs=inputs, settings=settings, geometry=geometry, kind="surface")

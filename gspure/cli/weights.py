@@ -26,6 +26,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import save_array, settings_of, write_record
     from gspure.method.contributions import read_index, read_stage, require_result_of
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
+    from gspure.model import model_file
     from gspure.schemes.registry import read_public_model
 
     public = read_public_model(args.model)
@@ -37,7 +38,7 @@ def run(args: Arguments) -> None:
     weights = accumulate((read_stage(stage.path, count) for stage in stages), count, args.reduction)
     require_in_view(weights)
     save_array(args.out, weights)
-    inputs = {"model": args.model} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
+    inputs = {"model": model_file(args.model)} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}
     measured = {name: value for name, value in settings_of(args.index[0]).items() if name in {"energy", "split"}}
     settings = {**measured, "reduction": args.reduction, "views": len(stages)}
     write_record(args.out, inputs=inputs, settings=settings, geometry=geometry, kind="weights")

@@ -13,7 +13,14 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.images import background_of, read_image, require_all_images, require_comparable, require_only_png
+from gspure.images import (
+    background_of,
+    mean_colour,
+    read_image,
+    require_all_images,
+    require_comparable,
+    require_only_png,
+)
 from gspure.numerals import decimal
 
 Reference = Literal["truth", "render"]
@@ -90,7 +97,7 @@ def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
     if baseline is not None:
-        b = np.zeros_like(a) if baseline == BLACK else np.broadcast_to(a.mean(axis=(0, 1)), a.shape)
+        b = np.zeros_like(a) if baseline == BLACK else mean_colour(a)
     values = {name: metric.compute(a, b) for name, metric in METRICS.items()}
     return ViewMetrics(pair.target, pair.view, reference, values)
 

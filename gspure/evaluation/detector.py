@@ -64,6 +64,12 @@ def words_of(command: str) -> list[str]:
     return words
 
 
+def files_of(command: str) -> list[str]:
+    """Return the files that a command names, as words or as ``--option=FILE``."""
+    names = (name for word in words_of(command) for name in (word, word.partition("=")[2]))
+    return [name for name in names if os.path.isfile(name)]  # noqa: PTH113 -- words may be too long for Path
+
+
 def _png_files(folder: Path) -> list[Path]:
     """Return the images of a folder that is complete, by name."""
     require_all_images(folder)

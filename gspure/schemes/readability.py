@@ -13,7 +13,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
-from gspure.images import read_back
+from gspure.images import mean_colour, read_back
 from gspure.numerals import decimal, percent
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
@@ -94,7 +94,7 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
 
     controls = {
         BLACK: psnr(np.zeros_like(truth), truth),
-        MEAN_COLOUR: psnr(np.broadcast_to(truth.mean(axis=0), truth.shape), truth),
+        MEAN_COLOUR: psnr(mean_colour(truth), truth),
         WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
     }
     return Readability(quality(key), controls)
