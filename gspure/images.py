@@ -137,8 +137,8 @@ def require_only_png(folder: Path) -> None:
 
 
 def mean_colour(image: Float32) -> Float32:
-    """Return an image [...,3] in which every pixel has the mean colour; that of one colour is unchanged."""
-    mean = image.reshape(-1, 3).mean(axis=0, dtype=np.float64)  # float32 would add up errors of each pixel
+    """Return an image [...,3] with the mean colour in every pixel; an image of one colour stays the same."""
+    mean = image.reshape(-1, 3).mean(axis=0, dtype=np.float64)  # float32 would accumulate rounding errors
     return np.broadcast_to(mean.astype(np.float32), image.shape)
 
 

@@ -271,7 +271,7 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
     [(5, 199, 0, False), (5, 199, 1, True), (6, 229, 1, False), (6, 229, 2, True)],
 )
 def test_from_199_clean_views_on_the_threshold_is_their_second_highest(views, clean, above, present):
-    """That 1 of 5 or 6 views exceeds it has the probability 1 - C(N, 2) / C(N + V, 2): 0.0485 and 0.0505."""
+    """At least 1 of 5 or 6 views exceeds it with probability 1 - C(N, 2) / C(N + V, 2): 0.0485 and 0.0505."""
     readings = [Reading(str(i), clean - 1.5 if i < above else 0.0, 0) for i in range(views)]
     read = detection(readings, [float(i) for i in range(clean)])
     assert (read.tpr, read.present) == (above / views, present)

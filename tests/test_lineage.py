@@ -250,7 +250,7 @@ def test_files_without_records_are_of_any_origin(tmp_path):
     require_related(args)
 
 
-def test_a_mask_of_clusters_without_a_record_names_the_model_given_beside_them(tmp_path):
+def test_a_mask_of_clusters_without_a_record_names_the_model_of_the_weights(tmp_path):
     shutil.copy("R/clusters.npz", tmp_path)
     out = tmp_path / "mask.npy"
     model = Path("R/public/point_cloud.ply")

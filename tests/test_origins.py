@@ -76,9 +76,11 @@ def project(tmp_path, monkeypatch):
         write_json(folder / "verdict.json", {"reached": {}, "strength": ""})
         record(folder / "verdict.json", {"model": public}, **origin)
         images += evaluated(folder.name, record(published(folder, f"noise {sigma}", ""), {"model": public}, **origin))
+    write_image(photograph := Path("results/pairs/room/scene/view.png"), np.full((2, 2, 3), 0.5))
+    record_views(photograph.parent, {"view": []}, target=SCENE)
     rows = [Retrieved(path.parts[-4], MESSAGE, Retrieval(1, 1, 1, 1, 5)) for path in images[1::2]]
     write_table(ROOM / "retrieval.csv", Retrieved, rows)
-    record(ROOM / "retrieval.csv", with_records(images[1::2]))
+    record(ROOM / "retrieval.csv", with_records([photograph, *images[1::2]]))
 
 
 def copy(source: str, target: str) -> None:
@@ -149,7 +151,7 @@ def test_readings_may_be_a_symbolic_link(tmp_path):
 
 
 def test_models_of_one_condition_are_trained_alike_in_any_order(tmp_path):
-    """Also if the first one has no record."""
+    """Also if the record of the first one names no protocol."""
     models = [ROOM.parent / name / "public/point_cloud.ply" for name in "abc"]
     for path, settings in zip(models, ({}, {"protocol": "own"}, {"protocol": "shared"}), strict=True):
         path.parent.mkdir(parents=True)

@@ -88,7 +88,7 @@ def _only_run(configuration: Path) -> Iterator[None]:
 
 def _command(args: Arguments, configuration: Path, snakemake: Sequence[str] = ("-m", "snakemake")) -> list[str]:
     """Return the command line of Snakemake; the default profile as options, unless another profile may be meant."""
-    workflow = snakefile()  # named last, as targets behind --configfile would count as configurations
+    workflow = snakefile()  # named after --configfile, which would take the targets for configurations
     options = ["--configfile", str(configuration), "--snakefile", str(workflow)]
     if not (args.verbose or args.passed_on or any(Path(name).exists() for name in ("default", DEFAULT_PROFILE))):
         options += profile_options(workflow.parent)

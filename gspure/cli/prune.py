@@ -30,12 +30,11 @@ def run(args: Arguments) -> None:
     from gspure.method.pruning import prune_mask
     from gspure.model import model_file, read_model
     from gspure.model.suspicious import suspicious_rows, to_json
-    from gspure.schemes.registry import geometry_of
 
     model = read_model(args.model) if args.model else None
     quantity = require_kind(args.weights, "weights", "opacities")
     labels, coincident = read_clusters(args.clusters)
-    geometry = facts_of(args.clusters).get("model") or (geometry_of(args.model) if args.model else "")
+    geometry = facts_of(args.clusters).get("model") or facts_of(args.weights).get("model", "")
     weights = load_array(args.weights, dtype=np.float32, shape=(len(labels),), least=0)
     diagnosis = diagnose(labels, weights, args.tau_c, args.tau_n, coincident, quantity)
     inputs = {"clusters": args.clusters, "weights": args.weights}

@@ -141,6 +141,6 @@ def _on_path(table: Path) -> list[Reading]:
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:
-    """Return scheme, folder and variant of a file of readings, of its own place if it is a symbolic link."""
+    """Return scheme, folder and variant of a file of readings; for a symbolic link, of the link, not its target."""
     scheme, folder, variant, *_ = path.parent.resolve().parts[-4:]
     return scheme, folder, variant

@@ -92,7 +92,7 @@ def checked(values: Sequence[ArrayLike]) -> Groups:
 
 
 def means_of(groups: Groups) -> Float64:
-    """Return the mean of each group, 0 if rounding alone may distinguish it from 0."""
+    """Return the mean of each group, or 0 if it may differ from 0 by rounding error alone."""
     return np.array([_without_noise(float(group.mean()), float(np.abs(group).max())) for group in groups])
 
 

@@ -28,15 +28,18 @@ TRAINED: Final = ("protocol", "initialization")  # what a condition says of a mo
 def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
-    Files of an attack must be of the same job as the attacked model, images of this model, with the owner's key or, if
-    they are a control, the wrong one, and tables of these images, or, if there are none, of the same. Only those of
-    the `tables` that are of the variant, or of all variants of its model, count, and the images that they measure: the
-    folder may hold older ones, as of a detector that was removed. A table without a record may measure any images.
+    Files of an attack must be of the job that made the attacked model. Images must show this model, with the owner's
+    key or, in a control, the wrong one. Tables must measure these images or, if there are none, all the same images.
+
+    The folder may hold older files, as of a removed detector. So only those of the `tables` are checked that are of the
+    variant, or of all variants of its model, and only the images that they measure. If one of these tables has no
+    record, all images are checked, as it may measure any of them.
     """
     of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
     require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
     folders = (variant, variant / DETECTIONS, variant.parent)
-    tables = [table for table in tables if table.parent.resolve() in folders]
+    places = (table.parent.resolve() / table.name for table in tables)
+    tables = [table for table in places if table.parent in folders]
     measured = [{p.parent.name for p in map(Path, recorded_inputs(t)) if p.name == RENDERED} for t in tables]
     for images in (record.parent for record in sorted(variant.glob(f"renders/*/{RENDERED}"))):
         if not all(measured) or any(images.name in names for names in measured):
@@ -47,7 +50,7 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
 
 
 def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
-    """Raise `InputError` if a model was trained in another way than its condition, or another model of it, by records.
+    """Raise `InputError` if a model's record contradicts its condition, or the record of another model of it.
 
     `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
     """
@@ -99,7 +102,7 @@ def model_facts(path: Path) -> dict[str, Any]:
 
 
 def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the same, as the settings of a table tell it, of the model and the variant in whose folder a path lies."""
+    """Return what a table's settings, `known`, say of the model and the variant in whose folder a path lies."""
     facts = dict[str, Any]()
     for folder in (path.parent.resolve() / path.name).parents:
         facts = facts or known.get("attacks", {}).get("/".join(folder.parts[-3:]), {})

@@ -403,7 +403,7 @@ def _verdict(verdict: Path | None) -> dict[str, Any]:
 
 
 def _place(file: Path) -> Path:
-    """Return the path of a file without links of folders, which tells what it is about, even if it is a link itself."""
+    """Return the path of a file, with links resolved in its folders only: where it lies tells what it is about."""
     return file.parent.resolve() / file.name
 
 

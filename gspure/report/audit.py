@@ -75,7 +75,7 @@ class Audit:
     condition: Condition
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
-    unknown: int  # the number of these in which too few views, or no clean model, tell whether the mark is present
+    unknown: int  # number of these in which presence of the mark is unknown: too few views, or no clean model
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
     verdict: Verdict

@@ -42,8 +42,7 @@ stopped, and ends with an error if a defect is open. The test suite runs a small
 - **Corruption.** Every rule runs with each kind of artifact that it reads, corrupted. If the rule opens the file, it
   ends with a line that names the file, and changes nothing. The next runs of the workflow repair the file to the same
   bytes. Then the artifact is *forged*: mutated, with a checksum that fits. The rule makes a result, or refuses the
-  artifact in one line. Artifacts that the rule neither opens nor
-  refuses are not forged.
+  artifact in one line. Artifacts that the rule neither opens nor refuses are not forged.
 - **Drivers.** Errors against the float64 reference are at most 1e-4.
 - **Mutants.** Tests notice small changes to the numerical core. `--sample` tries a random part of a module's mutants.
 """
