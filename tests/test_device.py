@@ -207,7 +207,7 @@ import gspure.method.contributions, gspure.model.suspicious, gspure.schemes.regi
 from gspure.cli import main
 from gspure.opencl.device import choose_device
 choose_device()
-numpy.ones((9, 9)) @ numpy.ones((9, 9))  # OpenBLAS would end the process if it got no memory later
+numpy.ones((300, 300)) @ numpy.ones((300, 300))  # OpenBLAS would end the process if it got no memory later
 size = int(open("/proc/self/statm").read().split()[0]) * os.sysconf("SC_PAGESIZE")
 resource.setrlimit(resource.RLIMIT_AS, (size + (4 << 20),) * 2)
 sys.exit(main(sys.argv[1:]))
