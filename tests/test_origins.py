@@ -141,6 +141,14 @@ def test_a_table_without_a_record_may_measure_any_images():
         tabulated()
 
 
+def test_the_retrieval_of_exchanged_variants_is_unfit():
+    (ROOM / "noise_1").rename(ROOM / "other")
+    (ROOM / "noise_2").rename(ROOM / "noise_1")
+    (ROOM / "other").rename(ROOM / "noise_2")
+    with pytest.raises(InputError, match=r"retrieval.csv: images"):
+        tabulated()
+
+
 def test_readings_may_be_a_symbolic_link(tmp_path):
     readings = ROOM / "noise_1/detections/score.csv"
     readings.rename(tmp_path / "score.csv")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import read_json, write_text
+from gspure.artifacts import read_json, write_record, write_text
 from gspure.cameras import Camera, intrinsics, orbit_cameras, read_cameras, split, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -231,6 +231,16 @@ def command(tmp_path: Path) -> list[str]:
     write_cameras(tmp_path / "cameras.json", cameras())
     where = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(tmp_path / "out")]
     return ["purify", str(tmp_path / "model.ply"), *where]
+
+
+def test_a_model_in_the_folder_of_results_is_not_replaced(tmp_path: Path, command: list[str], capsys) -> None:
+    (tmp_path / "out").mkdir()
+    command[1] = str((tmp_path / "model.ply").rename(tmp_path / "out" / "purified.ply"))
+    before = Path(command[1]).read_bytes()
+    write_record(Path(command[1]), inputs={}, settings={})
+    assert main(command) == 2
+    assert "expected another folder than the model's" in capsys.readouterr().err
+    assert Path(command[1]).read_bytes() == before
 
 
 def test_a_decision_that_leaves_no_row_is_refused_in_one_line(tmp_path: Path, command: list[str], capsys) -> None:

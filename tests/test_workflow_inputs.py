@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure.errors import InputError
 from gspure.workflow.captures import camera_files, capture_files, model_files
 from gspure.workflow.configuration import resolved
 from gspure.workflow.options import options, repeated
@@ -69,6 +70,16 @@ def test_photographs_of_a_folder_in_the_project_are_relative(tmp_path, monkeypat
         assert Path(photograph).parent == Path("photos/images")
 
 
+def test_a_missing_photograph_is_named_before_any_job(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    colmap_project(tmp_path / "photos", ring(), np.eye(3))
+    config = {**NOTHING_ELSE, "assets": {"desk": {"train": "photos", "clean": None}}}
+    missing, *_ = map(Path, resolved(config, "mine.yaml")["assets"]["desk"]["photographs"])
+    missing.unlink()
+    with pytest.raises(InputError, match=rf"photos: photographs: expected one of each .* 1 missing: .*{missing.name}"):
+        resolved(config, "mine.yaml")
+
+
 def test_a_capture_is_its_cameras_points_and_photographs(garden):
     assert camera_files("garden") == garden
     assert capture_files("garden", ["a.png"]) == [*garden, "garden/sparse/0/points3D.bin", "a.png"]
@@ -87,6 +98,8 @@ def test_the_held_out_views_of_a_blender_scene_are_files_of_its_training(tmp_pat
     for split in ("train", "test"):
         content = {"w": 8, "h": 6, "fl_x": 8.0, "frames": [{**frame, "file_path": f"{split}/r_{split}"}]}
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps(content))
+        (tmp_path / split).mkdir()
+        (tmp_path / split / f"r_{split}.png").touch()
     config = {**NOTHING_ELSE, "assets": {"lego": {"train": ".", "clean": None}}}
     photographs = resolved(config, "mine.yaml")["assets"]["lego"]["photographs"]
     assert photographs == ["train/r_train.png", "test/r_test.png"]

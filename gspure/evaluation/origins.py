@@ -133,10 +133,12 @@ def _require_measured_in(variant: Path, table: Path) -> None:
     inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
         raise InputError(table, "baseline", expected=f"{baseline}, as for {variant.name}", found=str(measured))
-    records = [path for path in map(Path, inputs) if path.name == RENDERED]
+    measured = {path: {*inputs.values()} for path in map(Path, inputs) if path.name == RENDERED}
     if table.parent == variant.parent:  # of all variants
-        records = [path for path in records if path.parts[-4:-2] == (variant.name, "renders")]
-    for images in (variant / "renders" / path.parent.name for path in records):
-        if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in inputs.values():
+        own = [path for path in measured if path.parts[-4:-2] == (variant.name, "renders")]
+        measured = {path: {inputs[str(path)]} for path in own}
+    for path, digests in measured.items():
+        images = variant / "renders" / path.parent.name
+        if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in digests:
             hint = "of another variant, or of earlier images; make the table again"
             raise InputError(table, "images", expected=f"those of {images}", found="others", hint=hint)

@@ -18,6 +18,7 @@ from jsonschema.validators import extend
 
 from gspure.attacks import Evidence, attacks, find_attack
 from gspure.cameras import GENERATED, read_cameras
+from gspure.cameras.photographs import require_present
 from gspure.cameras.reading import follow
 from gspure.constants import TEST_EVERY
 from gspure.datasets import SCENES
@@ -238,12 +239,14 @@ def _require_path(path: str, source: str | Path, place: str) -> None:
 
 
 def _photographs(data: str) -> list[str]:
-    """Return the files that the cameras of training data name, held-out ones too; relative if the data is."""
-    images = [str(camera.image) for camera in read_views(Path(data)).cameras if camera.image]
+    """Return the photographs of all cameras of training data, held-out ones too; relative if the data is."""
+    cameras = [camera for camera in read_views(Path(data)).cameras if camera.image]
+    images = [str(camera.image) for camera in cameras]
     if not Path(data).is_absolute():  # a project that was moved is not trained again
         images = [os.path.relpath(image) for image in images]
     for image in images:
         _require_no_braces(image, data, "photographs")
+    require_present(cameras, data)
     return images
 
 
