@@ -149,6 +149,13 @@ def test_the_retrieval_of_exchanged_variants_is_unfit():
         tabulated()
 
 
+def test_the_images_of_a_table_may_be_named_by_any_path_to_them():
+    images = with_records(ROOM.glob("*/renders/message/*.png"))
+    record(ROOM / "retrieval.csv", {f"./{name}": path for name, path in images.items()})
+    assert unfit() == set()
+    tabulated()
+
+
 def test_readings_may_be_a_symbolic_link(tmp_path):
     readings = ROOM / "noise_1/detections/score.csv"
     readings.rename(tmp_path / "score.csv")

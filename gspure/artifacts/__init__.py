@@ -17,7 +17,7 @@ from gspure.artifacts.provenance import (
     settings_of,
     write_record,
 )
-from gspure.artifacts.replacement import RENDERED, remove, replacing_only, require_replaceable
+from gspure.artifacts.replacement import RENDERED, place, remove, replacing_only, require_replaceable
 
 __all__ = [
     "RENDERED",
@@ -33,6 +33,7 @@ __all__ = [
     "load_array",
     "load_arrays",
     "motion_of",
+    "place",
     "read_json",
     "record_of",
     "recorded_inputs",

@@ -30,7 +30,7 @@ _named: ContextVar[frozenset[Path] | None] = ContextVar("_named", default=None)
 @contextmanager
 def replacing_only(command: str, named: Iterable[Path] | None) -> Iterator[None]:
     """Let the block replace only results of a command, the `named` files, and those of an outer block; all if None."""
-    places = None if named is None else frozenset({*map(_place, named), *(_named.get() or ())})
+    places = None if named is None else frozenset({*map(place, named), *(_named.get() or ())})
     tokens = COMMAND.set(command), _named.set(places)
     try:
         yield
@@ -47,12 +47,12 @@ def require_replaceable(*paths: Path) -> None:
     if (named := _named.get()) is None:
         return
     for path in filter(os.path.lexists, paths):
-        command = "" if _place(path.with_suffix("")) in named else COMMAND.get()
+        command = "" if place(path.with_suffix("")) in named else COMMAND.get()
         if path.is_dir():
             expected, found = "a file", "a folder"
         elif path.exists() and not path.stat().st_mode & _WRITABLE:
             expected, found = "a writable file", "a read-only one"
-        elif _place(path) not in named and not is_result(path, command):
+        elif place(path) not in named and not is_result(path, command):
             expected, found = f"a result of an earlier run of `gspure {COMMAND.get()}`", "another file"
         else:
             continue
@@ -99,5 +99,6 @@ def is_result(path: Path, command: str | None = None) -> bool:
     return False
 
 
-def _place(path: Path) -> Path:
+def place(path: Path) -> Path:
+    """Return a path with links resolved in its folders only: its place tells what a file is, even a link."""
     return path.parent.resolve() / path.name

@@ -10,6 +10,7 @@ from gspure.artifacts import (
     facts_of,
     file_digest,
     known_digest,
+    place,
     recorded_inputs,
     require_agreement,
     require_same_origin,
@@ -38,8 +39,7 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
     require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
     folders = (variant, variant / DETECTIONS, variant.parent)
-    places = (table.parent.resolve() / table.name for table in tables)
-    tables = [table for table in places if table.parent in folders]
+    tables = [table for table in map(place, tables) if table.parent in folders]
     measured = [{p.parent.name for p in map(Path, recorded_inputs(t)) if p.name == RENDERED} for t in tables]
     for images in (record.parent for record in sorted(variant.glob(f"renders/*/{RENDERED}"))):
         if not all(measured) or any(images.name in names for names in measured):
@@ -104,7 +104,7 @@ def model_facts(path: Path) -> dict[str, Any]:
 def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """Return what a table's settings, `known`, say of the model and the variant in whose folder a path lies."""
     facts = dict[str, Any]()
-    for folder in (path.parent.resolve() / path.name).parents:
+    for folder in place(path).parents:
         facts = facts or known.get("attacks", {}).get("/".join(folder.parts[-3:]), {})
         if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
             return {**facts, **model}
@@ -133,12 +133,11 @@ def _require_measured_in(variant: Path, table: Path) -> None:
     inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
         raise InputError(table, "baseline", expected=f"{baseline}, as for {variant.name}", found=str(measured))
-    measured = {path: {*inputs.values()} for path in map(Path, inputs) if path.name == RENDERED}
-    if table.parent == variant.parent:  # of all variants
-        own = [path for path in measured if path.parts[-4:-2] == (variant.name, "renders")]
-        measured = {path: {inputs[str(path)]} for path in own}
-    for path, digests in measured.items():
-        images = variant / "renders" / path.parent.name
-        if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in digests:
+    is_of_all_variants = table.parent == variant.parent
+    for record, digest in ((Path(name), digest) for name, digest in inputs.items()):
+        if record.name != RENDERED or (is_of_all_variants and record.parts[-4:-2] != (variant.name, "renders")):
+            continue
+        images, known = variant / "renders" / record.parent.name, [digest] if is_of_all_variants else inputs.values()
+        if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in known:
             hint = "of another variant, or of earlier images; make the table again"
             raise InputError(table, "images", expected=f"those of {images}", found="others", hint=hint)

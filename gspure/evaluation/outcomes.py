@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, load_array, read_json, require_embedding
+from gspure.artifacts import embedding_of, load_array, place, read_json, require_embedding
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import CONTROLS
@@ -302,7 +302,7 @@ def _require_distinct(metrics: Sequence[Path]) -> None:
 
 def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     """Raise `InputError` if a variant is compared with renders and the unattacked model with photographs."""
-    references_of = {_place(path): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
+    references_of = {place(path): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
     for path, references in references_of.items():
         before = references_of.get(path.parent.parent / UNATTACKED / path.name, {})
         for target, reference in references.items():
@@ -335,7 +335,7 @@ def _require_equal_views(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
 
     Targets must be equal, too; those of controls are some of the model's.
     """
-    views_of = {_place(path): _views_in_means(rows) for path, rows in rows_of.items()}
+    views_of = {place(path): _views_in_means(rows) for path, rows in rows_of.items()}
     for path, views in views_of.items():
         before = views_of.get(path.parent.parent / UNATTACKED / path.name, views)
         if (views.keys() ^ before.keys()) - (before.keys() if path.parent.name in CONTROLS else set()):
@@ -402,14 +402,9 @@ def _verdict(verdict: Path | None) -> dict[str, Any]:
     raise InputError(verdict, "file", expected="the verdict of an attack", found="other JSON")
 
 
-def _place(file: Path) -> Path:
-    """Return the path of a file, with links resolved in its folders only: where it lies tells what it is about."""
-    return file.parent.resolve() / file.name
-
-
 def _below(folder: Path, files: Iterable[Path]) -> Path | None:
     """Return the file below a folder, or None; raise `InputError` if there are several."""
-    below = {path: file for file in files if (path := _place(file)).is_relative_to(folder)}
+    below = {path: file for file in files if (path := place(file)).is_relative_to(folder)}
     first, *others = below.values() or [None]
     if others:
         raise InputError(str(others[0]), "file", expected="one for every folder", found=f"a second one beside {first}")

@@ -49,11 +49,11 @@ class Survival(NamedTuple):
 
         This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
         """
-        name = display_name(self.variant)
-        named = reached_name(self.variant, drop.low, drop.high) if (drop := self.scene_drop) else name
-        if not drop or named == name or drop.level < LEVEL:
-            return named
-        return f"{name}: {decimal(drop.mean)} dB reached on average"
+        name, drop = display_name(self.variant), self.scene_drop
+        named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
+        if drop and drop.level >= LEVEL and named != name:
+            return f"{name}: {decimal(drop.mean)} dB reached on average"
+        return named
 
     @property
     def scenes(self) -> int:
