@@ -95,7 +95,7 @@ def test_a_new_metric_is_a_column_of_every_table(tmp_path: Path, monkeypatch: py
     assert read_table(tmp_path / "r.csv", Sample)[0].values["mse"] == 3.0
 
 
-@pytest.mark.parametrize("psnr", [0.0, 96.0, math.inf])
+@pytest.mark.parametrize("psnr", [0.0, 96.0, 197.0, math.inf])
 @pytest.mark.parametrize("others", [0.0, 1.0, 1.0000000000000002])
 def test_possible_metrics_are_read(tmp_path: Path, psnr: float, others: float) -> None:
     row = ONE._replace(values={**dict.fromkeys(METRICS, others), "psnr": psnr}, drops=dict.fromkeys(METRICS, -99.0))
@@ -106,11 +106,15 @@ def test_possible_metrics_are_read(tmp_path: Path, psnr: float, others: float) -
 @pytest.mark.parametrize(
     ("column", "text"),
     [
-        *(("psnr", text) for text in ("-5", "1e300", "-inf", "nan", "1_2", "١٢", " 12")),
+        *(("psnr", text) for text in ("-5", "201", "1e300", "-inf", "nan", "1_2", "١٢", " 12")),
         *((name, text) for name in ("ssim", "nc", "structure") for text in ("7", "-1.1", "inf")),
         *(("ms_ssim", text) for text in ("-0.1", "1.1")),
         *(("share", text) for text in ("-0.1", "1.1", "inf", "0.1_1")),
-        *((name, text) for name in ("count", "views", "part_count") for text in ("-1", "1_2", "١٢", "1.0")),
+        *(
+            (name, text)
+            for name in ("count", "views", "part_count")
+            for text in ("-1", "1_2", "١٢", "1.0", str(2**53 + 1))
+        ),
         ("count", ""),
         *((name, text) for name in ("number", "part_low", "psnr_drop") for text in ("1_2", "١٢", "nan", "12 ")),
     ],

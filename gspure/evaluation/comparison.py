@@ -71,7 +71,7 @@ def pair_images(
     shown = {path.parent.as_posix() for path in compared}
     for target in sorted(shown):
         require_only_png(images / target)
-    for target in (renamed.keys() | chosen) - shown:
+    for target in sorted((renamed.keys() | chosen) - shown):
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))
     counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}
     for path, counterpart in sorted(counterparts.items()):
