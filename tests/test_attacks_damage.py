@@ -164,6 +164,13 @@ def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Pat
     assert read_json(Path(f"{outputs[0]}.verdict.json"))["strength"] == f"{setting}={record[setting]:.4g}"
 
 
+def test_strength_and_damage_are_results_that_quiet_does_not_hide(folder: Path, tmp_path: Path, capsys) -> None:
+    assert attack(folder, "gaussian_noise", "--damage", "3", "--out", str(tmp_path / "out.ply"), "-q") == 0
+    record = read_json(tmp_path / "out.ply.json")["settings"]
+    expected = f"gaussian_noise: sigma={record['sigma']:.4g} lowers the scene's PSNR by an estimated"
+    assert f"{expected} {record['scene_drop']:.2f} dB" in capsys.readouterr().out
+
+
 def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, tmp_path: Path, capsys) -> None:
     out = tmp_path / "out.ply"
     assert attack(folder, "densify_clone", "--damage", "30", "--out", str(out)) == 0

@@ -82,7 +82,9 @@ def test_a_column_of_one_value_keeps_it() -> None:
 def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: int, stored: int) -> None:
     before = blobs(COUNT, sh_degree=stored)
     if degree >= stored:
-        with pytest.raises(InputError, match=f"sh_truncation: degree: expected 0 to {stored - 1}, found {degree}"):
+        with pytest.raises(
+            InputError, match=f"sh_truncation: degree: expected 0 to {stored - 1}, below .*, found {degree}"
+        ):
             attacked("sh_truncation", before, degree=degree)
         return
     after, left = attacked("sh_truncation", before, degree=degree), (degree + 1) ** 2
@@ -93,7 +95,7 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
 
 @pytest.mark.parametrize("kind", ["features", "anchors"])
 def test_models_without_harmonics_refuse_truncation(kind: str) -> None:
-    with pytest.raises(InputError, match="degree: expected a model with harmonics above degree 0, found 0"):
+    with pytest.raises(InputError, match="model: expected harmonics above degree 0, found degree 0"):
         attacked("sh_truncation", KINDS[kind](COUNT))
 
 

@@ -62,8 +62,8 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     Refused for models without harmonics above `degree`.
     """
     most = model.sh_degree - 1
-    expected = f"0 to {most}" if most >= 0 else "a model with harmonics above degree 0"
-    require("sh_truncation", "degree", degree, expected, fits=0 <= degree <= most)
+    require("sh_truncation", "model", "degree 0", "harmonics above degree 0", fits=most >= 0)
+    require("sh_truncation", "degree", degree, f"0 to {most}, below that of the model", fits=0 <= degree <= most)
     rest = model.columns_named("f_rest_")
     per_channel = len(rest) // 3  # channel-major: number i holds coefficient 1 + i % per_channel
     above = [name for i, name in enumerate(rest) if 1 + i % per_channel >= (degree + 1) ** 2]

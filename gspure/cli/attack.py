@@ -44,7 +44,7 @@ from gspure.evaluation.outcomes import SCENE
 from gspure.images import read_image, require_photographs
 from gspure.method.clustering.store import read_clusters
 from gspure.model import model_file, require_writable
-from gspure.progress import say, warn
+from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme
 from gspure.settings import parsed_settings
@@ -178,7 +178,7 @@ def _print_damage(args: Arguments, search: Match) -> None:
     if search.misses(args.damage):
         warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
     else:
-        say(f"{args.name}: {drop}")
+        print(f"{args.name}: {drop}")
 
 
 def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[str, bool]:
