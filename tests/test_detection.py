@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gspure.artifacts import read_json
+from gspure.artifacts import read_json, write_record
 from gspure.cli import detect, main
 from gspure.errors import InputError
 from gspure.evaluation import detector
@@ -34,7 +35,7 @@ from gspure.evaluation.survival import survival
 from gspure.failures import Failure, status_of
 from gspure.images import write_image
 from gspure.report.audit import audits
-from gspure.report.page import write_report
+from gspure.report.page import Comparison, write_report
 from gspure.report.tables import conditions_markdown, results_markdown
 from gspure.schemes.readability import bit_readability
 from tests.contest_cases import attacked
@@ -318,11 +319,57 @@ def test_bits_survive_where_they_are_detected(outcomes):
     assert math.isnan(rows["gspure"].rms_ratio)
 
 
+@pytest.mark.parametrize("level", [0.1 + 0.2, 0.3])
+def test_rounding_alone_is_no_drop(level: float) -> None:
+    one = with_references([outcome("unattacked", 0.3, 0.1 + 0.2), outcome("gspure", level, 0.3)])[1]
+    assert (one.drop("mark"), one.psnr_drop("scene")) == (0, 0)
+
+
 def test_bits_enter_the_contest_without_a_score(outcomes):
     rows = [row for row in contest(outcomes, {}) if math.isnan(row.damage)]
     assert SCORE not in {row.quantity for row in rows}
     (drop,) = [row for row in rows if row.quantity == MESSAGE_DROP]
     assert (drop.attack, drop.extraction, drop.difference.mean) == ("gaussian_noise", "mark", pytest.approx(30))
+
+
+def test_a_mark_that_the_clean_model_shows_too_is_not_judged(tmp_path):
+    levels = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
+    outcomes = with_references(outcome(name, level) for name, level in levels.items())
+    rows = survival(outcomes)
+    assert {(row.present, row.survived, row.survives) for row in rows} == {(0, 0, None)}
+    (audit,) = audits(outcomes, rows, [])
+    assert audit.verdict == "not present"
+    write_report(tmp_path / "report.html", outcomes, survivals=rows)
+    page = (tmp_path / "report.html").read_text()
+    assert "or finds it in the clean model, too" in page
+    assert "survived" not in page.partition("Findings")[0]
+
+
+def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes):
+    without = [outcome("unattacked", 99.0, asset="hall"), outcome("gspure", 10.0, asset="hall")]
+    (row,) = (row for row in survival(with_references([*outcomes, *without])) if row.variant == "gspure")
+    (alone,) = (row for row in survival(outcomes) if row.variant == "gspure")
+    assert row.detectability == alone.detectability
+
+
+def test_a_clean_asset_does_not_count_as_a_scene_with_the_mark():
+    def of_own(variant, psnr, asset, detections):
+        return replace(outcome(variant, 98.0, psnr, asset), reference={}, detections_before={}, detections=detections)
+
+    mark = outcome("gspure", 98.0).detections
+    marked = [of_own("unattacked", math.inf, "room", mark), of_own("gspure", 30.0, "room", mark)]
+    clean = [of_own("unattacked", math.inf, "bare", {}), of_own("gspure", 40.0, "bare", {})]
+    (audit,) = audits([*clean, *marked], survival([*clean, *marked]), [])
+    assert [(row.scene.mean, row.scene.scenes) for row in audit.scene_psnr] == [(30.0, 1)]
+
+
+def test_the_first_pictures_are_of_a_model_with_the_mark():
+    clean = SimpleNamespace(lineup="pictures", outcomes=[replace(outcome("gspure", 98.0), detections={})])
+    marked, failed = (SimpleNamespace(lineup=shown, outcomes=[outcome("gspure", 98.0)]) for shown in ("pictures", None))
+    audit = SimpleNamespace(extraction="mark")
+    assert Comparison(audit, [clean, failed, marked], [], None, []).shown is marked
+    assert Comparison(audit, [failed, clean], [], None, []).shown is clean
+    assert Comparison(audit, [failed], [], None, []).shown is None
 
 
 def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_path):
@@ -367,8 +414,8 @@ def test_a_scene_with_too_few_views_is_not_counted_among_those_without_the_mark(
     clear = detection([Reading(view, 9.0, 0) for view in "abc"], [1.0, 2.0, 3.0])
     outcomes = with_references(
         replace(outcome(name, 0.0), scene=scene, detections={"mark": read._replace(level=level)})
-        for scene, read in (("s", unclear), ("t", clear))
-        for name, level in {"unattacked": 9.0, "gspure": 8.0, "clean": 1.5}.items()
+        for scene, read, of_clean in (("s", unclear, unclear), ("t", clear, clear._replace(present=False)))
+        for name, level, read in (("unattacked", 9.0, read), ("gspure", 8.0, read), ("clean", 1.5, of_clean))
     )
     rows = survival(outcomes)
     (audit,) = audits(outcomes, rows, [])
@@ -443,6 +490,38 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
     assert (marked.detections["mine"].tpr, marked.detections["mine"].views) == (1.0, 150)
     assert clean.detections["mine"].tpr <= 0.01
     assert marked.detections_before["mine"] == marked.detections["mine"]
+
+
+READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": {"command": "read", "message": "0110"}}
+
+
+@pytest.mark.parametrize("variant", ["gspure", "clean"])
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"settings": {"command": "read", "message": "1001"}}, "message: expected 0110"),
+        ({"settings": {"command": "read --key 2", "message": "0110"}}, "command: expected read,"),
+        ({"rows": [Reading("a", 0.5, 0), Reading("b", 0.7, 0)]}, "bits: expected 4"),
+        ({"rows": [Reading("a", 50.0, 4), Reading("c", 100.0, 4)]}, "views: expected those of .*not in both: b, c"),
+        ({"rows": READ["rows"][:1]}, "views: expected those of .*not in both: b"),
+        ({}, ""),
+    ],
+)
+def test_a_drop_is_not_measured_between_readings_of_different_marks_or_views(tmp_path, variant, change, reason):
+    files = []
+    for name, read in (("unattacked", READ), (variant, READ | change)):
+        files.append(tmp_path / "vanilla" / "room" / name / "detections" / "mine.csv")
+        write_table(files[-1], Reading, read["rows"])
+        write_record(files[-1], inputs={}, settings=read["settings"])
+    is_permitted = not reason or (variant == "clean" and reason.startswith("views"))
+    refused = None if is_permitted else pytest.raises(InputError, match=reason)
+    with refused or nullcontext():
+        read_detections(files)
+    with pytest.raises(InputError) if refused else nullcontext():
+        read_detections(files[::-1])
+    files[1].with_name("mine.csv.json").unlink()
+    with refused if refused and "settings" not in change else nullcontext():
+        read_detections(files)
 
 
 @pytest.mark.parametrize("other", [-9.0, 0.0, 9.0, 99.0])

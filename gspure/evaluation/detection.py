@@ -10,11 +10,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.artifacts import require_agreement, settings_of
 from gspure.bounds import Share
 from gspure.cameras.off_path import PREFIX
 from gspure.dtypes import Bools
 from gspure.errors import InputError
-from gspure.evaluation.controls import CLEAN
+from gspure.evaluation.controls import CLEAN, CONTROLS
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
@@ -118,8 +119,11 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
     """Return the detections of every variant by detector, from the files of `gspure detect`.
 
     Scores are compared with those of the views of the same model's clean control alone, by the same detector.
+
+    Raise `InputError` if readings are not possible, or cannot be compared with those of the model's other variants.
     """
     on_path = [(path, _on_path(path)) for path in tables]
+    _require_comparable(on_path)
     readings = {(*variant_of(path), path.stem): rows for path, rows in on_path}
     by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
     for (scheme, folder, variant, detector), rows in readings.items():
@@ -138,6 +142,23 @@ def _on_path(table: Path) -> list[Reading]:
             expected = f"a share of {rows[0].bits} bits in percent" if rows[0].bits else "a score"
             raise InputError(table, row.view, expected=expected, found=f"{row.level} of {row.bits} bits")
     return rows
+
+
+def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
+    """Raise `InputError` if a detector read other bits or views of a variant than of the model's other variants.
+
+    Command and message must agree, too, as far as records tell. Controls may have views of their own.
+    """
+    first_of: dict[tuple[str, ...], tuple[Path, list[Reading]]] = {}
+    for path, rows in sorted(on_path, key=lambda table: variant_of(table[0])[2] in CONTROLS):
+        scheme, folder, variant = variant_of(path)
+        first, expected = first_of.setdefault((scheme, folder, path.stem), (path, rows))
+        require_agreement(first, path, settings_of(first), settings_of(path))
+        if rows[0].bits != expected[0].bits:
+            raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
+        if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
+            names = ", ".join(sorted(views)[:3])
+            raise InputError(path, "views", expected=f"those of {first}", found=f"{len(rows)}; not in both: {names}")
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.controls import FLOOR, MESSAGE_FREE, WRONG_KEY
+from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_name
 from gspure.evaluation.metrics import rms_ratio
@@ -141,7 +141,8 @@ def _survival(
         )
         survived = present_before & _present(after, scene_floor)
     else:
-        present_before = _detected(unattacked, extraction)
+        clean = [o for o in known if o.variant == CLEAN]  # a mark that the clean model shows, too, tells nothing
+        present_before = _detected(unattacked, extraction) - _detected(clean, extraction)
         survived = present_before & _detected(attacked, extraction)
     lost = present_before & {scene for scene, _ in after} - survived
     message_free = [o for o in known if o.variant in MESSAGE_FREE]  # whose key may hold what retrieval identifies
@@ -149,8 +150,8 @@ def _survival(
     attacked = [o for o in attacked if o.scene in present_before or not present_before]
     after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
     reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
-    kinds = [kind for kind in MESSAGE_FREE if after and kind in levels]
-    auc = {kind: detectability(*([*scene_means(cells).values()] for cells in (after, levels[kind]))) for kind in kinds}
+    groups = {kind: _scene_levels(after, levels.get(kind, {}), extraction) for kind in MESSAGE_FREE}
+    auc = {kind: detectability(*both) for kind, both in groups.items() if all(both)}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
         *alike[0].condition,
@@ -173,6 +174,17 @@ def _survival(
         hardest,
         auc.get(hardest),
     )
+
+
+def _scene_levels(attacked: Cells, control: Cells, extraction: str) -> tuple[list[float], list[float]]:
+    """Return the levels by scene after an attack and of a control; readings only of scenes with both.
+
+    Scores of different scenes are not exchangeable, so a scene without its own control is compared with none.
+    """
+    both = [scene_means(attacked), scene_means(control)]
+    common = both[0].keys() & both[1].keys()
+    first, second = ([m for scene, m in means.items() if is_picture(extraction) or scene in common] for means in both)
+    return first, second
 
 
 def _drops(attacked: Sequence[Outcome], target: str) -> Cells:

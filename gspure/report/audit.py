@@ -147,6 +147,8 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     judged = [row for row in attacks if row.present and row.reached is not False and row.scenes == most]
     has_messages = any(o.messages for o in outcomes)
     known = [o for o in outcomes if not o.failure and (judged_by in o.messages or not has_messages)]
+    folders = {o.folder for o in known}  # without the assets that are clean controls of others
+    with_message = [o for o in outcomes if o.folder in folders]
     cells = {(o.scene, o.seed) for o in known if o.variant == UNATTACKED}
     scenes = {scene for scene, _ in cells}
     as_run = [c for c in contests if isnan(c.damage)]
@@ -164,8 +166,8 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
         not_reached=[row for row in attacks if row.reached is False],
-        scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(outcomes),
-        pruned=known_interval({(o.scene, o.seed): o.pruned_share for o in outcomes if o.variant == GSPURE}),
+        scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(with_message),
+        pruned=known_interval({(o.scene, o.seed): o.pruned_share for o in with_message if o.variant == GSPURE}),
         against_photographs=all(o.against_truth for o in outcomes),
         off_path=_off_path([o for o in outcomes if o.variant == GSPURE]),
         random={c.quantity: c.difference for c in as_run if c.attack == RANDOM},

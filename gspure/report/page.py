@@ -68,8 +68,10 @@ class Comparison:
 
     @property
     def shown(self) -> Model | None:
-        """The first model with renders."""
-        return next((model for model in self.models if model.lineup), None)
+        """The first model with renders that holds the message; without one, the first with renders."""
+        models = [model for model in self.models if model.lineup]
+        holding = (m for m in models if any(self.audit.extraction in o.messages for o in m.outcomes))
+        return next(holding, next(iter(models), None))
 
 
 def write_report(
