@@ -100,5 +100,5 @@ def is_result(path: Path, command: str | None = None) -> bool:
 
 
 def place(path: Path) -> Path:
-    """Return a path with links resolved in its folders only: its place tells what a file is, even a link."""
+    """Return a path with the links of its folders resolved, but not its own: its place tells what a file is for."""
     return path.parent.resolve() / path.name

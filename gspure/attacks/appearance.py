@@ -63,7 +63,7 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     """
     most = model.sh_degree - 1
     require("sh_truncation", "model", "degree 0", "harmonics above degree 0", fits=most >= 0)
-    require("sh_truncation", "degree", degree, f"0 to {most}, below that of the model", fits=0 <= degree <= most)
+    require("sh_truncation", "degree", degree, f"less than the model's {most + 1}", fits=0 <= degree <= most)
     rest = model.columns_named("f_rest_")
     per_channel = len(rest) // 3  # channel-major: number i holds coefficient 1 + i % per_channel
     above = [name for i, name in enumerate(rest) if 1 + i % per_channel >= (degree + 1) ** 2]

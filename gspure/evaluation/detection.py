@@ -120,7 +120,7 @@ def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[s
 
     Scores are compared with those of the views of the same model's clean control alone, by the same detector.
 
-    Raise `InputError` if readings are not possible, or cannot be compared with those of the model's other variants.
+    Raise `InputError` if readings are out of range, or cannot be compared with those of the model's other variants.
     """
     on_path = [(path, _on_path(path)) for path in tables]
     _require_comparable(on_path)
@@ -158,7 +158,7 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
             raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
         if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
             names = ", ".join(sorted(views)[:3])
-            raise InputError(path, "views", expected=f"those of {first}", found=f"{len(rows)}; not in both: {names}")
+            raise InputError(path, "views", expected=f"those of {first}", found=f"others; in one file only: {names}")
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:
