@@ -256,8 +256,8 @@ def _read_replaced(folder: Path) -> None:
 
 
 def _readings(folder: Path) -> None:
-    for name, bits in (("marked", 16), ("clean", 0)):
-        table = folder / "scheme" / "scene" / name / "detections" / "mark.csv"
+    for scene, bits in (("bits", 16), ("scores", 0)):
+        table = folder / "scheme" / scene / "marked" / "detections" / "mark.csv"
         write_table(table, Reading, [Reading(f"v{i}", 10.0 * i, bits) for i in range(3)])
 
 
@@ -345,7 +345,7 @@ READERS = (
         "readings of detectors",
         _readings,
         _read_readings,
-        {f"scheme/scene/{name}/detections/mark.csv": "text" for name in ("marked", "clean")},
+        {f"scheme/{scene}/marked/detections/mark.csv": "text" for scene in ("bits", "scores")},
     ),
     Reader("log of a job", _log, _read_log, {"attack.log": "text"}),
     Reader("note of a job", _note, _read_note, {"results/jobs/weights.json": "json"}),
