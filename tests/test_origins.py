@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from itertools import permutations
 from pathlib import Path
 
@@ -16,7 +17,12 @@ from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.controls import OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading
-from gspure.evaluation.origins import require_conditions, require_origins
+from gspure.evaluation.origins import (
+    require_conditions,
+    require_equal_images,
+    require_one_embedding,
+    require_origins,
+)
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.images import record_views, with_records, write_image
@@ -203,6 +209,36 @@ def test_metrics_of_a_baseline_are_of_no_other_variant(source, target):
     assert unfit() == set()
     copy(f"{source}/metrics.csv", f"{target}/metrics.csv")
     assert ROOM / target / "metrics.csv" in unfit()
+
+
+@pytest.mark.parametrize("level", [0.25, 0.5])
+@pytest.mark.parametrize("table", ["noise_1/detections/score.csv", "retrieval.csv"])
+def test_tables_of_other_images_are_not_joined_wherever_they_lie(tmp_path, table, level):
+    """The renders of the other run may be deleted."""
+    target = SCENE if "detections" in table else MESSAGE
+    image = Path("run_2/gs_hider/room/noise_1/renders", target, "view.png")
+    write_image(image, np.full((2, 2, 3), level))
+    other = Path("run_2/gs_hider/room", table)
+    write_table(other, Reading, [Reading("view", 1.0, 0)])
+    record(other, with_records([image]))
+    image.unlink()
+    metrics = ROOM / "noise_1/metrics.csv"
+    tables = ([metrics, other], []) if target == SCENE else ([metrics], [other])
+    same = level == {SCENE: 0.25, MESSAGE: 0.5}[target]
+    for absolute in (False, True):
+        of_variants, of_models = ([tmp_path / path if absolute else path for path in kind] for kind in tables)
+        with nullcontext() if same else pytest.raises(InputError, match=r"images: expected those of .*metrics"):
+            require_equal_images(of_variants, of_models)
+
+
+def test_variants_of_two_embeddings_are_not_compared():
+    own, other = (Path(run, "gs_hider/room") for run in ("run_1", "run_2"))
+    published(own / "unattacked", "a", "run 1"), published(other / "noise_1", "b", "run 2")
+    published(other / OTHER_SCENE, "c", "run 3"), published(own / "noise_2", "d", "run 1")
+    alike = [own / "unattacked/metrics.csv", own / "noise_2/metrics.csv", other / OTHER_SCENE / "metrics.csv"]
+    require_one_embedding(alike)
+    with pytest.raises(InputError, match="embedding: expected run 1"):
+        require_one_embedding([*alike, other / "noise_1/metrics.csv"])
 
 
 def test_the_message_by_the_key_of_an_earlier_run_is_unfit():

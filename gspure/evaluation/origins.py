@@ -1,6 +1,6 @@
 """Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from gspure.artifacts import (
 )
 from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
-from gspure.evaluation.controls import BASELINES, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
 from gspure.images import origin_of
 
@@ -47,6 +47,36 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     for table in tables:
         require_same_origin(tables[0], table)
         _require_measured_in(variant, table)
+
+
+def require_equal_images(of_variants: Iterable[Path], of_models: Iterable[Path]) -> None:
+    """Raise `InputError` if two tables of a variant measure other images of the same folder and name, by records.
+
+    Tables are joined by the names in their paths, wherever they lie, so one of them may be of another run.
+    """
+    first_of: dict[tuple[str, ...], tuple[Path, set[str]]] = {}
+    for table, images in [
+        *((t, _images_of_variant(t)) for t in of_variants),
+        *((t, _images_of_model(t)) for t in of_models),
+    ]:
+        measured: dict[tuple[str, ...], set[str]] = {}  # several digests: metrics also name the references
+        for image, digest in images:
+            measured.setdefault(image, set()).add(digest)
+        for image, digests in measured.items():
+            first, expected = first_of.setdefault(image, (table, digests))
+            if digests.isdisjoint(expected):
+                hint = f"{image[-1]} is of another run, or of earlier images; make the table again"
+                raise InputError(table, "images", expected=f"those of {first}", found="others", hint=hint)
+
+
+def require_one_embedding(metrics: Iterable[Path]) -> None:
+    """Raise `InputError` if two variants of a model, controls aside, are of different embeddings, by their records."""
+    first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
+    for model in (path.parent.resolve() / MODEL for path in metrics):
+        scheme, folder, variant = model.parts[-5:-2]
+        if variant not in CONTROLS and (embedding := embedding_of(model)):
+            first, expected = first_of.setdefault((scheme, folder), (model, embedding))
+            require_agreement(first, model, {"embedding": expected}, {"embedding": embedding})
 
 
 def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
@@ -109,6 +139,22 @@ def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
         if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
             return {**facts, **model}
     return {}
+
+
+def _images_of_variant(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield model and variant, folder and name of the images in the record of a table of a variant, with digests."""
+    folder = place(table).parent
+    variant = folder.parent if folder.name == DETECTIONS else folder
+    for path, digest in ((Path(name), digest) for name, digest in recorded_inputs(table).items()):
+        if path.suffix == ".png":
+            yield (*variant.parts[-3:], *path.parts[-2:]), digest
+
+
+def _images_of_model(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the same of a table of all variants, which the paths of its images ``VARIANT/renders/TARGET`` name."""
+    for path, digest in ((Path(name), digest) for name, digest in recorded_inputs(table).items()):
+        if path.suffix == ".png" and path.parts[-3:-2] == ("renders",):
+            yield (*place(table).parent.parts[-2:], *path.parts[-4:-3], *path.parts[-2:]), digest
 
 
 def _require_images_of(variant: Path, images: Path) -> None:

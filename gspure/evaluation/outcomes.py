@@ -21,7 +21,7 @@ from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, 
 from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
-from gspure.evaluation.origins import require_conditions, require_origins
+from gspure.evaluation.origins import require_conditions, require_equal_images, require_one_embedding, require_origins
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -209,6 +209,8 @@ def collect(
     _require_equal_views(rows)
     for variant in sorted({path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}):
         require_origins(variant, (*metrics, *detections, *retrievals))
+    require_equal_images((*metrics, *detections), retrievals)
+    require_one_embedding(metrics)
     require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
