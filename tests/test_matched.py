@@ -130,6 +130,19 @@ def test_misses_that_cancel_in_the_mean_are_stated(count: int) -> None:
     assert name == "noise, 1 dB: " + ("0.10 to 1.90 dB reached" if count < 6 else "1.00 dB reached on average")
 
 
+def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> None:
+    """Against renders, the unattacked model has infinite PSNR; the strength holds the damage."""
+    strengths = {"noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5", "unattacked": ""}
+    known = outcomes(a={name: (1.0, 5.0) for name in strengths if name != "unattacked"})
+    own = [replace(o, targets={"message": o.targets["message"]}, strength=strengths[o.variant]) for o in known]
+    expected = {"unattacked", "noise, 6 dB: 1.13 dB reached", "crop, 6 dB"}
+    assert {row.cells[1].text for row in summary_table(own).rows} == expected
+    assert {row.name for row in survival(own)} == expected
+    assert {row.cells[0].text for row in model_table(own).rows} == expected
+    of_three = [*own, *(replace(o, scene="b", strength=o.strength.replace("1.13", "2.50")) for o in own)]
+    assert "noise, 6 dB: 1.13 to 2.50 dB reached" in {row.name for row in survival(of_three)}
+
+
 def test_a_failed_seed_hides_no_missed_damage() -> None:
     known = outcomes(a={"noise@1dB": (0.4, 5.0)})
     failed = [replace(o, seed=1, targets={}, failure="killed") for o in known if o.variant == "noise@1dB"]

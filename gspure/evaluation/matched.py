@@ -20,6 +20,7 @@ Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
 Curve = Mapping[str, Drops]  # the drops of one model by variant of a sweep
 
 _WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
+_MISSED: Final = re.compile(r", (-?\d+\.\d+) dB reached$")  # end of the strength of a search that missed its damage
 
 
 class Point(NamedTuple):
@@ -71,6 +72,16 @@ def wanted_damage(variant: str) -> float | None:
     """Return the damage, in dB, in a name from `variant_at`; None for other names."""
     match = _WANTED.search(variant)
     return float(match[1]) if match else None
+
+
+def reached_damage(o: Outcome) -> float:
+    """Return the drop of the scene's PSNR, dB; if it is unknown, the damage that the search for a strength reached."""
+    if math.isfinite(drop := o.psnr_drop(SCENE)):
+        return drop
+    if missed := _MISSED.search(o.strength):
+        return float(missed[1])
+    wanted = wanted_damage(o.variant)
+    return wanted if o.strength and wanted is not None else math.nan
 
 
 def reached_name(variant: str, *scene_drops: float) -> str:

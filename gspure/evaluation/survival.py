@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
-from gspure.evaluation.matched import reached_name
+from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
@@ -32,6 +32,7 @@ class Survival(NamedTuple):
     reached: bool | None  # whether the attack changed the extraction's carrier in any scene
     message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
+    damage: Interval | None  # the same or, where it is unknown, the damage that the search for a strength reached
     region_drop: Interval | None  # of the message's PSNR without its background (`region_psnr`)
     ms_ssim_drop: Interval | None
     nc_drop: Interval | None  # drop of the normalized correlation
@@ -49,7 +50,7 @@ class Survival(NamedTuple):
 
         This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
         """
-        name, drop = display_name(self.variant), self.scene_drop
+        name, drop = display_name(self.variant), self.damage
         named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
         if drop and drop.level >= LEVEL and named != name:
             return f"{name}: {decimal(drop.mean)} dB reached on average"
@@ -163,6 +164,7 @@ def _survival(
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
+        known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked}),
         known_interval(_drops_of("region", attacked, extraction)),
         known_interval(_drops_of("ms_ssim", attacked, extraction)),
         known_interval(_drops_of("nc", attacked, extraction)),

@@ -10,7 +10,7 @@ from typing import Final
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.intervals import Interval, scene_means
-from gspure.evaluation.matched import Matched, reached_name
+from gspure.evaluation.matched import Matched, reached_damage, reached_name
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import (
@@ -117,7 +117,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         if is_best := o.score == best:
             scores[0] = scores[0]._replace(best=True)
         cells = [
-            Cell(reached_name(o.variant, o.psnr_drop(SCENE))),
+            Cell(reached_name(o.variant, reached_damage(o))),
             *[Cell(o.strength or UNKNOWN)] * has_strengths,
             *(cell for target in targets for cell in _metrics(o, target)),
             *scores,
@@ -229,7 +229,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     for condition, alike in groupby(rows, key=condition_of):
         for i, row in enumerate(alike):
             attacked = [o for o in outcomes if (o.condition, o.variant) == (condition, row.variant)]
-            drops = scene_means({(o.scene, o.seed): drop for o in attacked if isfinite(drop := o.psnr_drop(SCENE))})
+            drops = scene_means({(o.scene, o.seed): drop for o in attacked if isfinite(drop := reached_damage(o))})
             name = reached_name(row.variant, *drops.values())
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
             names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
