@@ -59,7 +59,8 @@ class Renderer:
     """Renders views of one model on one OpenCL device.
 
     Gaussians are blended front to back by (view depth of the centre, row), with the rules of `gspure.constants`. Every
-    result is the same to the last bit from run to run, for any number of threads and any memory budget.
+    result is the same to the last bit from run to run, for any number of threads of the device and any memory
+    budget. A renderer must not be used by two Python threads at once.
 
     Parameters
     ----------

@@ -205,6 +205,20 @@ def test_missing_evidence_is_refused(name: str) -> None:
         find_attack(name).apply(model(), Evidence())
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("gspure", {"prune_mask": np.arange(COUNT) % 2}, "prune_mask: expected bool, found int"),
+        ("gspure", {"prune_mask": (np.arange(COUNT) % 2).astype(np.uint8)}, "prune_mask: expected bool, found uint8"),
+        ("plain_weight", {"weights": np.arange(COUNT) > 3}, "weights: expected numbers, found bool"),
+        ("plain_weight", {"weights": np.where(np.arange(COUNT), 1.0, np.nan)}, "weights: expected numbers, found NaN"),
+    ],
+)
+def test_evidence_that_is_no_mask_or_no_number_is_refused(name: str, change: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        find_attack(name).apply(model(), Evidence(**change))
+
+
 def test_evidence_of_another_model_is_refused() -> None:
     with pytest.raises(InputError, match=r"weights: expected \[40\], one per row, found \[39\]"):
         find_attack("plain_weight").apply(model(), evidence(COUNT - 1))

@@ -68,3 +68,11 @@ def test_every_point_keeps_its_place_in_the_picture(camera, rule):
 def test_any_other_rule_is_refused(rule):
     with pytest.raises(InputError, match="expected native, photographs, 1/N or Wpx"):
         scaled([view(4, 3)], rule)
+
+
+def test_a_size_is_a_whole_number_also_of_numpy() -> None:
+    camera = replace(view(4, 3), width=np.int64(40), height=np.uint16(30))
+    assert (type(camera.width), type(camera.height)) == (int, int)
+    for size in (40.0, 40.5, "40"):
+        with pytest.raises(InputError, match="size: expected whole numbers, found 40"):
+            replace(view(4, 3), width=size)

@@ -372,3 +372,13 @@ def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
 def test_diagnosis_refuses_labels_of_another_model() -> None:
     with pytest.raises(InputError, match="expected 3, as many as weights, found 2"):
         diagnose(np.zeros(2, np.int32), np.ones(3))
+
+
+def test_integers_of_numpy_are_sizes_and_others_are_refused() -> None:
+    points = np.random.default_rng(0).normal(size=(300, 3))
+    tree = spanning_tree(points, np.int64(5))
+    np.testing.assert_array_equal(tree, spanning_tree(points, 5))
+    np.testing.assert_array_equal(select(tree, np.int64(9)), select(tree, 9))
+    for size in (50.0, True, 1):
+        with pytest.raises(InputError, match="min_cluster_size: expected a whole number from 2"):
+            select(tree, size)

@@ -274,6 +274,11 @@ class Attack:
         if array.shape != (count,):
             found = f"{list(array.shape)}"
             raise InputError(f"attack {self.name}", name, expected=f"[{count}], one per row", found=found)
+        if (array.dtype == np.bool_) != (name == "prune_mask"):  # a mask of integers would index rows
+            expected = "bool" if name == "prune_mask" else "numbers"
+            raise InputError(f"attack {self.name}", name, expected=expected, found=str(array.dtype))
+        if np.isnan(array).any():
+            raise InputError(f"attack {self.name}", name, expected="numbers", found="NaN")
         return array
 
 

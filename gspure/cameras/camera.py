@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class Camera(Described):
     Raises
     ------
     InputError
-        A number is not finite, or above `LARGEST`.
+        A size is no whole number, or a number is not finite, or above `LARGEST`.
 
     """
 
@@ -57,6 +58,11 @@ class Camera(Described):
 
     def __post_init__(self) -> None:
         """Check the numbers, wherever they come from."""
+        size = (self.width, self.height)
+        if not all(isinstance(side, Integral) for side in size):  # the device gets them as they are
+            raise InputError(self.name, "size", expected="whole numbers", found=f"{self.width} x {self.height}")
+        for name, side in zip(("width", "height"), size, strict=True):
+            object.__setattr__(self, name, int(side))
         if not (most := np.abs(self.numbers).max()) <= LARGEST:
             raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
 

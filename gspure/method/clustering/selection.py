@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 
+from gspure.bounds import CLUSTER_SIZE
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
 from gspure.dtypes import Bools, Float64, Indices, Int32
 from gspure.errors import InputError
@@ -43,6 +44,7 @@ def select(
     Raise `InputError` if a setting is out of range.
     """
     _check(min_cluster_size, selection, max_cluster_share)
+    min_cluster_size = int(min_cluster_size)  # the device gets no integers of numpy
     count = len(tree) + 1
     if count < 2 * min_cluster_size:
         return np.full(count, NOISE_LABEL, np.int32)
@@ -113,8 +115,7 @@ def _labels(condensed: Condensed, chosen: Bools) -> Labels:
 
 
 def _check(min_cluster_size: int, selection: str, max_cluster_share: float) -> None:
-    if min_cluster_size < 2:
-        raise InputError("clustering", "min_cluster_size", expected="at least 2", found=str(min_cluster_size))
+    CLUSTER_SIZE.require("clustering", "min_cluster_size", min_cluster_size)
     if selection not in SELECTIONS:
         raise InputError("clustering", "selection", expected=f"one of {', '.join(SELECTIONS)}", found=repr(selection))
     if not 0 < max_cluster_share <= 1:

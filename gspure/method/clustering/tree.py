@@ -36,6 +36,7 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     """
     points = np.asarray(features, np.float64)
     NEIGHBOURS.require("clustering", "min_samples", min_samples)
+    min_samples = int(min_samples)  # the device gets no integers of numpy
     if not np.isfinite(points).all():
         raise InputError("clustering", "features", expected="finite values", found="NaN or infinity")
     if not len(points):
