@@ -171,7 +171,7 @@ def test_an_older_table_of_a_run_gets_the_columns_that_it_lacks(runs: Path) -> N
     older = [line.rsplit(",", 5)[0] for line in file.read_text().splitlines()]  # without the last field
     write_text(file, "\n".join(older) + "\n")
     complete(file)
-    assert repr(read_table(file, Survival)) == repr([row._replace(detectability=None) for row in rows])
+    assert repr(read_table(file, Survival)) == repr([row._replace(damage=None) for row in rows])
     written = file.read_text()
     complete(file)
     assert file.read_text() == written

@@ -32,7 +32,6 @@ class Survival(NamedTuple):
     reached: bool | None  # whether the attack changed the extraction's carrier in any scene
     message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
-    damage: Interval | None  # the same or, where it is unknown, the damage that the search for a strength reached
     region_drop: Interval | None  # of the message's PSNR without its background (`region_psnr`)
     ms_ssim_drop: Interval | None
     nc_drop: Interval | None  # drop of the normalized correlation
@@ -43,6 +42,7 @@ class Survival(NamedTuple):
     above_wrong_key: Interval | None  # the message's PSNR minus that of a wrong key applied to the unattacked model, dB
     control: str  # the kind of message-free model with the lowest AUC; empty if there is none
     detectability: Detectability | None  # AUC against that kind, with one value per scene
+    damage: Interval | None = None  # `scene_drop` or, where unknown, what the search for a strength reached
 
     @property
     def name(self) -> str:
@@ -50,7 +50,7 @@ class Survival(NamedTuple):
 
         This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
         """
-        name, drop = display_name(self.variant), self.damage
+        name, drop = display_name(self.variant), self.damage or self.scene_drop
         named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
         if drop and drop.level >= LEVEL and named != name:
             return f"{name}: {decimal(drop.mean)} dB reached on average"
@@ -164,7 +164,6 @@ def _survival(
         any(reached) if reached else None,
         known_interval(_drops(attacked, extraction)),
         known_interval(_drops(attacked, SCENE)),
-        known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked}),
         known_interval(_drops_of("region", attacked, extraction)),
         known_interval(_drops_of("ms_ssim", attacked, extraction)),
         known_interval(_drops_of("nc", attacked, extraction)),
@@ -175,6 +174,7 @@ def _survival(
         known_interval(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
+        known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked}),
     )
 
 
