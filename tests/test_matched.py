@@ -143,6 +143,21 @@ def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> N
     assert "noise, 6 dB: 1.13 to 2.50 dB reached" in {row.name for row in survival(of_three)}
 
 
+def test_a_miss_is_stated_where_only_one_of_two_scenes_has_a_known_drop() -> None:
+    known = outcomes(a={"noise@6dB": (6.0, 5.0)})
+    own = [replace(o, scene="b", targets={"message": o.targets["message"]}) for o in known]
+    own = [replace(o, strength="fraction=1, 1.13 dB reached" * (o.variant != "unattacked")) for o in own]
+    (row,) = (row for row in survival([*known, *own]) if row.variant == "noise@6dB")
+    assert (row.scene_drop.scenes, row.damage.scenes) == (1, 2)
+    assert row.name == "noise, 6 dB: 1.13 to 6.00 dB reached"
+
+
+def test_the_damage_of_searches_is_in_no_row_whose_drop_of_the_scene_is_known() -> None:
+    rows = survival(outcomes(a={"noise@6dB": (1.13, 5.0)}, b={"noise@6dB": (2.5, 5.0)}))
+    assert [row.damage for row in rows] == [None] * len(rows)
+    assert "noise, 6 dB: 1.13 to 2.50 dB reached" in {row.name for row in rows}
+
+
 def test_a_failed_seed_hides_no_missed_damage() -> None:
     known = outcomes(a={"noise@1dB": (0.4, 5.0)})
     failed = [replace(o, seed=1, targets={}, failure="killed") for o in known if o.variant == "noise@1dB"]

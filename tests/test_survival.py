@@ -210,23 +210,6 @@ def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
 
 
-def test_an_older_table_is_read_without_the_damage_that_searches_reached(tmp_path: Path) -> None:
-    rows = survival(FOUR)
-    write_table(tmp_path / "survival.csv", Survival, rows)
-    lines = [line.split(",") for line in (tmp_path / "survival.csv").read_text().splitlines()]
-    new = sum(column.startswith("damage_") for column in lines[0])
-    assert new == 5
-    older = tmp_path / "older.csv"
-    for cut, is_read in ((new, True), (1, False), (new + 1, False)):
-        older.write_text("".join(",".join(line[:-cut]) + "\n" for line in lines))
-        if not is_read:
-            with pytest.raises(InputError, match="header"):
-                read_table(older, Survival)
-            continue
-        assert read_table(older, Survival) == [row._replace(damage=None) for row in rows]
-        assert [row.name for row in read_table(older, Survival)] == [row.name for row in rows]
-
-
 @pytest.mark.parametrize("content", ["", "a,b\n1,2\n", "HEADERsis,message,x\n"])
 def test_another_table_is_refused(tmp_path: Path, content: str) -> None:
     write_table(tmp_path / "t.csv", Survival, [])

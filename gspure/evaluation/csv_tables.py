@@ -10,7 +10,6 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import takewhile
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
@@ -49,7 +48,7 @@ def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
 
 
 def read_table(path: Path, kind: type[Row]) -> list[Row]:
-    """Read what `write_table` has written; older tables may lack the last columns, if they are None by default.
+    """Read what `write_table` has written.
 
     Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type, or a value
     that is impossible in its column.
@@ -58,13 +57,12 @@ def read_table(path: Path, kind: type[Row]) -> list[Row]:
     fields, columns = _fields(kind).values(), header(kind)
     with reading(path, f"a table of {kind.__name__} rows"), path.open(encoding="utf-8", newline="") as stream:
         first, *rows = list(csv.reader(stream, strict=True)) or [[]]
-        if first not in (columns, columns[: len(columns) - _optional(kind)]):
+        if first != columns:
             raise InputError(path, "header", expected=",".join(columns), found=",".join(first))
         for row in rows:
-            if len(row) != len(first):
-                raise InputError(path, "row", expected=f"{len(first)} cells", found=f"{len(row)}")
-        missing = [""] * (len(columns) - len(first))
-        return [kind(*(field.read(cells) for field in fields)) for cells in (iter(row + missing) for row in rows)]
+            if len(row) != len(columns):
+                raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
+        return [kind(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
 
 
 def header(kind: type[Row]) -> list[str]:
@@ -79,13 +77,6 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     table.writerow(columns)
     table.writerows(rows)
     return text.getvalue()
-
-
-def _optional(kind: type) -> int:
-    """Return the number of columns of the last fields that are None by default."""
-    defaults = getattr(kind, "_field_defaults", {})
-    last = takewhile(lambda named: defaults.get(named[0], ...) is None, reversed(_fields(kind).items()))
-    return sum(len(field.columns) for _, field in last)
 
 
 def _fields(kind: type) -> dict[str, _Field]:

@@ -42,7 +42,7 @@ class Survival(NamedTuple):
     above_wrong_key: Interval | None  # the message's PSNR minus that of a wrong key applied to the unattacked model, dB
     control: str  # the kind of message-free model with the lowest AUC; empty if there is none
     detectability: Detectability | None  # AUC against that kind, with one value per scene
-    damage: Interval | None = None  # `scene_drop` or, where unknown, what the search for a strength reached
+    damage: Interval | None  # of searched strengths, if the drop of a scene is unknown: what the search reached there
 
     @property
     def name(self) -> str:
@@ -174,7 +174,7 @@ def _survival(
         known_interval(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
-        known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked}),
+        _searched_damage(attacked),
     )
 
 
@@ -191,6 +191,12 @@ def _scene_levels(attacked: Cells, control: Cells, extraction: str) -> tuple[lis
 
 def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
     return {(o.scene, o.seed): o.drop(target) for o in attacked}
+
+
+def _searched_damage(attacked: Sequence[Outcome]) -> Interval | None:
+    if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked):
+        return None
+    return known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked})
 
 
 def _drops_of(metric: str, attacked: Sequence[Outcome], target: str) -> Cells:
