@@ -292,7 +292,17 @@ def test_without_key_the_scene_alone_is_reported() -> None:
     assert (
         verdict == "Only the owner's key can tell whether this model holds a message, and whether an attack removed it."
     )
-    assert "against renders of the unattacked model: GSPure 35.5 dB, GOF 30.0 dB." in points["The scene"]
+    assert "against renders of the unattacked model: 35.5 dB after GSPure; 30.0 dB after GOF." in points["The scene"]
+
+
+def test_the_psnr_of_the_scene_is_beside_the_damage_that_a_search_reached() -> None:
+    strengths = {"unattacked": "", "noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5"}
+    targets = [{"scene": measured("scene", psnr, reference=RENDER)} for psnr in (math.inf, 41.0, 30.0)]
+    outcomes = [
+        Outcome("vanilla", "chair", name, target, {"scene": 3}, strength=strength)
+        for (name, strength), target in zip(strengths.items(), targets, strict=True)
+    ]
+    assert "41.0 dB after noise, 6 dB: 1.13 dB reached; 30.0 dB after crop, 6 dB." in told(outcomes)[1]["The scene"]
 
 
 def test_without_controls_costs_are_reported_and_nothing_is_judged() -> None:

@@ -129,8 +129,8 @@ def _require_measured(args: Arguments, variant: str, folders: Iterable[Path]) ->
 def _variant(
     title: str, files: dict[str, Path], outcome: Outcome | None, backgrounds: Mapping[str, Sequence[float]]
 ) -> Column:
-    from gspure.evaluation.matched import reached_name
-    from gspure.evaluation.outcomes import SCENE, UNATTACKED
+    from gspure.evaluation.matched import reached_damage, reached_name
+    from gspure.evaluation.outcomes import UNATTACKED
     from gspure.figures.lineup import Column
     from gspure.images import read_image
 
@@ -138,7 +138,7 @@ def _variant(
     if outcome is None or outcome.variant == UNATTACKED:
         return Column(title, images)
     unreached = frozenset(target for target, reached in outcome.reached.items() if not reached)
-    return Column(reached_name(title, outcome.psnr_drop(SCENE)), images, unreached, outcome.failure)
+    return Column(reached_name(title, reached_damage(outcome)), images, unreached, outcome.failure)
 
 
 def _typical_view(folders: Sequence[Path], target: str) -> tuple[str, int]:

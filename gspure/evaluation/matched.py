@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.intervals import Interval, by_scene, mean_interval
+from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
 from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
@@ -90,6 +90,16 @@ def reached_name(variant: str, *scene_drops: float) -> str:
     if wanted is None or not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):
         return display_name(variant)
     return f"{display_name(variant)}: {' to '.join(dict.fromkeys(map(decimal, (known[0], known[-1]))))} dB reached"
+
+
+def reached_names(outcomes: Iterable[Outcome]) -> dict[str, str]:
+    """Return the `reached_name` of every variant over its scenes, of which each counts with the mean of its seeds."""
+    drops: dict[str, dict[tuple[str, int], float]] = {}
+    for o in outcomes:
+        known = drops.setdefault(o.variant, {})
+        if math.isfinite(damage := reached_damage(o)):
+            known[o.scene, o.seed] = damage
+    return {variant: reached_name(variant, *scene_means(known).values()) for variant, known in drops.items()}
 
 
 def damages(variants: Iterable[str]) -> Sequence[float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gspure.dtypes import Bools, Float32, Float64
-from gspure.evaluation.matched import reached_damage, reached_name
+from gspure.evaluation.matched import reached_names
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
 from gspure.method.pruning import mean_weight
@@ -116,7 +116,8 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
         for row, text in [(-0.9, title * any(beside)), *enumerate(beside)]:
             place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
-        axes.set_yticks(rows, [reached_name(o.variant, reached_damage(o)) for o in shown])
+        names = reached_names(shown)
+        axes.set_yticks(rows, [names[o.variant] for o in shown])
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.set_ylim(len(shown) - 0.4, -0.6)

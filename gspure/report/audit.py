@@ -10,6 +10,7 @@ from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
+from gspure.evaluation.matched import reached_names
 from gspure.evaluation.outcomes import (
     BITS,
     GSPURE,
@@ -85,6 +86,7 @@ class Audit:
     gspure: Survival | None
     other_extractions: list[Survival]  # survival of the other extractions after GSPure
     not_reached: list[Survival]  # attacks that did not change the carrier of the extraction
+    names: dict[str, str]  # the display name of every variant, with the damage that the search for its strength reached
     scene_psnr: list[Summary]  # after each attack, the gentlest first; empty if the drops are known
     pruned: Interval | None  # the share of the rows that GSPure removed
     against_photographs: bool
@@ -166,6 +168,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
         not_reached=[row for row in attacks if row.reached is False],
+        names=reached_names(with_message),
         scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(with_message),
         pruned=known_interval({(o.scene, o.seed): o.pruned_share for o in with_message if o.variant == GSPURE}),
         against_photographs=all(o.against_truth for o in outcomes),

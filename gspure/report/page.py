@@ -10,7 +10,7 @@ from gspure.artifacts import read_json, write_text
 from gspure.errors import InputError, reading
 from gspure.evaluation.contest import Contest
 from gspure.evaluation.costs import AttackCost
-from gspure.evaluation.matched import Matched
+from gspure.evaluation.matched import Matched, reached_names
 from gspure.evaluation.outcomes import GSPURE, Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.model.suspicious import REASONS
@@ -42,6 +42,11 @@ class Model:
     viewer: str  # markup of what `gspure.figures.viewer.write_viewer` wrote; empty if there is none
     failures: Sequence[str]
     diagnosis: str  # markup
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The display name of every variant, with the damage that the search for its strength reached."""
+        return reached_names(self.outcomes)
 
 
 @dataclass(frozen=True)

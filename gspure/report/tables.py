@@ -9,8 +9,8 @@ from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
-from gspure.evaluation.intervals import Interval, scene_means
-from gspure.evaluation.matched import Matched, reached_damage, reached_name
+from gspure.evaluation.intervals import Interval
+from gspure.evaluation.matched import Matched, reached_names
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import (
@@ -92,7 +92,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     extractions = [*filter(is_picture, targets)]
     detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
     shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
-    has_strengths = any(o.strength for o in measured)
+    has_strengths, names = any(o.strength for o in measured), reached_names(measured)
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     columns = [
         Column("variant"),
@@ -117,7 +117,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         if is_best := o.score == best:
             scores[0] = scores[0]._replace(best=True)
         cells = [
-            Cell(reached_name(o.variant, reached_damage(o))),
+            Cell(names[o.variant]),
             *[Cell(o.strength or UNKNOWN)] * has_strengths,
             *(cell for target in targets for cell in _metrics(o, target)),
             *scores,
@@ -227,19 +227,17 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
     rows, body = summarize(outcomes), []
     for condition, alike in groupby(rows, key=condition_of):
+        names = reached_names(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
-            attacked = [o for o in outcomes if (o.condition, o.variant) == (condition, row.variant)]
-            drops = scene_means({(o.scene, o.seed): drop for o in attacked if isfinite(drop := reached_damage(o))})
-            name = reached_name(row.variant, *drops.values())
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
-            names = [Cell("" if i else condition_name(*condition)), Cell(name + extraction)]
+            shown = [Cell("" if i else condition_name(*condition)), Cell(names[row.variant] + extraction)]
             scenes = _scenes((row.scene, row.message, row.score))
             means = [
                 Cell(text(value.mean), few(value.scenes, scenes)) if value else Cell()
                 for value, text in ((row.scene, decimal), (row.message, _text(row.extraction)))
             ]
             numbers = [*means, interval(row.score, scenes), Cell(decimal(row.paper_score))]
-            body.append(Row([*names, Cell(f"{scenes}"), *numbers], begins=not i))
+            body.append(Row([*shown, Cell(f"{scenes}"), *numbers], begins=not i))
     has_marks = not all(is_picture(row.extraction) for row in rows)
     return Table("Means over scenes", columns, body, say(NOTES, "summary", has_marks))
 
