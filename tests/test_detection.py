@@ -1,187 +1,34 @@
-"""Detectors: what a command may answer, thresholds of their readings, and their place in tables and report."""
+"""Readings of detectors: thresholds, and their place in tables and report."""
 
 from __future__ import annotations
 
 import csv
-import json
 import math
-import shlex
-import subprocess
-import sys
-import time
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from gspure.artifacts import read_json, write_record
-from gspure.cli import detect, main
+from gspure.artifacts import write_record
 from gspure.errors import InputError
-from gspure.evaluation import detector
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.detection import Reading, Threshold, detection, read_detections, share_correct
-from gspure.evaluation.detector import files_of, read_bits, read_marks
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, collect, ordered, with_references
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.survival import survival
 from gspure.failures import Failure, status_of
-from gspure.images import write_image
 from gspure.report.audit import audits
 from gspure.report.page import Comparison, write_report
 from gspure.report.tables import conditions_markdown, results_markdown
 from gspure.schemes.readability import bit_readability
 from tests.contest_cases import attacked
-from tests.documentation import ROOT
-
-
-def printing(text: str) -> str:
-    """The command of a detector that prints `text`; the folder of images is ignored."""
-    return shlex.join([sys.executable, "-c", f"print({text!r})"])
-
-
-@pytest.fixture
-def renders(tmp_path):
-    folder = tmp_path / "renders"
-    for view in ("a", "b"):
-        write_image(folder / f"{view}.png", np.zeros((4, 4, 3)))
-    return folder
-
-
-def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
-    code = 'import pathlib, sys; print(\'loading\'); print(\'{"a": "0110", "b": "1111"}\'.replace(\'a\', sorted('
-    code += "pathlib.Path(sys.argv[1]).glob('*.png'))[0].stem))"
-    readings = read_marks(shlex.join([sys.executable, "-c", code]), renders, "0111", 60)
-    assert readings == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
-    assert read_marks(printing('{"b": 2, "a": -0.5}'), renders, "", 60) == [Reading("a", -0.5, 0), Reading("b", 2.0, 0)]
-
-
-@pytest.mark.parametrize(
-    ("answer", "message", "reason"),
-    [
-        ("no JSON", "", "expected a JSON object in the last line, found no JSON"),
-        ("", "", "found nothing"),
-        ("[1, 2]", "", "expected a JSON object"),
-        ("[" * 100_000, "", "expected a JSON object"),
-        ('{"a": 1, "a": 2, "b": 1}', "", "expected a JSON object"),
-        ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
-        ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry of no image"),
-        ('{"a": true, "b": 1}', "", "a: expected a score"),
-        ('{"a": NaN, "b": 1}', "", "a: expected a score"),
-        ('{"a": 1e999, "b": 1}', "", "a: expected a score"),
-        ('{"a": 1e200, "b": 1}', "", "a: expected a score"),
-        (f'{{"a": 1{"0" * 400}, "b": 1}}', "", "a: expected a score"),
-        ('{"a": "01", "b": "01"}', "", "bits need the embedded"),
-        ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
-        ('{"a": "01", "b": "0x"}', "01", "b: expected 2 bits"),
-        ('{"a": "01", "b": 1}', "01", "b: expected 2 bits"),
-    ],
-)
-def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reason):
-    with pytest.raises(InputError) as refusal:
-        read_marks(printing(answer), renders, message, 60)
-    assert reason in str(refusal.value)
-    assert len(str(refusal.value).splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        ("no-such-program", "No such file"),
-        ("'", "No closing quotation"),
-        (shlex.join([sys.executable, "-c", "raise SystemExit('weights are missing')"]), "found weights are missing"),
-        (shlex.join([sys.executable, "-c", "raise SystemExit(3)"]), "found exit status 3"),
-        (shlex.join([sys.executable, "-c", "import time; time.sleep(60)"]), "expected an answer within 0.5 s"),
-    ],
-)
-def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
-    with pytest.raises(InputError, match=reason):
-        read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
-
-
-def test_only_the_last_line_of_a_detector_is_held(renders, monkeypatch):
-    monkeypatch.setattr(detector, "LONGEST_LINE", 1 << 20)
-    answer = '{"a": 1, "b": 2}'
-    code = f"print(('x' * 99 + chr(10)) * 50_000); print({answer!r})"
-    assert len(read_marks(shlex.join([sys.executable, "-c", code]), renders, "", 60)) == 2
-    endless = "while True: print('x' * 4096, end='')"
-    with pytest.raises(InputError, match="a last line of at most 1 MiB"):
-        read_marks(shlex.join([sys.executable, "-c", endless]), renders, "", 60)
-
-
-def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):
-    started = tmp_path / "pid"
-    with pytest.raises(InputError, match="expected an answer within 2 s"):
-        read_marks(shlex.join(["sh", "-c", f"sleep 60 & echo $! > {started}; wait"]), renders, "", 2)
-    status = Path(f"/proc/{started.read_text().strip()}/stat")
-    until = time.monotonic() + 10
-    while status.exists() and status.read_text().split()[2] != "Z":
-        assert time.monotonic() < until
-        time.sleep(0.05)
-
-
-@pytest.mark.parametrize("change", ["rm $0/a.png", "cp $0/b.png $0/a.png"])
-def test_a_detector_that_changes_an_image_is_refused(renders, change):
-    write_image(renders / "b.png", np.ones((4, 4, 3)))
-    with pytest.raises(InputError, match=r"a\.png: content: expected the image as before"):
-        read_marks(shlex.join(["sh", "-c", f'{change}; echo \'{{"a": 1, "b": 1}}\'']), renders, "", 60)
-
-
-@pytest.mark.parametrize("name", ["b.jpg", "b.PNG"])
-def test_images_that_would_not_count_are_refused(renders, name):
-    (renders / "b.png").rename(renders / name)
-    with pytest.raises(InputError, match="expected only PNG files"):
-        read_marks(printing('{"a": 1}'), renders, "", 60)
-    with pytest.raises(InputError, match="expected only PNG files"):
-        read_bits(lambda _: np.ones(4, np.bool_), np.ones(4, np.bool_), renders)
-
-
-def test_a_folder_without_images_is_refused(tmp_path):
-    with pytest.raises(InputError, match="PNG files"):
-        read_marks(printing("{}"), tmp_path, "", 60)
-
-
-def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name in ("detect.py", "my weights.pt", "a=b", "folder/x"):
-        Path(name).parent.mkdir(exist_ok=True)
-        Path(name).touch()
-    command = "python detect.py --weights='my weights.pt' --mode=fast -k folder a=b --empty="
-    assert files_of(command) == ["detect.py", "my weights.pt", "a=b"]
-
-
-def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
-    out = tmp_path / "bits.csv"
-    words = ["detect", str(renders), "--command", printing('{"a": "0110", "b": "1111"}'), "--out", str(out)]
-    assert main([*words, "--message", "0111"]) == 0
-    assert read_table(out, Reading) == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
-    assert read_json(tmp_path / "bits.csv.json")["settings"]["message"] == "0111"
-    assert "75 % of the bits are correct" in capsys.readouterr().out
-    with pytest.raises(SystemExit):
-        main([*words, "--message", "01a"])
-
-
-@pytest.mark.parametrize(
-    ("words", "option"),
-    [
-        (["--command", "true", "--wrong-key", "0"], "--wrong-key"),
-        (["--command", "true", "--scheme", "planted"], "--scheme"),
-        (["--key", "key", "--scheme", "planted", "--message", "01"], "--message"),
-    ],
-)
-def test_options_of_another_source_of_readings_are_refused(renders, tmp_path, words, option, capsys):
-    (tmp_path / "key").mkdir()
-    words = [str(tmp_path / word) if word == "key" else word for word in words]
-    assert main(["detect", str(renders), *words, "--out", str(tmp_path / "out.csv")]) == 2
-    assert f"detect: {option}: expected none" in capsys.readouterr().err
-
 
 # --- thresholds -------------------------------------------------------------------------------------------------------
 
@@ -596,70 +443,3 @@ def test_a_reading_needs_a_view_on_the_camera_path(tmp_path):
     )
     with pytest.raises(InputError, match="on the camera path"):
         collect([path.parents[1] / "metrics.csv"], detections=[path])
-
-
-# --- the example ------------------------------------------------------------------------------------------------------
-
-
-def test_the_example_of_the_help_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    write_image(tmp_path / "a.png", np.random.default_rng(0).random((32, 32, 3)))
-    words = shlex.split(detect.EXAMPLES.splitlines()[0])
-    command = words[words.index("--command") + 1].replace("python", shlex.quote(sys.executable), 1)
-    assert [reading.view for reading in read_marks(command, tmp_path, "", 60)] == ["a"]
-
-
-def test_the_example_reads_what_it_embeds(tmp_path):
-    rng = np.random.default_rng(0)
-    for i in range(4):
-        write_image(tmp_path / "clean" / f"{i}.png", 0.2 + 0.6 * rng.random((9, 12, 3)).repeat(8, 0).repeat(8, 1))
-    script = [sys.executable, str(ROOT / "examples" / "spread_spectrum.py")]
-
-    def embed(folder, *options):
-        words = [*script, "embed", "--key", "7", *options, str(tmp_path / "clean"), str(tmp_path / folder)]
-        subprocess.run(words, check=True)
-
-    def score(folder, *options):
-        return [row.level for row in read_marks(shlex.join([*script, "detect", *options]), tmp_path / folder, "", 60)]
-
-    embed("marked")
-    for folder, options in (("clean", []), ("marked", []), ("new", ["--bits", "01x"]), ("new", ["--strength", "nan"])):
-        with pytest.raises(subprocess.CalledProcessError):
-            embed(folder, *options)
-    embed("bits", "--bits", "01101001")
-    assert min(score("marked", "--key", "7")) > 3
-    assert np.abs(score("clean", "--key", "7")).max() < 3
-    assert np.abs(score("marked", "--key", "8")).max() < 3
-    command = shlex.join([*script, "detect", "--key", "7", "--count", "8"])
-    assert np.mean([row.level for row in read_marks(command, tmp_path / "bits", "01101001", 60)]) > 85
-
-
-def run_example(*words):
-    script = ROOT / "examples" / "spread_spectrum.py"
-    return subprocess.run([sys.executable, script, *map(str, words)], capture_output=True, text=True, check=False)
-
-
-@pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
-def test_the_example_reads_flat_images_as_unmarked_ones(tmp_path, level):
-    write_image(tmp_path / "flat.png", np.full((32, 48, 3), level))
-    reading = run_example("detect", "--key", 7, "--count", 64, tmp_path)
-    assert 20 < json.loads(reading.stdout)["flat"].count("1") < 44
-    scores = [json.loads(run_example("detect", "--key", key, tmp_path).stdout)["flat"] for key in range(6)]
-    assert 0.2 < np.std(scores) < 3
-    assert np.abs(scores).max() < 4
-
-
-@pytest.mark.parametrize("options", [("--key", "-7"), ("--key", "7", "--count", "-1"), ("--key", "7")])
-def test_the_example_refuses_numbers_below_0_and_images_without_its_frequencies(tmp_path, options):
-    write_image(tmp_path / "small.png", np.zeros((4, 4, 3)))
-    refused = run_example("detect", *options, tmp_path)
-    assert (refused.returncode, refused.stdout) == (2, "")
-    assert "expected" in refused.stderr
-    assert "Traceback" not in refused.stderr
-
-
-def test_the_example_refuses_an_image_that_cannot_be_read(tmp_path):
-    (tmp_path / "broken.png").write_text("no image")
-    refused = run_example("detect", "--key", 7, tmp_path)
-    assert (refused.returncode, "Traceback" in refused.stderr) == (2, False)
-    assert "broken.png" in refused.stderr
