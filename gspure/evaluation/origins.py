@@ -30,7 +30,7 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
     Files of an attack must be of the job that made the attacked model. Images must show this model, with the owner's
-    key or, in a control, the wrong one. Tables must measure these images or, if there are none, all the same images.
+    key or, in a control, the wrong one. Tables must measure these images.
 
     The folder may hold older files, as of a removed detector. So only those of the `tables` are checked that are of the
     variant, or of all variants of its model, and only the images that they measure. If one of these tables has no
@@ -45,7 +45,6 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
         if not all(measured) or any(images.name in names for names in measured):
             _require_images_of(variant, images)
     for table in tables:
-        require_same_origin(tables[0], table)
         _require_measured_in(variant, table)
 
 
