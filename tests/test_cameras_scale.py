@@ -73,6 +73,21 @@ def test_any_other_rule_is_refused(rule):
 def test_a_size_is_a_whole_number_also_of_numpy() -> None:
     camera = replace(view(4, 3), width=np.int64(40), height=np.uint16(30))
     assert (type(camera.width), type(camera.height)) == (int, int)
-    for size in (40.0, 40.5, "40"):
-        with pytest.raises(InputError, match="size: expected whole numbers, found 40"):
+    for size in (40.0, 40.5, "40", 0, -40):
+        with pytest.raises(InputError, match="width: expected a whole number"):
             replace(view(4, 3), width=size)
+
+
+@pytest.mark.parametrize(
+    "K",
+    [np.zeros((3, 3)), intrinsics(-9, 9, 2, 2), 2 * intrinsics(9, 9, 2, 2), np.triu(np.full((3, 3), 9.0)), np.eye(4)],
+)
+def test_intrinsics_that_are_not_those_of_a_pinhole_are_refused(K) -> None:
+    with pytest.raises(InputError, match="view: K: expected fx 0 cx"):
+        replace(view(4, 3), K=K)
+
+
+@pytest.mark.parametrize("viewmat", [np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.diag([1.0, 1, 1, 2])])
+def test_a_view_that_is_not_rigid_is_refused(viewmat) -> None:
+    with pytest.raises(InputError, match="view: viewmat: expected"):
+        replace(view(4, 3), viewmat=viewmat)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import digest
+from gspure.bounds import SIDE
 from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
 from gspure.display import Described
 from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
+from gspure.rigid import require_rigid
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,7 +45,8 @@ class Camera(Described):
     Raises
     ------
     InputError
-        A size is no whole number, or a number is not finite, or above `LARGEST`.
+        A size is no whole number of pixels, a number is not finite or above `LARGEST`, a focal length is not positive,
+        `K` has skew, or `viewmat` has scale, shear or mirroring.
 
     """
 
@@ -58,13 +60,16 @@ class Camera(Described):
 
     def __post_init__(self) -> None:
         """Check the numbers, wherever they come from."""
-        size = (self.width, self.height)
-        if not all(isinstance(side, Integral) for side in size):  # the device gets them as they are
-            raise InputError(self.name, "size", expected="whole numbers", found=f"{self.width} x {self.height}")
-        for name, side in zip(("width", "height"), size, strict=True):
-            object.__setattr__(self, name, int(side))
+        for name, side in (("width", self.width), ("height", self.height)):
+            SIDE.require(self.name, name, side)
+            object.__setattr__(self, name, int(side))  # the device takes no integers of numpy
         if not (most := np.abs(self.numbers).max()) <= LARGEST:
             raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
+        fx, fy, cx, cy = self.numbers[2:6]
+        if min(fx, fy) <= 0 or not np.array_equal(self.K, intrinsics(fx, fy, cx, cy)):
+            found = " ".join(map(str, np.ravel(self.K)))
+            raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=found)
+        require_rigid(self.name, "viewmat", self.viewmat)
 
     @property
     def facts(self) -> dict[str, str]:

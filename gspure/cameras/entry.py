@@ -14,8 +14,7 @@ from gspure.bounds import SIDE
 from gspure.constants import LARGEST
 from gspure.dtypes import Float64
 from gspure.errors import InputError
-
-_RIGID_TOLERANCE = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
+from gspure.rigid import require_rigid
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,11 @@ class Entry:
 
     def refusal(self, key: str, *, expected: str, found: str, hint: str | None = None) -> InputError:
         """Return the error that names one key of this entry."""
-        field = f"{self.where}.{key}" if self.where else key
-        return InputError(self.source, field, expected=expected, found=found, hint=hint)
+        return InputError(self.source, self.field(key), expected=expected, found=found, hint=hint)
+
+    def field(self, key: str) -> str:
+        """Return the name of a key in errors, with its place."""
+        return f"{self.where}.{key}" if self.where else key
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -99,10 +101,7 @@ class Entry:
 
     def rotation(self, key: str, matrix: Float64) -> Float64:
         """Return `matrix` [3,3], which was read under `key`, if it is a rotation."""
-        error = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
-        if error > _RIGID_TOLERANCE or np.linalg.det(matrix) < 0:
-            found = f"|R R^T - 1| = {error:.3g}, det R = {np.linalg.det(matrix):.3g}"
-            raise self.refusal(key, expected="a rotation without scale, shear or mirroring", found=found)
+        require_rigid(self.source, self.field(key), matrix)
         return matrix
 
 
