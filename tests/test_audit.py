@@ -302,7 +302,7 @@ def test_the_psnr_of_the_scene_is_beside_the_damage_that_a_search_reached() -> N
         Outcome("vanilla", "chair", name, target, {"scene": 3}, strength=strength)
         for (name, strength), target in zip(strengths.items(), targets, strict=True)
     ]
-    assert "41.0 dB after noise, 6 dB: 1.13 dB reached; 30.0 dB after crop, 6 dB." in told(outcomes)[1]["The scene"]
+    assert "41.0 dB after noise, 6 dB (1.13 dB reached); 30.0 dB after crop, 6 dB." in told(outcomes)[1]["The scene"]
 
 
 def test_without_controls_costs_are_reported_and_nothing_is_judged() -> None:

@@ -188,7 +188,7 @@ def test_a_mark_that_the_clean_model_shows_too_is_not_judged(tmp_path):
     assert audit.verdict == "not present"
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
     page = (tmp_path / "report.html").read_text()
-    assert "or also finds it in the clean model" in page
+    assert "or it is also detected in the clean model" in page
     assert "survived" not in page.partition("Findings")[0]
 
 
@@ -351,9 +351,9 @@ READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": {"c
         ({"rows": [Reading("a", 0.5, 0), Reading("b", 0.7, 0)]}, "bits: expected 4"),
         (
             {"rows": [Reading("a", 50.0, 4), Reading("c", 100.0, 4)]},
-            "views: expected those of .*others; in one file only: b, c",
+            "views: expected those in .*others; in only one of them: b, c",
         ),
-        ({"rows": READ["rows"][:1]}, "views: expected those of .*in one file only: b"),
+        ({"rows": READ["rows"][:1]}, "views: expected those in .*in only one of them: b"),
         ({}, ""),
     ],
 )

@@ -111,23 +111,23 @@ def test_a_damage_that_every_model_has_is_exact_in_the_mean() -> None:
 
 
 def test_the_name_of_a_variant_states_misses_that_cancel_in_the_mean() -> None:
-    assert reached_name("noise@1dB", 0.5, 1.5) == "noise, 1 dB: 0.50 to 1.50 dB reached"
+    assert reached_name("noise@1dB", 0.5, 1.5) == "noise, 1 dB (0.50 to 1.50 dB reached)"
     assert reached_name("noise@1dB", 0.98, 1.02) == "noise, 1 dB"
 
 
 def test_the_range_of_a_missed_damage_is_that_of_scenes_however_many_there_are() -> None:
     scenes = {f"s{i}": {"noise@1dB": (0.4 if i else 1.0, 5.0)} for i in range(9)}
     names = [row.cells[1].text for row in summary_table(outcomes(**scenes)).rows]
-    assert "noise, 1 dB: 0.40 to 1.00 dB reached" in names
+    assert "noise, 1 dB (0.40 to 1.00 dB reached)" in names
     (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
-    assert name == "noise, 1 dB: 0.47 dB reached on average"  # a survival table has no range of many scenes
+    assert name == "noise, 1 dB (0.47 dB reached on average)"  # a survival table has no range of many scenes
 
 
 @pytest.mark.parametrize("count", [4, 8])
 def test_misses_that_cancel_in_the_mean_are_stated(count: int) -> None:
     scenes = {f"s{i}": {"noise@1dB": (0.1 if i % 2 else 1.9, 5.0)} for i in range(count)}
     (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
-    assert name == "noise, 1 dB: " + ("0.10 to 1.90 dB reached" if count < 6 else "1.00 dB reached on average")
+    assert name == "noise, 1 dB " + ("(0.10 to 1.90 dB reached)" if count < 6 else "(1.00 dB reached on average)")
 
 
 def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> None:
@@ -135,12 +135,12 @@ def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> N
     strengths = {"noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5", "unattacked": ""}
     known = outcomes(a={name: (1.0, 5.0) for name in strengths if name != "unattacked"})
     own = [replace(o, targets={"message": o.targets["message"]}, strength=strengths[o.variant]) for o in known]
-    expected = {"unattacked", "noise, 6 dB: 1.13 dB reached", "crop, 6 dB"}
+    expected = {"unattacked", "noise, 6 dB (1.13 dB reached)", "crop, 6 dB"}
     assert {row.cells[1].text for row in summary_table(own).rows} == expected
     assert {row.name for row in survival(own)} == expected
     assert {row.cells[0].text for row in model_table(own).rows} == expected
     of_three = [*own, *(replace(o, scene="b", strength=o.strength.replace("1.13", "2.50")) for o in own)]
-    assert "noise, 6 dB: 1.13 to 2.50 dB reached" in {row.name for row in survival(of_three)}
+    assert "noise, 6 dB (1.13 to 2.50 dB reached)" in {row.name for row in survival(of_three)}
 
 
 def test_a_miss_is_stated_where_only_one_of_two_scenes_has_a_known_drop() -> None:
@@ -149,20 +149,20 @@ def test_a_miss_is_stated_where_only_one_of_two_scenes_has_a_known_drop() -> Non
     own = [replace(o, strength="fraction=1, 1.13 dB reached" * (o.variant != "unattacked")) for o in own]
     (row,) = (row for row in survival([*known, *own]) if row.variant == "noise@6dB")
     assert (row.scene_drop.scenes, row.damage.scenes) == (1, 2)
-    assert row.name == "noise, 6 dB: 1.13 to 6.00 dB reached"
+    assert row.name == "noise, 6 dB (1.13 to 6.00 dB reached)"
 
 
 def test_the_damage_of_searches_is_in_no_row_whose_drop_of_the_scene_is_known() -> None:
     rows = survival(outcomes(a={"noise@6dB": (1.13, 5.0)}, b={"noise@6dB": (2.5, 5.0)}))
     assert [row.damage for row in rows] == [None] * len(rows)
-    assert "noise, 6 dB: 1.13 to 2.50 dB reached" in {row.name for row in rows}
+    assert "noise, 6 dB (1.13 to 2.50 dB reached)" in {row.name for row in rows}
 
 
 def test_a_failed_seed_hides_no_missed_damage() -> None:
     known = outcomes(a={"noise@1dB": (0.4, 5.0)})
     failed = [replace(o, seed=1, targets={}, failure="killed") for o in known if o.variant == "noise@1dB"]
     names = [row.cells[1].text for row in summary_table([*known, *failed]).rows]
-    assert "noise, 1 dB: 0.40 dB reached" in names
+    assert "noise, 1 dB (0.40 dB reached)" in names
 
 
 def test_rows_over_fewer_scenes_than_the_table_state_their_number() -> None:
@@ -222,5 +222,5 @@ def test_tables_name_the_damage_that_a_search_reached_instead_of_the_wanted_one(
     of_condition = condition_tables(rows[0].condition, survival(rows), contest(rows, {}))[:2]
     for table in (model_table(rows), *of_condition, summary_table(rows)):
         names = {cell.text for row in table.rows for cell in row.cells}
-        assert {"noise, 1 dB: 0.17 dB reached", "crop, 1 dB"} <= names
+        assert {"noise, 1 dB (0.17 dB reached)", "crop, 1 dB"} <= names
     assert reached_name("noise@1dB", math.nan) == reached_name("noise@1dB", math.inf) == "noise, 1 dB"

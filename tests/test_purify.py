@@ -239,7 +239,7 @@ def test_a_model_in_the_folder_of_results_is_not_replaced(tmp_path: Path, comman
     before = Path(command[1]).read_bytes()
     write_record(Path(command[1]), inputs={}, settings={})
     assert main(command) == 2
-    assert "expected a folder without the model" in capsys.readouterr().err
+    assert "expected a folder where no output replaces the model" in capsys.readouterr().err
     assert Path(command[1]).read_bytes() == before
 
 

@@ -189,7 +189,7 @@ def test_figures_name_the_damage_that_a_search_reached(tmp_path: Path, drawn) ->
     missed = outcomes(room={"noise@1dB": (0.17, 2.0), "crop@1dB": (1.03, 3.0)})
     write_tradeoff(tmp_path / "tradeoff.png", missed)
     write_outcomes(tmp_path / "outcomes.png", missed)
-    expected = {"noise, 1 dB: 0.17 dB reached", "crop, 1 dB"}
+    expected = {"noise, 1 dB (0.17 dB reached)", "crop, 1 dB"}
     assert {text.get_text() for text in drawn[0].axes[0].texts} >= expected
     assert {label.get_text() for label in drawn[1].axes[0].get_yticklabels()} >= expected
     marks = {line.get_xdata()[0] for line in drawn[0].axes[0].lines if line.get_linewidth() == 0.4}

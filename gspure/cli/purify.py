@@ -111,7 +111,7 @@ def run(args: Arguments) -> None:
     device = choose_device(args.device)
     names = _names(public, args.out, [camera.name for camera in test])
     if model_file(args.model).resolve() in {(args.out / name).resolve() for name in names}:
-        raise InputError(args.out, "--out", expected="a folder without the model", found=str(model_file(args.model)))
+        raise InputError(args.out, "--out", expected="a folder where no output replaces the model", found=str(args.out))
     with filling(args.out, *names, *["cameras.json"] * writes_views) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)

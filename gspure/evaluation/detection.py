@@ -158,7 +158,7 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
             raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
         if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
             names = ", ".join(sorted(views)[:3])
-            raise InputError(path, "views", expected=f"those of {first}", found=f"others; in one file only: {names}")
+            raise InputError(path, "views", expected=f"those in {first}", found=f"others; in only one of them: {names}")
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:

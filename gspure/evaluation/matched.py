@@ -89,7 +89,7 @@ def reached_name(variant: str, *scene_drops: float) -> str:
     wanted, known = wanted_damage(variant), sorted(filter(math.isfinite, scene_drops))
     if wanted is None or not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):
         return display_name(variant)
-    return f"{display_name(variant)}: {' to '.join(dict.fromkeys(map(decimal, (known[0], known[-1]))))} dB reached"
+    return f"{display_name(variant)} ({' to '.join(dict.fromkeys(map(decimal, (known[0], known[-1]))))} dB reached)"
 
 
 def reached_names(outcomes: Iterable[Outcome]) -> dict[str, str]:

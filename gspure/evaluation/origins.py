@@ -64,8 +64,8 @@ def require_equal_images(of_variants: Iterable[Path], of_models: Iterable[Path])
         for image, digests in measured.items():
             first, expected = first_of.setdefault(image, (table, digests))
             if digests.isdisjoint(expected):
-                hint = f"{image[-1]} is of another run, or of earlier images; make the table again"
-                raise InputError(table, "images", expected=f"those of {first}", found="others", hint=hint)
+                hint = f"{'/'.join(image[-2:])} differs; one of the tables is outdated or of another run: make it again"
+                raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
 
 
 def require_one_embedding(metrics: Iterable[Path]) -> None:

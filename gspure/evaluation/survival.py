@@ -53,7 +53,7 @@ class Survival(NamedTuple):
         name, drop = display_name(self.variant), self.damage or self.scene_drop
         named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
         if drop and drop.level >= LEVEL and named != name:
-            return f"{name}: {decimal(drop.mean)} dB reached on average"
+            return f"{name} ({decimal(drop.mean)} dB reached on average)"
         return named
 
     @property
