@@ -295,6 +295,11 @@ def test_without_key_the_scene_alone_is_reported() -> None:
     assert "against renders of the unattacked model: 35.5 dB after GSPure; 30.0 dB after GOF." in points["The scene"]
 
 
+def test_a_drop_that_is_shown_as_zero_has_no_direction() -> None:
+    text = told(of_scenes(1, gspure=(-2e-5, 15.6)))[0]
+    assert "which lowers the PSNR of the message by 15.6 dB and changes that of the scene by 0.0 dB" in text
+
+
 def test_the_psnr_of_the_scene_is_beside_the_damage_that_a_search_reached() -> None:
     strengths = {"unattacked": "", "noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5"}
     targets = [{"scene": measured("scene", psnr, reference=RENDER)} for psnr in (math.inf, 41.0, 30.0)]

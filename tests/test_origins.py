@@ -20,6 +20,8 @@ from gspure.evaluation.detection import Reading
 from gspure.evaluation.origins import (
     require_conditions,
     require_equal_images,
+    require_equal_renders,
+    require_one_attack,
     require_one_embedding,
     require_origins,
 )
@@ -239,6 +241,55 @@ def test_variants_of_two_embeddings_are_not_compared():
     require_one_embedding(alike)
     with pytest.raises(InputError, match="embedding: expected run 1"):
         require_one_embedding([*alike, other / "noise_1/metrics.csv"])
+
+
+@pytest.mark.parametrize(("setting", "value"), [("background", (1.0, 1.0, 1.0)), ("energy", "ray"), ("views", None)])
+def test_variants_rendered_with_other_settings_are_not_compared(setting, value):
+    """Their drops would be those of the setting, not of the attack."""
+
+    def rendered(variant, **changed):
+        images = ROOM / variant / "renders" / SCENE
+        write_image(images / "view.png", np.zeros((2, 2, 3)))
+        known = {"views": {"view": [1.0, 2.0]}, "background": (0.0, 0.0, 0.0), "energy": "ewa"} | changed
+        record_views(images, known.pop("views"), **known)
+        write_metrics(ROOM / variant / "metrics.csv", [measured(SCENE, 20.0)])
+        return record(ROOM / variant / "metrics.csv", with_records([images / "view.png"]))
+
+    changed = {setting: value or {"view": [1.0, 2.1]}}
+    alike = [rendered("unattacked"), rendered("noise_1"), rendered(OTHER_SCENE, **changed)]
+    require_equal_renders(alike)
+    with pytest.raises(InputError, match="view" if setting == "views" else setting):
+        require_equal_renders([*alike, rendered("noise_2", **changed)])
+
+
+@pytest.mark.parametrize(
+    ("settings", "fits"),
+    [
+        ({"attack": "noise", "sigma": 0.1, "attributes": "colour", "seed": 1}, True),
+        ({"attack": "crop", "sigma": 0.1, "attributes": "colour"}, False),
+        ({"attack": "noise", "sigma": 0.2, "attributes": "colour"}, False),
+        ({"attack": "noise", "sigma": 0.1, "attributes": "opacity"}, False),
+    ],
+)
+def test_variants_of_one_name_are_one_attack_in_all_scenes(settings, fits):
+    first = record(published(ROOM / "weak", "a", "1"), attack="noise", sigma=0.1, attributes="colour", seed=0)
+    second = record(published(ROOM.parent / "hall/weak", "b", "2"), **settings)
+    record(published(ROOM.parents[1] / "other_scheme/room/weak", "c", "3"), attack="gof")
+    metrics = [model.parents[1] / "metrics.csv" for model in (first, second)]
+    with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
+        require_one_attack([*metrics, ROOM.parents[1] / "other_scheme/room/weak/metrics.csv"])
+
+
+@pytest.mark.parametrize(
+    ("damage", "attributes", "fits"), [(1.0, "colour", True), (2.0, "colour", False), (1.0, "x", False)]
+)
+def test_strengths_that_were_searched_for_one_damage_differ_between_scenes(damage, attributes, fits):
+    found = {"attack": "noise", "attributes": "colour", "damage_reference": "truth", "damage": 1.0, "sigma": 0.1}
+    first = record(published(ROOM / "noise@1dB", "a", "1"), **found)
+    other = {"sigma": 0.3, "damage_reference": "render", "damage": damage, "attributes": attributes}
+    second = record(published(ROOM.parent / "hall/noise@1dB", "b", "2"), **found | other)
+    with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
+        require_one_attack([model.parents[1] / "metrics.csv" for model in (first, second)])
 
 
 def test_the_message_by_the_key_of_an_earlier_run_is_unfit():

@@ -89,4 +89,4 @@ def _warn_of_repeated_scenes(images: Mapping[str, Sequence[str]]) -> None:
     for name, digests in images.items():
         scheme, folder, variant = name.rsplit("/", 2)
         if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
-            warn(f"{model_name(scheme, folder)}: the same images as {twin}; intervals and tests count this scene twice")
+            warn(f"{model_name(scheme, folder)}: the same images as {twin}; intervals and tests count them twice")

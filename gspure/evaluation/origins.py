@@ -20,7 +20,7 @@ from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.images import origin_of
+from gspure.images import origin_of, require_comparable
 
 MODEL: Final = "public/point_cloud.ply"
 TRAINED: Final = ("protocol", "initialization")  # what a condition says of a model beside its scheme
@@ -30,7 +30,7 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
     Files of an attack must be of the job that made the attacked model. Images must show this model, with the owner's
-    key or, in a control, the wrong one. Tables must measure these images.
+    key or, in a control, the wrong one. Tables must measure these images or, if there are none, all the same images.
 
     The folder may hold older files, as of a removed detector. So only those of the `tables` are checked that are of the
     variant, or of all variants of its model, and only the images that they measure. If one of these tables has no
@@ -45,6 +45,7 @@ def require_origins(variant: Path, tables: Iterable[Path]) -> None:
         if not all(measured) or any(images.name in names for names in measured):
             _require_images_of(variant, images)
     for table in tables:
+        require_same_origin(tables[0], table)
         _require_measured_in(variant, table)
 
 
@@ -66,6 +67,36 @@ def require_equal_images(of_variants: Iterable[Path], of_models: Iterable[Path])
             if digests.isdisjoint(expected):
                 hint = f"{'/'.join(image[-2:])} differs; one of the tables is outdated or of another run: make it again"
                 raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
+
+
+def require_equal_renders(metrics: Iterable[Path]) -> None:
+    """Raise `InputError` if two variants of a model, controls aside, have renders of other backgrounds or cameras.
+
+    The same goes for energies. Otherwise their PSNR would differ without an attack. Renders without a record pass.
+    """
+    first_of: dict[tuple[str, ...], Path] = {}
+    for table in (path for path in map(place, metrics) if path.parent.name not in CONTROLS):
+        for target in sorted({path.parent.name for path in map(Path, recorded_inputs(table)) if path.name == RENDERED}):
+            images = table.parent / "renders" / target
+            first = first_of.setdefault((*table.parts[-4:-2], target), images)
+            require_comparable(first, images, (path.stem for path in images.glob("*.png")))
+
+
+def require_one_attack(metrics: Iterable[Path]) -> None:
+    """Raise `InputError` if variants of one name and scheme are of different attacks or settings, by their records.
+
+    Tables average them. Random seeds may differ and, if a damage was searched for, the strength that was found.
+    """
+    first_of: dict[tuple[str, str], tuple[Path, dict[str, Any]]] = {}
+    for model in (path.parent.resolve() / MODEL for path in metrics):
+        settings = settings_of(model)
+        is_found = "damage" in settings
+        known = {k: v for k, v in settings.items() if not is_found or k == "damage" or isinstance(v, str)}
+        if "attack" in known:
+            first, expected = first_of.setdefault((model.parts[-5], model.parts[-3]), (model, known))
+            shared = {k: v for k, v in expected.items() if k not in {"seed", "damage_reference"}}
+            hint = "variants of one name are averaged; give each attack, with its settings, a name of its own"
+            require_agreement(first, model, shared, known, hint)
 
 
 def require_one_embedding(metrics: Iterable[Path]) -> None:
@@ -171,7 +202,7 @@ def _require_images_of(variant: Path, images: Path) -> None:
     for name, values in expected.items():
         if (origin := origin_of(images, name)) and values and origin not in values:
             hint = f"of another variant; render them again, or delete {RENDERED}"
-            raise InputError(images, name, expected=" or ".join(values), found=origin, hint=hint)
+            raise InputError(images, name, expected=" or ".join(dict.fromkeys(values)), found=origin, hint=hint)
 
 
 def _require_measured_in(variant: Path, table: Path) -> None:

@@ -21,7 +21,14 @@ from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, 
 from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
-from gspure.evaluation.origins import require_conditions, require_equal_images, require_one_embedding, require_origins
+from gspure.evaluation.origins import (
+    require_conditions,
+    require_equal_images,
+    require_equal_renders,
+    require_one_attack,
+    require_one_embedding,
+    require_origins,
+)
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
@@ -196,8 +203,9 @@ def collect(
     ------
     InputError
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
-        than the unattacked model, or in other images than its retrieval or detections, a variant of a model occurs
-        twice, a condition is of no model (unless jobs failed) or not that of its record, or every variant failed.
+        than the unattacked model or in other images than its retrieval or detections, or was rendered with other
+        settings, a variant of a model occurs twice, variants of one name are of different attacks, a condition is of no
+        model (unless jobs failed) or not that of its record, or every variant failed.
     """
     failed = _failed(failures)
     if not metrics:
@@ -210,6 +218,8 @@ def collect(
     for variant in sorted({path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}):
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_equal_images((*metrics, *detections), retrievals)
+    require_equal_renders(metrics)
+    require_one_attack(metrics)
     require_one_embedding(metrics)
     require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
