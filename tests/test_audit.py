@@ -296,8 +296,8 @@ def test_without_key_the_scene_alone_is_reported() -> None:
 
 
 def test_a_drop_that_is_shown_as_zero_has_no_direction() -> None:
-    text = told(of_scenes(1, gspure=(-2e-5, 15.6)))[0]
-    assert "which lowers the PSNR of the message by 15.6 dB and changes that of the scene by 0.0 dB" in text
+    text = sentence(of_scenes(1, gspure=(-2e-5, 20.5)))
+    assert "which lowers the PSNR of the message by 20.5 dB and changes that of the scene by 0.0 dB" in text
 
 
 def test_the_psnr_of_the_scene_is_beside_the_damage_that_a_search_reached() -> None:
