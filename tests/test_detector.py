@@ -17,7 +17,7 @@ from gspure.evaluation import detector
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import Reading
 from gspure.evaluation.detector import files_of, read_bits, read_marks
-from gspure.images import write_image
+from gspure.images import record_views, write_image
 
 
 def printing(text: str) -> str:
@@ -159,3 +159,11 @@ def test_options_of_another_source_of_readings_are_refused(renders, tmp_path, wo
     words = [str(tmp_path / word) if word == "key" else word for word in words]
     assert main(["detect", str(renders), *words, "--out", str(tmp_path / "out.csv")]) == 2
     assert f"detect: {option}: expected none" in capsys.readouterr().err
+
+
+def test_images_of_another_target_than_the_scene_are_refused(renders, tmp_path, capsys):
+    words = ["detect", str(renders), "--command", printing('{"a": 1, "b": 2}'), "--out", str(tmp_path / "marks.csv")]
+    for target, status in (("scene", 0), ("message", 2)):
+        record_views(renders, {"a": [], "b": []}, target=target)
+        assert main(words) == status
+    assert "target: expected renders of the scene, found message" in capsys.readouterr().err

@@ -23,9 +23,10 @@ from gspure.evaluation.origins import (
     require_equal_renders,
     require_one_attack,
     require_one_embedding,
+    require_one_pair,
     require_origins,
 )
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, collect
+from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.images import record_views, with_records, write_image
 from tests.contest_cases import measured
@@ -277,7 +278,7 @@ def test_variants_of_one_name_are_one_attack_in_all_scenes(settings, fits):
     record(published(ROOM.parents[1] / "other_scheme/room/weak", "c", "3"), attack="gof")
     metrics = [model.parents[1] / "metrics.csv" for model in (first, second)]
     with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
-        require_one_attack([*metrics, ROOM.parents[1] / "other_scheme/room/weak/metrics.csv"])
+        require_one_attack([*metrics, ROOM.parents[1] / "other_scheme/room/weak/metrics.csv"], {UNATTACKED})
 
 
 @pytest.mark.parametrize(
@@ -289,7 +290,32 @@ def test_strengths_that_were_searched_for_one_damage_differ_between_scenes(damag
     other = {"sigma": 0.3, "damage_reference": "render", "damage": damage, "attributes": attributes}
     second = record(published(ROOM.parent / "hall/noise@1dB", "b", "2"), **found | other)
     with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
-        require_one_attack([model.parents[1] / "metrics.csv" for model in (first, second)])
+        require_one_attack([model.parents[1] / "metrics.csv" for model in (first, second)], {UNATTACKED})
+
+
+@pytest.mark.parametrize(("attack", "fits"), [(UNATTACKED, True), ("random_pruning", False)])
+def test_the_variant_before_attacks_is_no_attack(attack, fits):
+    record(published(ROOM / UNATTACKED, "a", "1"), attack=attack)
+    with (
+        nullcontext() if fits else pytest.raises(InputError, match="attack: expected unattacked, found random_pruning")
+    ):
+        require_one_attack([ROOM / UNATTACKED / "metrics.csv"], {UNATTACKED})
+
+
+def test_repetitions_of_a_scene_are_of_one_pair(tmp_path):
+    photographs = [tmp_path / "a", tmp_path / "b"]
+    for path in photographs:
+        path.write_text(path.name)
+        write_record(path, inputs={}, settings={}, kind=SCENE)
+    for folder, first in (("room", 0), ("room@1", 0), ("room@2", 1), ("hall", 1)):
+        for variant in (UNATTACKED, OTHER_SCENE):
+            model = published(ROOM.parent / folder / variant, "model", "1")
+            write_record(model, inputs={"scene": photographs[first]}, settings={})
+    alike = [ROOM.parent / folder / UNATTACKED / "metrics.csv" for folder in ("room", "room@1", "hall")]
+    others = ROOM.parent / "room@2"
+    require_one_pair([*alike, others / OTHER_SCENE / "metrics.csv"])
+    with pytest.raises(InputError, match="SCENE@1, SCENE@2"):
+        require_one_pair([*alike, others / UNATTACKED / "metrics.csv"])
 
 
 def test_the_message_by_the_key_of_an_earlier_run_is_unfit():

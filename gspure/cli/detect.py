@@ -42,12 +42,16 @@ def run(args: Arguments) -> None:
     import numpy as np
 
     from gspure.artifacts import write_record
+    from gspure.errors import InputError
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
-    from gspure.images import with_records
+    from gspure.evaluation.outcomes import SCENE
+    from gspure.images import origin_of, with_records
 
     _require_fitting_options(args)
+    if (target := origin_of(args.images, "target")) not in {"", SCENE}:
+        raise InputError(args.images, "target", expected="renders of the scene", found=target)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = with_records(args.images / f"{reading.view}.png" for reading in readings)
@@ -73,13 +77,10 @@ def _read_bits(args: Arguments) -> list[Reading]:
     from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detector import read_bits
-    from gspure.evaluation.outcomes import SCENE
     from gspure.images import origin_of
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    if (target := origin_of(args.images, "target")) not in {"", SCENE}:
-        raise InputError(args.images, "target", expected="renders of the scene", found=target)
     key = read_key(args, origin_of(args.images, "embedding"))
     return read_bits(key.read_bits, key.bits, args.images)
 

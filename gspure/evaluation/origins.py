@@ -1,6 +1,6 @@
 """Whether artifacts in the folder of a variant are of this variant, as far as records tell."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -82,10 +82,11 @@ def require_equal_renders(metrics: Iterable[Path]) -> None:
             require_comparable(first, images, (path.stem for path in images.glob("*.png")))
 
 
-def require_one_attack(metrics: Iterable[Path]) -> None:
+def require_one_attack(metrics: Iterable[Path], named_after: Collection[str]) -> None:
     """Raise `InputError` if variants of one name and scheme are of different attacks or settings, by their records.
 
-    Tables average them. Random seeds may differ and, if a damage was searched for, the strength that was found.
+    Tables average them. Random seeds may differ and, if a damage was searched for, the strength that was found. Some
+    names are `named_after` their attack, and stand for no other one.
     """
     first_of: dict[tuple[str, str], tuple[Path, dict[str, Any]]] = {}
     for model in (path.parent.resolve() / MODEL for path in metrics):
@@ -93,6 +94,10 @@ def require_one_attack(metrics: Iterable[Path]) -> None:
         is_found = "damage" in settings
         known = {k: v for k, v in settings.items() if not is_found or k == "damage" or isinstance(v, str)}
         if "attack" in known:
+            if model.parts[-3] in named_after and known["attack"] != model.parts[-3]:
+                raise InputError(
+                    model, "attack", expected=model.parts[-3], found=known["attack"], hint="rename the folder"
+                )
             first, expected = first_of.setdefault((model.parts[-5], model.parts[-3]), (model, known))
             shared = {k: v for k, v in expected.items() if k not in {"seed", "damage_reference"}}
             hint = "variants of one name are averaged; give each attack, with its settings, a name of its own"
@@ -107,6 +112,17 @@ def require_one_embedding(metrics: Iterable[Path]) -> None:
         if variant not in CONTROLS and (embedding := embedding_of(model)):
             first, expected = first_of.setdefault((scheme, folder), (model, embedding))
             require_agreement(first, model, {"embedding": expected}, {"embedding": embedding})
+
+
+def require_one_pair(metrics: Iterable[Path]) -> None:
+    """Raise `InputError` if the repetitions of a scene, controls aside, are of different pairs, by their records."""
+    first_of: dict[tuple[str, str], tuple[Path, dict[str, str]]] = {}
+    for model in (path.parent.resolve() / MODEL for path in metrics):
+        scheme, folder, variant = model.parts[-5:-2]
+        if variant not in CONTROLS:
+            pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
+            first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
+            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... repeat SCENE with other seeds")
 
 
 def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:

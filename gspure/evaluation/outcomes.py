@@ -27,6 +27,7 @@ from gspure.evaluation.origins import (
     require_equal_renders,
     require_one_attack,
     require_one_embedding,
+    require_one_pair,
     require_origins,
 )
 from gspure.evaluation.recall import recall
@@ -219,8 +220,9 @@ def collect(
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_equal_images((*metrics, *detections), retrievals)
     require_equal_renders(metrics)
-    require_one_attack(metrics)
+    require_one_attack(metrics, {UNATTACKED, GSPURE})
     require_one_embedding(metrics)
+    require_one_pair(metrics)
     require_conditions(metrics, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
