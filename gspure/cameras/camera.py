@@ -63,9 +63,10 @@ class Camera(Described):
         for name, side in (("width", self.width), ("height", self.height)):
             SIDE.require(self.name, name, side)
             object.__setattr__(self, name, int(side))  # the device takes no integers of numpy
-        if not (most := np.abs(self.numbers).max()) <= LARGEST:
+        numbers = self.numbers
+        if not (most := np.abs(numbers).max()) <= LARGEST:
             raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
-        fx, fy, cx, cy = self.numbers[2:6]
+        fx, fy, cx, cy = numbers[2:6]
         if min(fx, fy) <= 0 or not np.array_equal(self.K, intrinsics(fx, fy, cx, cy)):
             found = " ".join(map(str, np.ravel(self.K)))
             raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=found)

@@ -119,8 +119,8 @@ def require_one_pair(metrics: Iterable[Path]) -> None:
     first_of: dict[tuple[str, str], tuple[Path, dict[str, str]]] = {}
     for model in (path.parent.resolve() / MODEL for path in metrics):
         scheme, folder, variant = model.parts[-5:-2]
-        if variant not in CONTROLS:
-            pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
+        pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
+        if pair and variant not in CONTROLS:
             first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
             require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... repeat SCENE with other seeds")
 
