@@ -399,6 +399,14 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
             "variants.reorder.decision: expected no entry, since reorder uses no decision, found 'gentle'",
         ),
         (
+            {
+                **PLANTED,
+                "decisions": {"gentle": {}},
+                "variants": {"unattacked": {}, "gspure": {}, "random_matched": {"decision": "gentle"}},
+            },
+            "variants.random_matched.decision: expected method, as gspure has, found gentle",
+        ),
+        (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {"damage": 1}}},
             "variants.gspure.damage: expected an attack with a strength, found gspure",
         ),

@@ -432,7 +432,18 @@ def test_the_record_of_a_model_names_the_poses_of_its_message(tmp_path, protocol
     assert record_of(tmp_path / "public" / "point_cloud.ply")["settings"]["protocol"] == protocol
 
 
-@pytest.mark.parametrize(("scheme", "source", "warned"), [("sis", "R", 1), ("sis", "S", 0), ("keyss", "R", 0)])
+def test_the_record_of_an_attacked_model_names_its_scheme_and_the_settings_of_its_decision(tmp_path):
+    decide = f"prune --clusters R/clusters.npz --weights R/weights.npy --tau-c 3 --out {tmp_path}/prune_mask.npy"
+    assert main(decide.split()) == 0
+    attack = f"attack gspure --model R/public/point_cloud.ply --prune-mask {tmp_path}/prune_mask.npy"
+    assert main(f"{attack} --out {tmp_path}/public/point_cloud.ply".split()) == 0
+    record = record_of(tmp_path / "public/point_cloud.ply")
+    known = {"tau_c": "3.0", "min_cluster_size": "50", "min_samples": "10", "energy": "ray", "reduction": "sum"}
+    assert known.items() <= record["measured"].items()
+    assert record["ancestors"]["scheme"] == "planted"
+
+
+@pytest.mark.parametrize(("scheme", "source", "warned"), [("sis", "R", 1), ("sis", "S", 0), ("other", "R", 0)])
 def test_a_table_warns_of_scenes_with_the_same_images(tmp_path, capsys, scheme, source, warned):
     shutil.copytree("R/planted/room/unattacked", first := tmp_path / "sis" / "a" / "unattacked")
     shutil.copytree(f"{source}/planted/room/unattacked", second := tmp_path / scheme / "b" / "unattacked")

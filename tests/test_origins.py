@@ -14,21 +14,20 @@ from gspure.artifacts import known_digest, save_array, write_json, write_record
 from gspure.artifacts.checksums import record_file
 from gspure.errors import InputError
 from gspure.evaluation.comparison import write_metrics
-from gspure.evaluation.controls import OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import CLEAN, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading
+from gspure.evaluation.names import SCHEMES
 from gspure.evaluation.origins import (
-    require_conditions,
     require_equal_images,
     require_equal_renders,
-    require_one_attack,
-    require_one_embedding,
-    require_one_pair,
+    require_one_origin,
     require_origins,
 )
 from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.images import record_views, with_records, write_image
+from gspure.schemes.registry import BUILT_IN
 from tests.contest_cases import measured
 
 ROOM = Path("results/gs_hider/room")
@@ -181,11 +180,11 @@ def test_models_of_one_condition_are_trained_alike_in_any_order(tmp_path):
         path.parent.mkdir(parents=True)
         path.write_text(path.parts[-3])
         record(path, **settings)
-    tables = [path.parents[1] / "unattacked/metrics.csv" for path in models]
-    for order in permutations(tables):
+    variants = [path.parents[1] / "unattacked" for path in models]
+    for order in permutations(variants):
         with pytest.raises(InputError, match="protocol: expected"):
-            require_conditions(order, {})
-    require_conditions(tables[:2], {})
+            require_one_origin(order, {}, {})
+    require_one_origin(variants[:2], {}, {})
 
 
 @pytest.mark.parametrize(
@@ -238,10 +237,10 @@ def test_variants_of_two_embeddings_are_not_compared():
     own, other = (Path(run, "gs_hider/room") for run in ("run_1", "run_2"))
     published(own / "unattacked", "a", "run 1"), published(other / "noise_1", "b", "run 2")
     published(other / OTHER_SCENE, "c", "run 3"), published(own / "noise_2", "d", "run 1")
-    alike = [own / "unattacked/metrics.csv", own / "noise_2/metrics.csv", other / OTHER_SCENE / "metrics.csv"]
-    require_one_embedding(alike)
+    alike = [own / "unattacked", own / "noise_2", other / OTHER_SCENE]
+    require_one_origin(alike, {}, {})
     with pytest.raises(InputError, match="embedding: expected run 1"):
-        require_one_embedding([*alike, other / "noise_1/metrics.csv"])
+        require_one_origin([*alike, other / "noise_1"], {}, {})
 
 
 @pytest.mark.parametrize(("setting", "value"), [("background", (1.0, 1.0, 1.0)), ("energy", "ray"), ("views", None)])
@@ -263,22 +262,35 @@ def test_variants_rendered_with_other_settings_are_not_compared(setting, value):
         require_equal_renders([*alike, rendered("noise_2", **changed)])
 
 
+NOISE = {"attack": "noise", "sigma": 0.1, "attributes": "colour"}
+
+
 @pytest.mark.parametrize(
     ("settings", "fits"),
     [
-        ({"attack": "noise", "sigma": 0.1, "attributes": "colour", "seed": 1}, True),
-        ({"attack": "crop", "sigma": 0.1, "attributes": "colour"}, False),
-        ({"attack": "noise", "sigma": 0.2, "attributes": "colour"}, False),
-        ({"attack": "noise", "sigma": 0.1, "attributes": "opacity"}, False),
+        (NOISE | {"seed": 1}, True),
+        (NOISE | {"attack": "crop"}, False),
+        (NOISE | {"sigma": 0.2}, False),
+        (NOISE | {"attributes": "opacity"}, False),
+        (NOISE | {"damage": 1.0}, False),
     ],
 )
 def test_variants_of_one_name_are_one_attack_in_all_scenes(settings, fits):
-    first = record(published(ROOM / "weak", "a", "1"), attack="noise", sigma=0.1, attributes="colour", seed=0)
-    second = record(published(ROOM.parent / "hall/weak", "b", "2"), **settings)
+    record(published(ROOM / "weak", "a", "1"), **NOISE, seed=0)
+    record(published(ROOM.parent / "hall/weak", "b", "2"), **settings)
     record(published(ROOM.parents[1] / "other_scheme/room/weak", "c", "3"), attack="gof")
-    metrics = [model.parents[1] / "metrics.csv" for model in (first, second)]
+    variants = [ROOM / "weak", ROOM.parent / "hall/weak", ROOM.parents[1] / "other_scheme/room/weak"]
     with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
-        require_one_attack([*metrics, ROOM.parents[1] / "other_scheme/room/weak/metrics.csv"], {UNATTACKED})
+        require_one_origin(variants, {UNATTACKED}, {})
+
+
+def test_settings_that_the_first_record_lacks_are_compared_between_the_others():
+    for scene, settings in (("a", {}), ("b", {"sigma": 0.1}), ("c", {"sigma": 0.2})):
+        record(published(ROOM.parent / scene / "weak", scene, scene), attack="noise", **settings)
+    variants = [ROOM.parent / scene / "weak" for scene in "abc"]
+    require_one_origin(variants[:2], {}, {})
+    with pytest.raises(InputError, match="sigma: expected"):
+        require_one_origin(variants, {}, {})
 
 
 @pytest.mark.parametrize(
@@ -286,11 +298,11 @@ def test_variants_of_one_name_are_one_attack_in_all_scenes(settings, fits):
 )
 def test_strengths_that_were_searched_for_one_damage_differ_between_scenes(damage, attributes, fits):
     found = {"attack": "noise", "attributes": "colour", "damage_reference": "truth", "damage": 1.0, "sigma": 0.1}
-    first = record(published(ROOM / "noise@1dB", "a", "1"), **found)
+    record(published(ROOM / "noise@1dB", "a", "1"), **found)
     other = {"sigma": 0.3, "damage_reference": "render", "damage": damage, "attributes": attributes}
-    second = record(published(ROOM.parent / "hall/noise@1dB", "b", "2"), **found | other)
+    record(published(ROOM.parent / "hall/noise@1dB", "b", "2"), **found | other)
     with nullcontext() if fits else pytest.raises(InputError, match="a name of its own"):
-        require_one_attack([model.parents[1] / "metrics.csv" for model in (first, second)], {UNATTACKED})
+        require_one_origin([ROOM / "noise@1dB", ROOM.parent / "hall/noise@1dB"], {UNATTACKED}, {})
 
 
 @pytest.mark.parametrize(("attack", "fits"), [(UNATTACKED, True), ("random_pruning", False)])
@@ -299,7 +311,69 @@ def test_the_variant_before_attacks_is_no_attack(attack, fits):
     with (
         nullcontext() if fits else pytest.raises(InputError, match="attack: expected unattacked, found random_pruning")
     ):
-        require_one_attack([ROOM / UNATTACKED / "metrics.csv"], {UNATTACKED})
+        require_one_origin([ROOM / UNATTACKED], {UNATTACKED}, {})
+
+
+def decided(folder: Path, attack: str, tau: float, views: int = 8, energy: str = "ray") -> Path:
+    """Write a variant with the prune mask of a decision, and the chain of records behind it; return its folder."""
+    model = published(folder, attack, "1")
+    inputs: dict[str, Path] = {}
+    for name, settings in (
+        ("weights", {"energy": energy, "views": views}),
+        ("tree", {"min_samples": 10}),
+        ("prune_mask", {"tau_c": tau}),
+    ):
+        path = folder / f"{name}.npy"
+        path.write_text(f"{folder.parent} {settings}")
+        write_record(path, inputs=inputs, settings=settings, geometry="g", kind=name)
+        inputs = {name: path}
+    write_record(model, inputs={"model": folder.parent / "none", **inputs}, settings={"attack": attack})
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [({"tau": 4.0, "views": 4}, ""), ({"tau": 1.2}, "tau_c"), ({"tau": 4.0, "energy": "ewa"}, "energy")],
+)
+def test_decisions_of_one_name_have_the_same_settings_in_all_scenes(other, message):
+    """Numbers of views may differ, as those of scenes do."""
+    variants = [decided(ROOM.parent / "hall/gspure", "gspure", 4.0), decided(ROOM / "gspure", "gspure", **other)]
+    with pytest.raises(InputError, match=f"{message}: expected.*a name of its own") if message else nullcontext():
+        require_one_origin(variants, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("variant", "tau", "fits"), [("random_matched", 4.0, True), ("random_matched", 1.2, False), ("other", 1.2, True)]
+)
+def test_a_matched_control_removes_as_many_rows_as_gspure(variant, tau, fits):
+    variants = [decided(ROOM / "gspure", "gspure", 4.0), decided(ROOM / variant, "random_matched", tau)]
+    with nullcontext() if fits else pytest.raises(InputError, match="prune_mask: expected"):
+        require_one_origin(variants, {}, {})
+
+
+def test_a_scheme_folder_holds_models_of_its_scheme(tmp_path):
+    for folder, fits in (("gs_hider", True), ("of_my_own", True), ("splats_in_splats", False)):
+        model = published(tmp_path / folder / "room/unattacked", "a", "1")
+        write_record(model, inputs={}, settings={}, ancestors={"scheme": "gs_hider"})
+        with nullcontext() if fits else pytest.raises(InputError, match="scheme: expected splats_in_splats, found gs_"):
+            require_one_origin([model.parents[1]], {}, {})
+
+
+def test_all_built_in_schemes_are_named():
+    assert {scheme.name for scheme in BUILT_IN} == SCHEMES.keys()
+
+
+@pytest.mark.parametrize("control", [CLEAN, OTHER_SCENE])
+@pytest.mark.parametrize("fact", ["embedding", "model"])
+def test_a_model_without_the_message_is_not_the_marked_one(control, fact):
+    published(ROOM / UNATTACKED, "a", EMBEDDING)
+    images = ROOM / control / "renders" / SCENE
+    write_image(images / "view.png", np.zeros((2, 2, 3)))
+    record_views(images, {"view": []}, **{fact: "run 2"})
+    require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
+    record_views(images, {"view": []}, **{fact: EMBEDDING})
+    with pytest.raises(InputError, match="one that never held the message"):
+        require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
 
 
 def test_repetitions_of_a_scene_are_of_one_pair(tmp_path):
@@ -311,11 +385,11 @@ def test_repetitions_of_a_scene_are_of_one_pair(tmp_path):
         for variant in (UNATTACKED, OTHER_SCENE):
             model = published(ROOM.parent / folder / variant, "model", "1")
             write_record(model, inputs={"scene": photographs[first]}, settings={})
-    alike = [ROOM.parent / folder / UNATTACKED / "metrics.csv" for folder in ("room", "room@1", "hall")]
+    alike = [ROOM.parent / folder / UNATTACKED for folder in ("room", "room@1", "hall")]
     others = ROOM.parent / "room@2"
-    require_one_pair([*alike, others / OTHER_SCENE / "metrics.csv"])
+    require_one_origin([*alike, others / OTHER_SCENE], {}, {})
     with pytest.raises(InputError, match="SCENE@1, SCENE@2"):
-        require_one_pair([*alike, others / UNATTACKED / "metrics.csv"])
+        require_one_origin([*alike, others / UNATTACKED], {}, {})
 
 
 def test_the_message_by_the_key_of_an_earlier_run_is_unfit():

@@ -36,7 +36,7 @@ def write_record(
     has no model, it is that of all inputs, if they have the same. `kind` names what a file holds, where others have
     its type and shape. `ancestors` are digests of what else it was made from, by name. Further ones are the inputs of
     this geometry that have a kind, and the ancestors of these inputs, except those in which inputs differ: a table
-    about several pairs has no single message. An input `table` is an ancestor, too.
+    about several pairs has no single message. An input `table` is an ancestor, too. See also `measured_settings`.
 
     `embedding` is common to the public model, the files beside it and the key that one run of `gspure embed` writes:
     the digest of the public model (`embedding_of`). By default, it is that of the input `model`. `motion` is
@@ -63,7 +63,10 @@ def write_record(
     if "model" in files:
         embedding = embedding or embedding_of(files["model"])
     moved = None if motion is None else motion.tolist()
+    measurements = filter(_geometry_of, files.values())
+    measured = _agreed({**measured_settings(source), **settings_of(source)} for source in measurements)
     known = {"geometry": geometry, "kind": kind, "ancestors": ancestors, "embedding": embedding, "motion": moved}
+    known |= {"measured": measured}
     record |= {name: value for name, value in known.items() if value}
     try:
         write_json(record_file(path), with_checksum(record))
@@ -165,6 +168,17 @@ def settings_of(artifact: Path) -> dict[str, Any]:
     match record_of(artifact):
         case {"settings": dict(settings)}:
             return settings
+    return {}
+
+
+def measured_settings(artifact: Path) -> dict[str, str]:
+    """Return the settings, as text, of the measurements of the model that an artifact was made from, by its record.
+
+    A setting in which two of them differ is left out.
+    """
+    match record_of(artifact):
+        case {"measured": dict(settings)}:
+            return {str(name): str(value) for name, value in settings.items()}
     return {}
 
 

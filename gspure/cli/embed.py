@@ -73,9 +73,9 @@ def run(args: Arguments) -> None:
             artifacts.append(folder / "key" / "readability.json")
             write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
         inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
-        photographs = photographs_of(args.pair / "scene") | photographs_of(args.pair / "message")
+        origin = photographs_of(args.pair / "scene") | photographs_of(args.pair / "message") | {"scheme": scheme.name}
         for path in artifacts:
-            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=photographs)
+            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=origin)
         written = {args.out / path.relative_to(folder) for path in artifacts}
     earlier = {file for part in ("public", "key") for file in args.out.glob(f"{part}/*")} - written
     remove(*(file for file in earlier if record_file(file).is_file()))

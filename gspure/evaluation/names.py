@@ -2,7 +2,19 @@
 
 from typing import Final
 
-_NAMES: Final = {
+SCHEMES: Final = {  # the built-in ones
+    "splats_in_splats": "Splats in Splats",
+    "splats_in_splats_hardened": "Splats in Splats (hardened)",
+    "gs_hider": "GS-Hider",
+    "gs_hider_hardened": "GS-Hider (hardened)",
+    "secure_gs": "SecureGS",
+    "secure_gs_hardened": "SecureGS (hardened)",
+    "keyss": "KeySS",
+    "marked_clones": "Marked Clones",
+    "planted": "Planted message",
+}
+
+_NAMES: Final = SCHEMES | {
     "clean": "clean model",
     "other_scene": "other scene's model",
     "black": "black image",
@@ -12,17 +24,8 @@ _NAMES: Final = {
     "lowest_opacity_matched": "count-matched lowest-opacity pruning",
     "message_adaptive": "message (adaptive)",
     "message_oracle": "message (oracle)",
-    "splats_in_splats": "Splats in Splats",
-    "splats_in_splats_hardened": "Splats in Splats (hardened)",
-    "gs_hider": "GS-Hider",
-    "gs_hider_hardened": "GS-Hider (hardened)",
-    "secure_gs": "SecureGS",
-    "secure_gs_hardened": "SecureGS (hardened)",
-    "keyss": "KeySS",
-    "marked_clones": "Marked Clones",
     "tradeoff": "trade-off",
     "vanilla": "Own model",
-    "planted": "Planted message",
 }
 
 _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}

@@ -10,6 +10,7 @@ from gspure.artifacts import (
     facts_of,
     file_digest,
     known_digest,
+    measured_settings,
     place,
     recorded_inputs,
     require_agreement,
@@ -18,12 +19,14 @@ from gspure.artifacts import (
 )
 from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
-from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
+from gspure.evaluation.names import SCHEMES
 from gspure.images import origin_of, require_comparable
 
 MODEL: Final = "public/point_cloud.ply"
 TRAINED: Final = ("protocol", "initialization")  # what a condition says of a model beside its scheme
+OF_A_MODEL: Final = {"seed", "damage_reference", "part", "views", "method"}  # settings that may differ between models
 
 
 def require_origins(variant: Path, tables: Iterable[Path]) -> None:
@@ -82,65 +85,26 @@ def require_equal_renders(metrics: Iterable[Path]) -> None:
             require_comparable(first, images, (path.stem for path in images.glob("*.png")))
 
 
-def require_one_attack(metrics: Iterable[Path], named_after: Collection[str]) -> None:
-    """Raise `InputError` if variants of one name and scheme are of different attacks or settings, by their records.
+def require_one_origin(
+    variants: Collection[Path], named_after: Collection[str], conditions: Mapping[str, tuple[str, str]]
+) -> None:
+    """Raise `InputError` if variants that a table compares or averages are not comparable, by their records.
 
-    Tables average them. Random seeds may differ and, if a damage was searched for, the strength that was found. Some
-    names are `named_after` their attack, and stand for no other one.
+    All variants of a model except controls must be of one embedding; the repetitions of a scene, of one pair; variants
+    of one name, of one attack; models of one scheme, of one condition. A folder with the name of a built-in scheme must
+    hold models of this scheme.
+
+    `variants` are folders ``SCHEME/SCENE/VARIANT``. Some names are `named_after` their attack, and stand for no other
+    one. `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
     """
-    first_of: dict[tuple[str, str], tuple[Path, dict[str, Any]]] = {}
-    for model in (path.parent.resolve() / MODEL for path in metrics):
-        settings = settings_of(model)
-        is_found = "damage" in settings
-        known = {k: v for k, v in settings.items() if not is_found or k == "damage" or isinstance(v, str)}
-        if "attack" in known:
-            if model.parts[-3] in named_after and known["attack"] != model.parts[-3]:
-                raise InputError(
-                    model, "attack", expected=model.parts[-3], found=known["attack"], hint="rename the folder"
-                )
-            first, expected = first_of.setdefault((model.parts[-5], model.parts[-3]), (model, known))
-            shared = {k: v for k, v in expected.items() if k not in {"seed", "damage_reference"}}
-            hint = "variants of one name are averaged; give each attack, with its settings, a name of its own"
-            require_agreement(first, model, shared, known, hint)
-
-
-def require_one_embedding(metrics: Iterable[Path]) -> None:
-    """Raise `InputError` if two variants of a model, controls aside, are of different embeddings, by their records."""
-    first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
-    for model in (path.parent.resolve() / MODEL for path in metrics):
-        scheme, folder, variant = model.parts[-5:-2]
-        if variant not in CONTROLS and (embedding := embedding_of(model)):
-            first, expected = first_of.setdefault((scheme, folder), (model, embedding))
-            require_agreement(first, model, {"embedding": expected}, {"embedding": embedding})
-
-
-def require_one_pair(metrics: Iterable[Path]) -> None:
-    """Raise `InputError` if the repetitions of a scene, controls aside, are of different pairs, by their records."""
-    first_of: dict[tuple[str, str], tuple[Path, dict[str, str]]] = {}
-    for model in (path.parent.resolve() / MODEL for path in metrics):
-        scheme, folder, variant = model.parts[-5:-2]
-        pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
-        if pair and variant not in CONTROLS:
-            first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
-            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... repeat SCENE with other seeds")
-
-
-def require_conditions(metrics: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
-    """Raise `InputError` if a model's record contradicts its condition, or the record of another model of it.
-
-    `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
-    """
-    trained: dict[tuple[str, tuple[str, str], str], tuple[Path, str]] = {}
-    for folder in dict.fromkeys(path.parent.resolve().parent for path in metrics):
-        scheme, scene = folder.parts[-2:]
-        condition = conditions.get(f"{scheme}/{scene}", ("", ""))
-        recorded = settings_of(model := folder / MODEL)
-        known: dict[str, str] = {name: recorded[name] for name in TRAINED if name in recorded}
-        named = {name: value for name, value in zip(TRAINED, condition, strict=True) if value}
-        for name, value in {**known, **named}.items():
-            source = Path("--condition") if name in named else model
-            first, expected = trained.setdefault((scheme, condition, name), (source, value))
-            require_agreement(first, model, {name: expected}, known, "name the condition of each model by --condition")
+    variants = [variant.resolve() for variant in variants]
+    attacked = [variant for variant in variants if variant.name not in CONTROLS]
+    _require_named_schemes(attacked)
+    _require_one_embedding(variants)
+    _require_one_pair(attacked)
+    _require_one_attack(variants, named_after)
+    _require_one_decision(variants)
+    _require_conditions(variants, conditions)
 
 
 def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
@@ -185,6 +149,84 @@ def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
         if model := known.get("models", {}).get("/".join(folder.parts[-2:])):
             return {**facts, **model}
     return {}
+
+
+def _require_named_schemes(variants: Iterable[Path]) -> None:
+    for model in (variant / MODEL for variant in variants):
+        expected, found = model.parts[-5], facts_of(model).get("scheme", "")
+        if found and expected in SCHEMES and found != expected:
+            raise InputError(model, "scheme", expected=expected, found=found, hint="rename the folder of the scheme")
+
+
+def _require_one_embedding(variants: Iterable[Path]) -> None:
+    """Compare embeddings; controls that never held the message must not show the marked model."""
+    first_of: dict[tuple[str, str], tuple[Path, str]] = {}
+    variants = sorted(variants, key=lambda variant: variant.name in MESSAGE_FREE)  # these last
+    for model in (variant / MODEL for variant in variants):
+        scheme, folder, variant = model.parts[-5:-2]
+        if variant not in CONTROLS and (embedding := embedding_of(model)):
+            first, expected = first_of.setdefault((scheme, folder), (model, embedding))
+            require_agreement(first, model, {"embedding": expected}, {"embedding": embedding})
+        for images in sorted(model.parents[1].glob("renders/*")) if variant in MESSAGE_FREE else ():
+            first, marked = first_of.get((scheme, folder), (model, ""))
+            if marked and marked in (origin_of(images, "embedding"), origin_of(images, "model")):
+                expected = "one that never held the message"
+                raise InputError(images, "model", expected=expected, found=f"that of {first.parents[1]}")
+
+
+def _require_one_pair(variants: Iterable[Path]) -> None:
+    first_of: dict[tuple[str, str], tuple[Path, dict[str, str]]] = {}
+    for model in (variant / MODEL for variant in variants):
+        scheme, folder = model.parts[-5:-3]
+        pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
+        if pair:
+            first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
+            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... repeat SCENE with other seeds")
+
+
+def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) -> None:
+    """Compare settings, those of weights, clusters and prune masks included.
+
+    Random seeds may differ and, if a damage was searched for, the strength that was found.
+    """
+    hint = "variants of one name are averaged; give each attack, with its settings, a name of its own"
+    first_of: dict[tuple[str, str, str], tuple[Path, Any]] = {}
+    for model in (variant / MODEL for variant in variants):
+        scheme, _, variant = model.parts[-5:-2]
+        if "attack" not in (settings := settings_of(model)):
+            continue
+        if variant in named_after and settings["attack"] != variant:
+            raise InputError(model, "attack", expected=variant, found=settings["attack"], hint="rename the folder")
+        damage = settings.get("damage", "none")
+        known = {k: v for k, v in settings.items() if damage == "none" or isinstance(v, str)} | {"damage": damage}
+        for name, value in (measured_settings(model) | known).items():
+            if name not in OF_A_MODEL:
+                first, expected = first_of.setdefault((scheme, variant, name), (model, value))
+                require_agreement(first, model, {name: expected}, {name: value}, hint)
+
+
+def _require_one_decision(variants: Iterable[Path]) -> None:
+    """Compare the prune masks of variants named after their attacks, as `gspure` and its matched controls are."""
+    first_of: dict[tuple[str, ...], tuple[Path, dict[str, str]]] = {}
+    for model in (variant / MODEL for variant in variants):
+        mask = {name: digest for name, digest in recorded_inputs(model).items() if name == "prune_mask"}
+        if mask and settings_of(model).get("attack") == model.parts[-3]:
+            first, expected = first_of.setdefault(model.parts[-5:-3], (model, mask))
+            require_agreement(first, model, expected, mask, "give the variant of another decision another name")
+
+
+def _require_conditions(variants: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
+    trained: dict[tuple[str, tuple[str, str], str], tuple[Path, str]] = {}
+    for folder in dict.fromkeys(variant.parent for variant in variants):
+        scheme, scene = folder.parts[-2:]
+        condition = conditions.get(f"{scheme}/{scene}", ("", ""))
+        recorded = settings_of(model := folder / MODEL)
+        known: dict[str, str] = {name: recorded[name] for name in TRAINED if name in recorded}
+        named = {name: value for name, value in zip(TRAINED, condition, strict=True) if value}
+        for name, value in {**known, **named}.items():
+            source = Path("--condition") if name in named else model
+            first, expected = trained.setdefault((scheme, condition, name), (source, value))
+            require_agreement(first, model, {name: expected}, known, "name the condition of each model by --condition")
 
 
 def _images_of_variant(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:

@@ -22,12 +22,9 @@ from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
 from gspure.evaluation.origins import (
-    require_conditions,
     require_equal_images,
     require_equal_renders,
-    require_one_attack,
-    require_one_embedding,
-    require_one_pair,
+    require_one_origin,
     require_origins,
 )
 from gspure.evaluation.recall import recall
@@ -205,8 +202,8 @@ def collect(
     InputError
         If a file cannot be read, two masks of one model have different lengths, a variant was measured in other views
         than the unattacked model or in other images than its retrieval or detections, or was rendered with other
-        settings, a variant of a model occurs twice, variants of one name are of different attacks, a condition is of no
-        model (unless jobs failed) or not that of its record, or every variant failed.
+        settings, a variant of a model occurs twice, variants are not comparable (`require_one_origin`), a condition is
+        of no model (unless jobs failed), or every variant failed.
     """
     failed = _failed(failures)
     if not metrics:
@@ -216,14 +213,12 @@ def collect(
     _require_distinct(metrics)
     _require_equal_references(rows)
     _require_equal_views(rows)
-    for variant in sorted({path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}):
+    variants = {path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}
+    for variant in sorted(variants):
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_equal_images((*metrics, *detections), retrievals)
     require_equal_renders(metrics)
-    require_one_attack(metrics, {UNATTACKED, GSPURE})
-    require_one_embedding(metrics)
-    require_one_pair(metrics)
-    require_conditions(metrics, conditions)
+    require_one_origin(sorted(variants), {UNATTACKED, GSPURE}, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.parent.resolve().parts[-2:]: read_table(path, Retrieved) for path in retrievals}

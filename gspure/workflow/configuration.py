@@ -135,6 +135,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         _check_texts(settings, source, f"variants.{variant}")
         _check_decision(settings, settled["decisions"], source, f"variants.{variant}")
         _check_damage(settings, source, f"variants.{variant}")
+    _check_one_decision(settled["variants"], source)
     settled["variants"] = _at_damages(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
     functions = {name: scheme.embed for name, scheme in known.items()}
@@ -336,6 +337,19 @@ def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], so
     if not find_attack(variant["attack"]).needs & {"weights", "prune_mask"}:
         expected = f"no entry, since {variant['attack']} uses no decision"
         raise InputError(source, f"{place}.decision", expected=expected, found=repr(variant["decision"]))
+
+
+def _check_one_decision(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
+    """Refuse prune masks of two decisions for variants named after their attacks: controls are compared with gspure."""
+    named = [name for name, settings in variants.items() if name == settings["attack"]]
+    masked = [name for name in named if "prune_mask" in find_attack(name).needs]
+    decisions = {name: variants[name].get("decision", DEFAULT) for name in masked}
+    first = GSPURE if GSPURE in decisions else next(iter(decisions), "")
+    for name, decision in decisions.items():
+        if decision != decisions[first]:
+            hint = f"give the variant another name, and `attack: {name}`"
+            expected = f"{decisions[first]}, as {first} has"
+            raise InputError(source, f"variants.{name}.decision", expected=expected, found=decision, hint=hint)
 
 
 def _check_damage(variant: Mapping[str, Any], source: str | Path, place: str) -> None:
