@@ -7,7 +7,7 @@ from gspure.artifacts import RENDERED, record_of, verify
 from gspure.artifacts.checksums import record_file, require_size
 from gspure.errors import InputError
 from gspure.images import require_all_images, require_intact
-from gspure.method.contributions import is_index, read_index, read_stage
+from gspure.method.contributions import is_index, is_stage, read_index, read_stage
 
 
 def problems_in(artifacts: Iterable[Path]) -> tuple[int, list[str]]:
@@ -46,7 +46,12 @@ def _problem(file: Path, check: Callable[[Path], object] | None = None) -> str:
 
 def _check(file: Path) -> None:
     require_size(file)
-    read_index(file) if is_index(file) else verify(file)
+    if is_index(file):
+        read_index(file)
+    elif is_stage(file):
+        read_stage(file)
+    else:
+        verify(file)
 
 
 def _recorded(paths: Iterable[Path]) -> set[Path]:

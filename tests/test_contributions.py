@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from gspure.artifacts import save_array, write_record
 from gspure.cameras import Camera, orbit_cameras, write_cameras
 from gspure.cameras.camera import intrinsics
 from gspure.cli import main
+from gspure.corruption import problems_in
 from gspure.errors import InputError
 from gspure.method import contributions
 from gspure.method.contributions import (
@@ -272,6 +274,20 @@ def test_a_stage_without_its_checksum_is_computed_again(stored, renderer):
     renderer.asked.clear()
     contribute(PublicModel(small_model()), views(), stored.folder)
     assert renderer.asked == ["view_1"]
+
+
+def test_a_copy_of_another_stage_with_its_record_is_refused_and_computed_again(stored, renderer):
+    """Its content is intact, but of another view."""
+    (path, other), good = (stage.path for stage in stored.stages[1:3]), stored.stages[1].path.read_bytes()
+    for suffix in ("", ".json"):
+        shutil.copy(f"{other}{suffix}", f"{path}{suffix}")
+    with pytest.raises(InputError, match=rf"{path.name}: record: expected {path.name}, found {other.name}"):
+        read_stage(path)
+    assert problems_in([stored.folder])[1][0].startswith(f"{path}: record")
+    renderer.asked.clear()
+    contribute(PublicModel(small_model()), views(), stored.folder)
+    assert renderer.asked == ["view_1"]
+    assert path.read_bytes() == good
 
 
 def test_a_removed_stage_is_named(stored):

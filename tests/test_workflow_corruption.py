@@ -71,11 +71,21 @@ def test_a_changed_artifact_and_its_dependents_are_remade(project):  # noqa: F81
     assert (project.folder / metrics).read_bytes() == before
 
 
-def test_a_corrupt_stage_is_named_and_its_view_alone_computed_by_the_next_run(project):  # noqa: F811
+def exchanged(stage: Path) -> None:
+    """Replace a stage by that of another view, with its record."""
+    other = next(stage.parent.glob("view_6.*.npy"))
+    for suffix in ("", ".json"):
+        shutil.copy(f"{other}{suffix}", f"{stage}{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("corrupted", "problem"), [(zeroed, "content: expected CRC-32"), (exchanged, "record: expected view_5.")]
+)
+def test_a_corrupt_stage_is_named_and_its_view_alone_computed_by_the_next_run(project, corrupted, problem):  # noqa: F811
     stage = next(project.folder.glob("stages/vanilla/bot/contributions/view_5.*.npy"))
     good, omega, before = stage.read_bytes(), project.omega(), project.stages()
-    zeroed(stage)
-    assert f"{stage.name}: content: expected CRC-32" in project.run(OMEGA, "--forcerun", "accumulate_weights", status=1)
+    corrupted(stage)
+    assert f"{stage.name}: {problem}" in project.run(OMEGA, "--forcerun", "accumulate_weights", status=1)
     project.run(OMEGA)
     written = {name for name, when in project.stages().items() if when != before[name]}
     assert {name.partition(".")[0] for name in written} == {"view_5"}

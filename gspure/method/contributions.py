@@ -22,7 +22,17 @@ from numpy.typing import NDArray
 
 import gspure.opencl
 import gspure.renderer
-from gspure.artifacts import digest, intact, load_array, remove, require_replaceable, save_array, verify, write_text
+from gspure.artifacts import (
+    digest,
+    intact,
+    load_array,
+    record_of,
+    remove,
+    require_replaceable,
+    save_array,
+    verify,
+    write_text,
+)
 from gspure.artifacts.checksums import record_file
 from gspure.artifacts.replacement import is_result
 from gspure.cameras import Camera
@@ -123,10 +133,12 @@ def rendering_digest() -> str:
 def read_stage(path: Path, count: int | None = None) -> NDArray[Any]:
     """Read one stage: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
 
-    Raise `InputError` if the file is missing or corrupt, names a row that a model of `count` rows does not have, or
-    holds what no view of a model has: see `require_valid`.
+    Raise `InputError` if the file is missing, corrupt or a copy of another stage, names a row that a model of `count`
+    rows does not have, or holds what no view of a model has: see `require_valid`.
     """
     stage = load_array(path, dtype=CONTRIBUTION, shape=(None,))
+    if (name := (record_of(path) or {}).get("artifact", path.name)) != path.name:
+        raise InputError(path, "record", expected=path.name, found=name, hint="a copy of another stage; delete it")
     require_valid(path, stage)
     if count is not None and len(stage) and (last := int(stage["index"][-1])) >= count:
         raise InputError(path, "index", expected=f"rows 0 to {count - 1} of the model", found=f"row {last}")
@@ -160,6 +172,11 @@ def write_index(path: Path, stages: Iterable[Stage], measurement: Measurement) -
     paths = ((stage, os.path.relpath(stage.path, path.parent)) for stage in stages)
     table.writerows((stage.view, stage.key, file, *measurement) for stage, file in paths)
     write_text(path, text.getvalue())
+
+
+def is_stage(path: Path) -> bool:
+    """Return whether a file is a stage, by its name."""
+    return _STAGE.search(path.name) is not None
 
 
 def is_index(path: Path) -> bool:
@@ -226,7 +243,7 @@ def remove_unlisted(folder: Path, indices: Sequence[Path]) -> tuple[int, int]:
     """
     listed = {stage.path.resolve() for index in indices for stage in read_index(index)}
     arrays = {path.resolve(): path for path in sorted(folder.rglob("*.npy"))}
-    unlisted = [arrays[file] for file in arrays.keys() - listed if _STAGE.search(file.name) and is_result(file)]
+    unlisted = [arrays[file] for file in arrays.keys() - listed if is_stage(file) and is_result(file)]
     if unlisted and listed.isdisjoint(arrays):
         hint = "to drop every stage, delete the folder"
         raise InputError(folder, "stages", expected=f"some that {indices[0]} or others list", found="none", hint=hint)
