@@ -404,7 +404,7 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
                 "decisions": {"gentle": {}},
                 "variants": {"unattacked": {}, "gspure": {}, "random_matched": {"decision": "gentle"}},
             },
-            "variants.random_matched.decision: expected method, as gspure has, found gentle",
+            "variants.random_matched.decision: expected method, the decision of gspure, found gentle",
         ),
         (
             {**PLANTED, "variants": {"unattacked": {}, "gspure": {"damage": 1}}},

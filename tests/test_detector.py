@@ -166,4 +166,4 @@ def test_images_of_another_target_than_the_scene_are_refused(renders, tmp_path, 
     for target, status in (("scene", 0), ("message", 2)):
         record_views(renders, {"a": [], "b": []}, target=target)
         assert main(words) == status
-    assert "target: expected renders of the scene, found message" in capsys.readouterr().err
+    assert "target: expected scene, found message" in capsys.readouterr().err

@@ -158,7 +158,7 @@ def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
     capsys.readouterr()
     detect_photographs = ["detect", str(pair_folder / "message"), *words[2:], "--scheme", "marked_clones", "--control"]
     assert main([*detect_photographs, "--out", str(out)]) == 2
-    assert "target: expected renders of the scene, found message" in capsys.readouterr().err
+    assert "target: expected scene, found message" in capsys.readouterr().err
     assert main([*words, "--out", str(out)]) == 2
     assert "--scheme: expected the scheme of the key" in capsys.readouterr().err
     extract = ["extract", str(tmp_path / "marked" / "public"), "--scheme", "marked_clones", *words[2:]]

@@ -172,9 +172,9 @@ def settings_of(artifact: Path) -> dict[str, Any]:
 
 
 def measured_settings(artifact: Path) -> dict[str, str]:
-    """Return the settings, as text, of the measurements of the model that an artifact was made from, by its record.
+    """Return the settings, as text, of the arrays that an artifact was made from, as its record names them.
 
-    A setting in which two of them differ is left out.
+    A setting in which two arrays differ is left out.
     """
     match record_of(artifact):
         case {"measured": dict(settings)}:

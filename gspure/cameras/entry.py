@@ -100,7 +100,7 @@ class Entry:
         return array.astype(np.float64)
 
     def rotation(self, key: str, matrix: Float64) -> Float64:
-        """Return a matrix, which was read under `key`, if it is a rotation [3,3] or a rigid transform [4,4]."""
+        """Return `matrix`, the value of `key`; raise `InputError` unless it is a rotation or a rigid transform."""
         require_rigid(self.source, self.field(key), matrix)
         return matrix
 

@@ -51,7 +51,8 @@ def run(args: Arguments) -> None:
 
     _require_fitting_options(args)
     if (target := origin_of(args.images, "target")) not in {"", SCENE}:
-        raise InputError(args.images, "target", expected="renders of the scene", found=target)
+        hint = "a detector reads renders of the scene"
+        raise InputError(args.images, "target", expected=SCENE, found=target, hint=hint)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = with_records(args.images / f"{reading.view}.png" for reading in readings)

@@ -90,12 +90,14 @@ def require_one_origin(
 ) -> None:
     """Raise `InputError` if variants that a table compares or averages are not comparable, by their records.
 
-    All variants of a model except controls must be of one embedding; the repetitions of a scene, of one pair; variants
-    of one name, of one attack; models of one scheme, of one condition. A folder with the name of a built-in scheme must
+    Records must name one embedding for all variants of a model except controls; one prune mask for its variants that
+    are named after their attacks; one pair for all repetitions of a scene; one attack with its settings for all
+    variants of a name; and one condition for all models of a scheme. A folder with the name of a built-in scheme must
     hold models of this scheme.
 
-    `variants` are folders ``SCHEME/SCENE/VARIANT``. Some names are `named_after` their attack, and stand for no other
-    one. `conditions` are protocol and initialization by ``{scheme}/{scene}``; models without one are of one condition.
+    `variants` are folders ``SCHEME/SCENE/VARIANT``. `named_after` are the names that are reserved for the attack of the
+    same name. `conditions` are protocol and initialization by ``{scheme}/{scene}``; all models of a scheme that are not
+    in it have one condition.
     """
     variants = [variant.resolve() for variant in variants]
     attacked = [variant for variant in variants if variant.name not in CONTROLS]
@@ -155,11 +157,11 @@ def _require_named_schemes(variants: Iterable[Path]) -> None:
     for model in (variant / MODEL for variant in variants):
         expected, found = model.parts[-5], facts_of(model).get("scheme", "")
         if found and expected in SCHEMES and found != expected:
-            raise InputError(model, "scheme", expected=expected, found=found, hint="rename the folder of the scheme")
+            raise InputError(model, "scheme", expected=expected, found=found, hint=f"rename the folder {expected}")
 
 
 def _require_one_embedding(variants: Iterable[Path]) -> None:
-    """Compare embeddings; controls that never held the message must not show the marked model."""
+    """Compare embeddings; renders of the controls `MESSAGE_FREE` must not be of the watermarked model."""
     first_of: dict[tuple[str, str], tuple[Path, str]] = {}
     variants = sorted(variants, key=lambda variant: variant.name in MESSAGE_FREE)  # these last
     for model in (variant / MODEL for variant in variants):
@@ -170,8 +172,8 @@ def _require_one_embedding(variants: Iterable[Path]) -> None:
         for images in sorted(model.parents[1].glob("renders/*")) if variant in MESSAGE_FREE else ():
             first, marked = first_of.get((scheme, folder), (model, ""))
             if marked and marked in (origin_of(images, "embedding"), origin_of(images, "model")):
-                expected = "one that never held the message"
-                raise InputError(images, "model", expected=expected, found=f"that of {first.parents[1]}")
+                expected, found = "a model without the message", f"a model of the embedding of {first.parents[1]}"
+                raise InputError(images, "model", expected=expected, found=found)
 
 
 def _require_one_pair(variants: Iterable[Path]) -> None:
@@ -181,22 +183,23 @@ def _require_one_pair(variants: Iterable[Path]) -> None:
         pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
         if pair:
             first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
-            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... repeat SCENE with other seeds")
+            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... must be of the pair of SCENE")
 
 
 def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) -> None:
-    """Compare settings, those of weights, clusters and prune masks included.
+    """Require the same settings, also of weights, clusters and prune masks, in all variants of one name.
 
-    Random seeds may differ and, if a damage was searched for, the strength that was found.
+    Those `OF_A_MODEL` may differ. If a strength was searched for a damage, so may all numbers except the damage.
     """
-    hint = "variants of one name are averaged; give each attack, with its settings, a name of its own"
+    hint = "variants of one name are averaged; use the same settings, or another name"
     first_of: dict[tuple[str, str, str], tuple[Path, Any]] = {}
     for model in (variant / MODEL for variant in variants):
         scheme, _, variant = model.parts[-5:-2]
         if "attack" not in (settings := settings_of(model)):
             continue
         if variant in named_after and settings["attack"] != variant:
-            raise InputError(model, "attack", expected=variant, found=settings["attack"], hint="rename the folder")
+            rename = f"rename the folder {variant}"
+            raise InputError(model, "attack", expected=variant, found=settings["attack"], hint=rename)
         damage = settings.get("damage", "none")
         known = {k: v for k, v in settings.items() if damage == "none" or isinstance(v, str)} | {"damage": damage}
         for name, value in (measured_settings(model) | known).items():
@@ -206,13 +209,13 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
 
 
 def _require_one_decision(variants: Iterable[Path]) -> None:
-    """Compare the prune masks of variants named after their attacks, as `gspure` and its matched controls are."""
+    """Require one prune mask for the variants of a model that are named after their attacks, such as `gspure`."""
     first_of: dict[tuple[str, ...], tuple[Path, dict[str, str]]] = {}
     for model in (variant / MODEL for variant in variants):
         mask = {name: digest for name, digest in recorded_inputs(model).items() if name == "prune_mask"}
         if mask and settings_of(model).get("attack") == model.parts[-3]:
             first, expected = first_of.setdefault(model.parts[-5:-3], (model, mask))
-            require_agreement(first, model, expected, mask, "give the variant of another decision another name")
+            require_agreement(first, model, expected, mask, "use the same prune mask for both, or rename one")
 
 
 def _require_conditions(variants: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:

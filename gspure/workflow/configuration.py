@@ -340,15 +340,15 @@ def _check_decision(variant: Mapping[str, Any], decisions: Mapping[str, Any], so
 
 
 def _check_one_decision(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
-    """Refuse prune masks of two decisions for variants named after their attacks: controls are compared with gspure."""
+    """Refuse different decisions for variants that are named after their attacks: they are compared with gspure."""
     named = [name for name, settings in variants.items() if name == settings["attack"]]
     masked = [name for name in named if "prune_mask" in find_attack(name).needs]
     decisions = {name: variants[name].get("decision", DEFAULT) for name in masked}
     first = GSPURE if GSPURE in decisions else next(iter(decisions), "")
     for name, decision in decisions.items():
         if decision != decisions[first]:
-            hint = f"give the variant another name, and `attack: {name}`"
-            expected = f"{decisions[first]}, as {first} has"
+            hint = f"rename the variant, and set `attack: {name}` in it"
+            expected = f"{decisions[first]}, the decision of {first}"
             raise InputError(source, f"variants.{name}.decision", expected=expected, found=decision, hint=hint)
 
 
