@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import read_json
+from gspure.artifacts import read_json, write_record
 from gspure.attacks import Evidence, Strength, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
@@ -20,6 +20,7 @@ from gspure.images import read_back, read_image, write_image
 from gspure.method.pruning import prune_mask
 from gspure.model import read_model, write_model
 from gspure.public_model import PublicModel
+from gspure.schemes.registry import find_scheme
 from tests.models import blobs, camera, tilted_camera
 
 STRONG = [attack for attack in BUILT_IN if attack.strength]
@@ -181,6 +182,15 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     assert "warning: densify_clone: fraction=1 " in printed
     assert f"an estimated {record['scene_drop']:.2f} dB" in printed
     assert record["damage_reference"] == "render"
+
+
+def test_the_verdict_is_on_the_scheme_in_the_record_of_the_model(tmp_path: Path) -> None:
+    write_model(tmp_path / "model.ply", blobs(10))
+    write_record(tmp_path / "model.ply", inputs={}, settings={}, ancestors={"scheme": "marked_clones"})
+    out = tmp_path / "out.ply"
+    words = ["random_pruning", "--model", tmp_path / "model.ply", "--out", out, "--verdict", tmp_path / "verdict.json"]
+    assert main(["attack", *map(str, words)]) == 0
+    assert read_json(tmp_path / "verdict.json")["reached"].keys() == find_scheme("marked_clones").extractions.keys()
 
 
 @pytest.mark.parametrize("name", ["random_pruning", "crop"])

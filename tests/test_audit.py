@@ -64,16 +64,30 @@ def test_the_verdict_is_about_the_strongest_attack_within_the_allowed_damage() -
     assert sentence(harsh).startswith("The message survived no attack")
 
 
-def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_listed_once() -> None:
-    def detected(variant: str, **present: bool) -> Outcome:
-        detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, 16) for name, is_there in present.items()}
-        return replace(outcome(variant, targets={"scene": 30.0}), reference={}, detections=detections)
+def detected(variant: str, scene: str = "s0", **present: bool) -> Outcome:
+    detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, 16) for name, is_there in present.items()}
+    return replace(outcome(variant, targets={"scene": 30.0}), scene=scene, reference={}, detections=detections)
 
+
+def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_listed_once() -> None:
     audit = audit_of([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])
     assert (audit.extraction, audit.verdict) == ("zeta", "judged")
     assert [row.variant for row in audit.scene_psnr] == ["gspure"]
     audit = audit_of([detected(name, alpha=True, bits=False) for name in ("unattacked", "gspure")])
     assert audit.extraction == "bits"
+
+
+def test_a_mark_that_was_not_detected_before_the_attacks_is_said_not_to_be_judged() -> None:
+    points = told([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])[1]
+    assert points["Mark (alpha)"].startswith("Survival cannot be judged: the mark (alpha) was not detected")
+    points = told([detected(name, alpha=True, zeta=True) for name in ("unattacked", "gspure")])[1]
+    assert "cannot be judged" not in points["Mark (zeta)"]
+
+
+def test_the_audit_tells_where_the_clean_model_shows_the_mark_too() -> None:
+    found = [detected(name, scene, mark=True) for scene in "ab" for name in ("unattacked", "gspure")]
+    points = told([*found, detected("clean", "a", mark=True), detected("clean", "b", mark=False)])[1]
+    assert "present in 1 of 2 scenes; in 1, the clean model shows it, too; only scenes" in points["Before any attack"]
 
 
 def test_an_attack_that_the_message_survives_in_fewer_scenes_is_the_stronger() -> None:

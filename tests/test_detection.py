@@ -219,6 +219,18 @@ def test_the_first_pictures_are_of_a_model_with_the_mark():
     assert Comparison(audit, [failed], [], None, []).shown is None
 
 
+@pytest.mark.parametrize(("digest", "fits"), [("1", True), ("2", False)])
+def test_the_files_of_a_detector_do_not_change_between_scenes(tmp_path, digest, fits):
+    tables = [tmp_path / f"scheme/{scene}/unattacked/detections/mark.csv" for scene in "ab"]
+    for table, known in zip(tables, ("1", digest), strict=True):
+        write_table(table, Reading, [Reading("view", 75.0, 4)])
+        write_record(
+            table, inputs={}, settings={"command": f"python read.py --scene {table.parts[-4]}", "file read.py": known}
+        )
+    with nullcontext() if fits else pytest.raises(InputError, match=r"file read.py: expected 1.* \(read all"):
+        read_detections(tables)
+
+
 def test_the_verdict_is_on_the_mark_if_there_is_no_other_message(outcomes, tmp_path):
     (audit,) = audits(outcomes, survival(outcomes), [])
     assert (audit.extraction, audit.verdict, audit.strongest.variant) == ("mark", "judged", "gspure")
@@ -339,7 +351,8 @@ def test_readings_are_collected_with_the_clean_models_as_null(tmp_path):
     assert marked.detections_before["mine"] == marked.detections["mine"]
 
 
-READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": {"command": "read", "message": "0110"}}
+COMMAND = {"command": "read", "message": "0110", "file read": "1"}
+READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": COMMAND}
 
 
 @pytest.mark.parametrize("variant", ["gspure", "clean"])
@@ -348,6 +361,7 @@ READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": {"c
     [
         ({"settings": {"command": "read", "message": "1001"}}, "message: expected 0110"),
         ({"settings": {"command": "read --key 2", "message": "0110"}}, "command: expected read,"),
+        ({"settings": COMMAND | {"file read": "2"}}, "file read: expected 1"),
         ({"rows": [Reading("a", 0.5, 0), Reading("b", 0.7, 0)]}, "bits: expected 4"),
         (
             {"rows": [Reading("a", 50.0, 4), Reading("c", 100.0, 4)]},

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.artifacts import read_json
+from gspure.artifacts import file_digest, read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation import detector
@@ -140,7 +140,8 @@ def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
     words = ["detect", str(renders), "--command", printing('{"a": "0110", "b": "1111"}'), "--out", str(out)]
     assert main([*words, "--message", "0111"]) == 0
     assert read_table(out, Reading) == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
-    assert read_json(tmp_path / "bits.csv.json")["settings"]["message"] == "0111"
+    settings, program = read_json(tmp_path / "bits.csv.json")["settings"], Path(sys.executable)
+    assert (settings["message"], settings[f"file {program}"]) == ("0111", file_digest(program))
     assert "75 % of the bits are correct" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main([*words, "--message", "01a"])
@@ -159,6 +160,17 @@ def test_options_of_another_source_of_readings_are_refused(renders, tmp_path, wo
     words = [str(tmp_path / word) if word == "key" else word for word in words]
     assert main(["detect", str(renders), *words, "--out", str(tmp_path / "out.csv")]) == 2
     assert f"detect: {option}: expected none" in capsys.readouterr().err
+
+
+def test_the_record_of_readings_names_the_files_that_the_detector_only_reads(renders, tmp_path):
+    script, log, out = tmp_path / "detect.py", tmp_path / "log.txt", tmp_path / "scores.csv"
+    script.write_text("import sys; open(sys.argv[1], 'a').write('.'); print('{\"a\": 1, \"b\": 2}')")
+    log.touch()
+    command = shlex.join([sys.executable, str(script), str(log)])
+    assert main(["detect", str(renders), "--command", command, "--out", str(out)]) == 0
+    settings = read_json(Path(f"{out}.json"))["settings"]
+    assert settings[f"file {script}"] == file_digest(script)
+    assert f"file {log}" not in settings
 
 
 def test_images_of_another_target_than_the_scene_are_refused(renders, tmp_path, capsys):

@@ -10,7 +10,8 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.contest import contest
 from gspure.evaluation.csv_tables import read_table, write_table
-from gspure.evaluation.matched import Matched, match, reached_name, variant_at, wanted_damage
+from gspure.evaluation.matched import Matched, match, reached_name
+from gspure.evaluation.names import variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
 from gspure.evaluation.tradeoff import MATCHED_DAMAGES
@@ -47,6 +48,13 @@ def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
     assert tuple(found) == MATCHED_DAMAGES[2:]  # at less, even the weakest does more to some scene
     assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
     assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
+
+
+def test_every_scene_counts_the_same_in_the_damage_whatever_its_number_of_seeds() -> None:
+    room, vault = outcomes(room={"weak": (1.0, 10.0)}), outcomes(vault={"weak": (1.4, 6.0)})
+    rows = match([*(replace(o, seed=seed) for seed in range(3) for o in room), *vault], {"ours": ["weak"]})
+    found = cells(rows, "ours")[2.0]
+    assert (found.scene_drop, found.drop.mean) == pytest.approx((1.2, 8.0))
 
 
 def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from gspure.artifacts import known_digest, save_array, write_json, write_record
 from gspure.artifacts.checksums import record_file
+from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.controls import CLEAN, OTHER_SCENE, WRONG_KEY
@@ -139,6 +140,24 @@ def test_an_artifact_of_another_variant_is_unfit_and_no_table_reads_it(name):
     assert not any("noise_2" in str(path) for path in unfit())
     with pytest.raises(InputError, match="noise_1"):
         tabulated()
+
+
+@pytest.mark.parametrize("name", ["prune_mask.npy", "verdict.json"])
+def test_files_of_two_attacks_are_unfit_also_without_a_model(name):
+    copy(f"noise_2/{name}", f"noise_1/{name}")
+    for file in ROOM.glob("noise_*/public/*"):
+        file.unlink()
+    assert len(unfit()) == 1
+    with pytest.raises(InputError, match=r"noise_1.*sigma: expected"):
+        tabulated()
+
+
+def test_a_folder_without_a_model_may_not_be_renamed_to_another_attack():
+    for file in ROOM.glob("noise_1/public/*"):
+        file.unlink()
+    require_one_origin([(ROOM / "noise_1").rename(ROOM / "noise")], {"gspure"}, {})
+    with pytest.raises(InputError, match="attack: expected gspure, found noise"):
+        require_one_origin([(ROOM / "noise").rename(ROOM / "gspure")], {"gspure"}, {})
 
 
 def test_a_table_without_a_record_may_measure_any_images():
@@ -298,11 +317,26 @@ def test_settings_that_the_first_record_lacks_are_compared_between_the_others():
 )
 def test_strengths_that_were_searched_for_one_damage_differ_between_scenes(damage, attributes, fits):
     found = {"attack": "noise", "attributes": "colour", "damage_reference": "truth", "damage": 1.0, "sigma": 0.1}
-    record(published(ROOM / "noise@1dB", "a", "1"), **found)
+    record(published(ROOM / "gentle", "a", "1"), **found)
     other = {"sigma": 0.3, "damage_reference": "render", "damage": damage, "attributes": attributes}
-    record(published(ROOM.parent / "hall/noise@1dB", "b", "2"), **found | other)
+    record(published(ROOM.parent / "hall/gentle", "b", "2"), **found | other)
     with nullcontext() if fits else pytest.raises(InputError, match="or another name"):
-        require_one_origin([ROOM / "noise@1dB", ROOM.parent / "hall/noise@1dB"], {UNATTACKED}, {})
+        require_one_origin([ROOM / "gentle", ROOM.parent / "hall/gentle"], {UNATTACKED}, {})
+
+
+@pytest.mark.parametrize(
+    ("variant", "settings", "found"),
+    [
+        ("noise@1dB", {"damage": 1.0}, ""),
+        ("noise@0.5dB", {"damage": 1.0}, "1.0"),
+        ("noise@1dB", {}, "none"),
+        ("noise", {"damage": 1.0}, ""),
+    ],
+)
+def test_a_variant_named_after_a_damage_was_searched_for_it(variant, settings, found):
+    record(published(ROOM / variant, "a", "1"), attack="noise", **settings)
+    with pytest.raises(InputError, match=f"damage: expected .* dB, found {found}") if found else nullcontext():
+        require_one_origin([ROOM / variant], {}, {})
 
 
 @pytest.mark.parametrize(("attack", "fits"), [(UNATTACKED, True), ("random_pruning", False)])
@@ -374,6 +408,27 @@ def test_a_model_without_the_message_is_not_the_marked_one(control, fact):
     record_views(images, {"view": []}, **{fact: EMBEDDING})
     with pytest.raises(InputError, match="a model without the message"):
         require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
+
+
+@pytest.mark.parametrize(("photographs", "fits"), [("room", True), ("", True), ("hall", False)])
+def test_a_clean_model_shows_the_scene_of_its_model(photographs, fits):
+    for variant, shown in ((UNATTACKED, "room"), (CLEAN, photographs)):
+        write_image(ROOM / variant / "renders/scene/view.png", np.zeros((2, 2, 3)))
+        origin = {"model": variant, "target": SCENE, "photographs": shown}
+        record_views(ROOM / variant / "renders/scene", {"view": []}, **origin)
+    with nullcontext() if fits else pytest.raises(InputError, match="scene: expected room"):
+        require_one_origin([ROOM / CLEAN, ROOM / UNATTACKED], {}, {})
+
+
+@pytest.mark.parametrize(("pixel", "fits"), [(0.5, True), (0.25, False)])
+def test_variants_of_a_model_are_compared_with_the_same_images(tmp_path, pixel, fits):
+    renders = {variant: ROOM / f"noise_{i}/renders" for i, variant in ((1, "first"), (2, "second"))}
+    for variant, value in (("first", 0.5), ("second", pixel)):
+        write_image(reference := tmp_path / variant / "scene/view.png", np.full((2, 2, 3), value))
+        options = ("--targets", SCENE, "--out", ROOM / variant / "metrics.csv")
+        assert main(["metrics", *map(str, (reference.parents[1], renders[variant], *options))]) == 0
+    with nullcontext() if fits else pytest.raises(InputError, match=r"reference of scene/view: .* \(compare all"):
+        collect([ROOM / variant / "metrics.csv" for variant in renders])
 
 
 def test_repetitions_of_a_scene_are_of_one_pair(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 
 from gspure.artifacts import (
     UNMOVED,
+    facts_of,
     load_array,
     motion_of,
     require_kind,
@@ -46,7 +47,7 @@ from gspure.method.clustering.store import read_clusters
 from gspure.model import model_file, require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
-from gspure.schemes.registry import find_scheme
+from gspure.schemes.registry import find_scheme, schemes
 from gspure.settings import parsed_settings
 
 EXAMPLES = """\
@@ -182,8 +183,9 @@ def _print_damage(args: Arguments, search: Match) -> None:
 
 
 def _reached(args: Arguments, public: PublicModel, attacked: Attacked) -> dict[str, bool]:
-    """Return for each extraction of ``--scheme`` whether the attack changed its carrier."""
-    carriers = find_scheme(args.scheme).extractions if args.scheme else {}
+    """Return for each extraction whether the attack changed its carrier; the scheme may be that of the record."""
+    scheme = args.scheme or facts_of(model_file(args.model)).get("scheme")
+    carriers = find_scheme(scheme).extractions if scheme in schemes() else {}
     return {name: reached(public.model, attacked, columns) for name, columns in carriers.items()}
 
 

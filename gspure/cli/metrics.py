@@ -1,6 +1,6 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
-from gspure.artifacts import write_record
+from gspure.artifacts import known_digest, write_record
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
@@ -44,5 +44,7 @@ def run(args: Arguments) -> None:
     if args.out:
         write_metrics(args.out, rows)
         images = with_records(path for pair in pairs for path in (pair.reference, pair.image))
-        write_record(args.out, inputs=images, settings={"reference": args.reference, "baseline": args.baseline})
+        references = {f"{pair.target}/{pair.view}": known_digest(pair.reference) for pair in pairs}
+        settings = {"reference": args.reference, "baseline": args.baseline, "references": references}
+        write_record(args.out, inputs=images, settings=settings)
     print("\n".join(as_text(rows)))

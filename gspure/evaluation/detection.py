@@ -20,6 +20,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
+FILE: Final = "file "  # settings of readings: prefix of the files that the detector's command names, with their digests
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
 LARGEST: Final = 1e100  # the largest score, of which squares are finite
 
@@ -147,13 +148,18 @@ def _on_path(table: Path) -> list[Reading]:
 def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
     """Raise `InputError` if a detector read other bits or views of a variant than of the model's other variants.
 
-    Command and message must agree, too, as far as records tell. Controls may have views of their own.
+    Command and message must agree, too, as far as records tell, and the files that the command names over all models of
+    a scheme. Controls may have views of their own.
     """
     first_of: dict[tuple[str, ...], tuple[Path, list[Reading]]] = {}
+    first_with: dict[tuple[str, ...], Path] = {}
     for path, rows in sorted(on_path, key=lambda table: variant_of(table[0])[2] in CONTROLS):
         scheme, folder, variant = variant_of(path)
         first, expected = first_of.setdefault((scheme, folder, path.stem), (path, rows))
-        require_agreement(first, path, settings_of(first), settings_of(path))
+        require_agreement(first, path, settings_of(first), settings_of(path), same := "read all with the same detector")
+        for name in (name for name in settings_of(path) if name.startswith(FILE)):
+            other = first_with.setdefault((scheme, path.stem, name), path)
+            require_agreement(other, path, {name: settings_of(other)[name]}, settings_of(path), same)
         if rows[0].bits != expected[0].bits:
             raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
         if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
-from gspure.evaluation.names import display_name
+from gspure.evaluation.names import display_name, wanted_damage
 from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
 from gspure.numerals import decimal
@@ -19,7 +19,6 @@ Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
 Curve = Mapping[str, Drops]  # the drops of one model by variant of a sweep
 
-_WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 _MISSED: Final = re.compile(r", (-?\d+\.\d+) dB reached$")  # end of the strength of a search that missed its damage
 
 
@@ -61,17 +60,6 @@ class Matched(NamedTuple):
     drop: Interval  # of the message's PSNR, dB; a lower bound if `scene_drop` is below `damage`, an upper one if above
     gentle: int  # number of models that no strength damages this much; there, the largest drop of the message counts
     scene_drop: float  # mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it
-
-
-def variant_at(variant: str, damage: float) -> str:
-    """Return the name of a variant whose strength is searched for a damage to the scene, in dB."""
-    return f"{variant}@{damage:g}dB"
-
-
-def wanted_damage(variant: str) -> float | None:
-    """Return the damage, in dB, in a name from `variant_at`; None for other names."""
-    match = _WANTED.search(variant)
-    return float(match[1]) if match else None
 
 
 def reached_damage(o: Outcome) -> float:
@@ -150,6 +138,6 @@ def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int]
 def _mean_drop(points: Mapping[tuple[str, int], Point], damage: float) -> tuple[Interval, int, float]:
     """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
     mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
-    scenes = [point.scene for point in points.values()]
-    reached = damage if {*scenes} == {damage} else float(np.mean(scenes))
-    return mean, sum(scene < damage for scene in scenes), reached
+    reached = {cell: point.scene for cell, point in points.items()}
+    known = damage if {*reached.values()} == {damage} else float(np.mean([*scene_means(reached).values()]))
+    return mean, sum(scene < damage for scene in reached.values()), known

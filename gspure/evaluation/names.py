@@ -1,5 +1,6 @@
-"""Display names of schemes, scenes, variants and targets in reports and figures."""
+"""Names of schemes, scenes, variants and targets, and how reports and figures show them."""
 
+import re
 from typing import Final
 
 SCHEMES: Final = {  # the built-in ones
@@ -28,7 +29,19 @@ _NAMES: Final = SCHEMES | {
     "vanilla": "Own model",
 }
 
+_WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
+
+
+def variant_at(variant: str, damage: float) -> str:
+    """Return the name of a variant whose strength is searched for a damage to the scene, in dB."""
+    return f"{variant}@{damage:g}dB"
+
+
+def wanted_damage(variant: str) -> float | None:
+    """Return the damage, in dB, in a name from `variant_at`; None for other names."""
+    match = _WANTED.search(variant)
+    return float(match[1]) if match else None
 
 
 def display_name(name: str) -> str:

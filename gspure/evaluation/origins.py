@@ -12,6 +12,7 @@ from gspure.artifacts import (
     known_digest,
     measured_settings,
     place,
+    record_of,
     recorded_inputs,
     require_agreement,
     require_same_origin,
@@ -19,12 +20,13 @@ from gspure.artifacts import (
 )
 from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
-from gspure.evaluation.controls import BASELINES, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.evaluation.names import SCHEMES
-from gspure.images import origin_of, require_comparable
+from gspure.evaluation.names import SCHEMES, wanted_damage
+from gspure.images import origin_of, photographs_of, require_comparable
 
 MODEL: Final = "public/point_cloud.ply"
+OF_ATTACK: Final = (MODEL, "prune_mask.npy", "verdict.json", "transform.npy")  # what `gspure attack` writes
 TRAINED: Final = ("protocol", "initialization")  # what a condition says of a model beside its scheme
 OF_A_MODEL: Final = {"seed", "damage_reference", "part", "views", "method"}  # settings that may differ between models
 
@@ -32,15 +34,15 @@ OF_A_MODEL: Final = {"seed", "damage_reference", "part", "views", "method"}  # s
 def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
-    Files of an attack must be of the job that made the attacked model. Images must show this model, with the owner's
+    Files of an attack must be of one job. Images must show this model, with the owner's
     key or, in a control, the wrong one. Tables must measure these images or, if there are none, all the same images.
 
     The folder may hold older files, as of a removed detector. So only those of the `tables` are checked that are of the
     variant, or of all variants of its model, and only the images that they measure. If one of these tables has no
     record, all images are checked, as it may measure any of them.
     """
-    of_attack = (variant / name for name in ("prune_mask.npy", "transform.npy", "verdict.json"))
-    require_same_origin(variant / MODEL, *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
+    of_attack = (variant / name for name in OF_ATTACK)
+    require_same_origin(_recorded(variant), *of_attack, cost_of(Path(COSTS, *variant.parts[-3:], "attack")))
     folders = (variant, variant / DETECTIONS, variant.parent)
     tables = [table for table in map(place, tables) if table.parent in folders]
     measured = [{p.parent.name for p in map(Path, recorded_inputs(t)) if p.name == RENDERED} for t in tables]
@@ -72,6 +74,17 @@ def require_equal_images(of_variants: Iterable[Path], of_models: Iterable[Path])
                 raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
 
 
+def require_equal_references(metrics: Iterable[Path]) -> None:
+    """Raise `InputError` if two variants of a model are compared with different images of a view, by records."""
+    first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
+    for table in map(place, metrics):
+        for image, digest in settings_of(table).get("references", {}).items():
+            first, expected = first_of.setdefault((*table.parts[-4:-2], image), (table, digest))
+            if digest != expected:
+                name, hint = f"reference of {image}", "compare all variants of a model with the same images"
+                raise InputError(table, name, expected=f"that of {first}", found="another", hint=hint)
+
+
 def require_equal_renders(metrics: Iterable[Path]) -> None:
     """Raise `InputError` if two variants of a model, controls aside, have renders of other backgrounds or cameras.
 
@@ -90,10 +103,11 @@ def require_one_origin(
 ) -> None:
     """Raise `InputError` if variants that a table compares or averages are not comparable, by their records.
 
-    Records must name one embedding for all variants of a model except controls; one prune mask for its variants that
-    are named after their attacks; one pair for all repetitions of a scene; one attack with its settings for all
-    variants of a name; and one condition for all models of a scheme. A folder with the name of a built-in scheme must
-    hold models of this scheme.
+    Records must name one embedding for all variants of a model except controls; one scene for a model and its clean
+    model; one prune mask for its variants that are named after their attacks; one pair for all repetitions of a scene;
+    one attack with its settings for all variants of a name; and one condition for all models of a scheme. A folder with
+    the name of a built-in scheme must hold models of this scheme, and a variant that is named after the damage that its
+    strength was searched for must have it.
 
     `variants` are folders ``SCHEME/SCENE/VARIANT``. `named_after` are the names that are reserved for the attack of the
     same name. `conditions` are protocol and initialization by ``{scheme}/{scene}``; all models of a scheme that are not
@@ -104,6 +118,7 @@ def require_one_origin(
     _require_named_schemes(attacked)
     _require_one_embedding(variants)
     _require_one_pair(attacked)
+    _require_one_scene(variants)
     _require_one_attack(variants, named_after)
     _require_one_decision(variants)
     _require_conditions(variants, conditions)
@@ -122,17 +137,17 @@ def measured_images(tables: Iterable[Path]) -> dict[str, list[str]]:
 def recorded_attacks(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """Return attack and settings of the variants ``SCHEME/SCENE/VARIANT`` of tables, as far as records tell."""
     variants = [table.parent.resolve() for table in tables]
-    known = {"/".join(variant.parts[-3:]): settings_of(variant / MODEL) for variant in variants}
+    known = {"/".join(variant.parts[-3:]): settings_of(_recorded(variant)) for variant in variants}
     return {variant: settings for variant, settings in known.items() if "attack" in settings}
 
 
 def recorded_models(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     """Return the origin of the models ``SCHEME/SCENE`` of tables, as the records of their attacked variants name it."""
     variants = [table.parent.resolve() for table in tables]
-    attacked = [variant for variant in variants if "attack" in settings_of(variant / MODEL)]
+    attacked = [variant for variant in variants if "attack" in settings_of(_recorded(variant))]
     origins = ("embedding", "message", "scene", "public model")
     return {
-        "/".join(variant.parts[-3:-1]): {k: v for k, v in model_facts(variant / MODEL).items() if k in origins}
+        "/".join(variant.parts[-3:-1]): {k: v for k, v in model_facts(_recorded(variant)).items() if k in origins}
         for variant in attacked
     }
 
@@ -153,37 +168,51 @@ def tabulated_facts(known: Mapping[str, Any], path: Path) -> dict[str, Any]:
     return {}
 
 
+def _recorded(variant: Path) -> Path:
+    """Return the attacked model of a variant or, if it has no record, what else of the attack has one."""
+    files = [variant / name for name in OF_ATTACK]
+    return next(filter(record_of, files), files[0])
+
+
 def _require_named_schemes(variants: Iterable[Path]) -> None:
-    for model in (variant / MODEL for variant in variants):
-        expected, found = model.parts[-5], facts_of(model).get("scheme", "")
+    for variant in variants:
+        expected, found = variant.parts[-3], facts_of(file := _recorded(variant)).get("scheme", "")
         if found and expected in SCHEMES and found != expected:
-            raise InputError(model, "scheme", expected=expected, found=found, hint=f"rename the folder {expected}")
+            raise InputError(file, "scheme", expected=expected, found=found, hint=f"rename the folder {expected}")
 
 
 def _require_one_embedding(variants: Iterable[Path]) -> None:
     """Compare embeddings; renders of the controls `MESSAGE_FREE` must not be of the watermarked model."""
     first_of: dict[tuple[str, str], tuple[Path, str]] = {}
-    variants = sorted(variants, key=lambda variant: variant.name in MESSAGE_FREE)  # these last
-    for model in (variant / MODEL for variant in variants):
-        scheme, folder, variant = model.parts[-5:-2]
-        if variant not in CONTROLS and (embedding := embedding_of(model)):
-            first, expected = first_of.setdefault((scheme, folder), (model, embedding))
-            require_agreement(first, model, {"embedding": expected}, {"embedding": embedding})
-        for images in sorted(model.parents[1].glob("renders/*")) if variant in MESSAGE_FREE else ():
-            first, marked = first_of.get((scheme, folder), (model, ""))
+    for variant in sorted(variants, key=lambda variant: variant.name in MESSAGE_FREE):  # these last
+        scheme, folder, name = variant.parts[-3:]
+        if name not in CONTROLS and (embedding := embedding_of(file := _recorded(variant))):
+            first, expected = first_of.setdefault((scheme, folder), (file, embedding))
+            require_agreement(first, file, {"embedding": expected}, {"embedding": embedding})
+        for images in sorted(variant.glob("renders/*")) if name in MESSAGE_FREE else ():
+            first, marked = first_of.get((scheme, folder), (variant, ""))
             if marked and marked in (origin_of(images, "embedding"), origin_of(images, "model")):
-                expected, found = "a model without the message", f"a model of the embedding of {first.parents[1]}"
+                expected, found = "a model without the message", f"a model of the embedding of {first}"
                 raise InputError(images, "model", expected=expected, found=found)
 
 
 def _require_one_pair(variants: Iterable[Path]) -> None:
     first_of: dict[tuple[str, str], tuple[Path, dict[str, str]]] = {}
-    for model in (variant / MODEL for variant in variants):
-        scheme, folder = model.parts[-5:-3]
-        pair = {name: photographs for name, photographs in facts_of(model).items() if name in {"scene", "message"}}
+    for file, (scheme, folder, _) in ((_recorded(variant), variant.parts[-3:]) for variant in variants):
+        pair = {name: photographs for name, photographs in facts_of(file).items() if name in {"scene", "message"}}
         if pair:
-            first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (model, pair))
-            require_agreement(first, model, expected, pair, "SCENE@1, SCENE@2, ... must be of the pair of SCENE")
+            first, expected = first_of.setdefault((scheme, folder.partition("@")[0]), (file, pair))
+            require_agreement(first, file, expected, pair, "SCENE@1, SCENE@2, ... must be of the pair of SCENE")
+
+
+def _require_one_scene(variants: Iterable[Path]) -> None:
+    """Require renders of `clean` and of the other variants of its model to show the same photographs."""
+    first_of: dict[tuple[str, ...], tuple[Path, dict[str, str]]] = {}
+    shown = (variant for variant in variants if variant.name == CLEAN or variant.name not in CONTROLS)
+    for variant in sorted(shown, key=lambda variant: variant.name == CLEAN):  # this last, so that it is refused
+        if photographs := photographs_of(images := variant / "renders" / "scene"):
+            first, expected = first_of.setdefault(variant.parts[-3:-1], (images, photographs))
+            require_agreement(first, images, expected, photographs, "renders of a model of another scene")
 
 
 def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) -> None:
@@ -193,29 +222,30 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
     """
     hint = "variants of one name are averaged; use the same settings, or another name"
     first_of: dict[tuple[str, str, str], tuple[Path, Any]] = {}
-    for model in (variant / MODEL for variant in variants):
-        scheme, _, variant = model.parts[-5:-2]
-        if "attack" not in (settings := settings_of(model)):
+    for file, (scheme, _, variant) in ((_recorded(variant), variant.parts[-3:]) for variant in variants):
+        if "attack" not in (settings := settings_of(file)):
             continue
+        rename = f"rename the folder {variant}"
         if variant in named_after and settings["attack"] != variant:
-            rename = f"rename the folder {variant}"
-            raise InputError(model, "attack", expected=variant, found=settings["attack"], hint=rename)
+            raise InputError(file, "attack", expected=variant, found=settings["attack"], hint=rename)
         damage = settings.get("damage", "none")
+        if (wanted := wanted_damage(variant)) not in (None, damage):
+            raise InputError(file, "damage", expected=f"{wanted:g} dB", found=str(damage), hint=rename)
         known = {k: v for k, v in settings.items() if damage == "none" or isinstance(v, str)} | {"damage": damage}
-        for name, value in (measured_settings(model) | known).items():
+        for name, value in (measured_settings(file) | known).items():
             if name not in OF_A_MODEL:
-                first, expected = first_of.setdefault((scheme, variant, name), (model, value))
-                require_agreement(first, model, {name: expected}, {name: value}, hint)
+                first, expected = first_of.setdefault((scheme, variant, name), (file, value))
+                require_agreement(first, file, {name: expected}, {name: value}, hint)
 
 
 def _require_one_decision(variants: Iterable[Path]) -> None:
     """Require one prune mask for the variants of a model that are named after their attacks, such as `gspure`."""
     first_of: dict[tuple[str, ...], tuple[Path, dict[str, str]]] = {}
-    for model in (variant / MODEL for variant in variants):
-        mask = {name: digest for name, digest in recorded_inputs(model).items() if name == "prune_mask"}
-        if mask and settings_of(model).get("attack") == model.parts[-3]:
-            first, expected = first_of.setdefault(model.parts[-5:-3], (model, mask))
-            require_agreement(first, model, expected, mask, "use the same prune mask for both, or rename one")
+    for file, variant in ((_recorded(variant), variant) for variant in variants):
+        mask = {name: digest for name, digest in recorded_inputs(file).items() if name == "prune_mask"}
+        if mask and settings_of(file).get("attack") == variant.name:
+            first, expected = first_of.setdefault(variant.parts[-3:-1], (file, mask))
+            require_agreement(first, file, expected, mask, "use the same prune mask for both, or rename one")
 
 
 def _require_conditions(variants: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:

@@ -23,6 +23,7 @@ from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import display_name
 from gspure.evaluation.origins import (
     require_equal_images,
+    require_equal_references,
     require_equal_renders,
     require_one_origin,
     require_origins,
@@ -211,12 +212,13 @@ def collect(
         raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
     rows = _without_identical_views({path: read_metrics(path) for path in metrics})
     _require_distinct(metrics)
-    _require_equal_references(rows)
+    _require_reference_kinds(rows)
     _require_equal_views(rows)
     variants = {path.parents[path.parent.name == DETECTIONS].resolve() for path in (*metrics, *detections)}
     for variant in sorted(variants):
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_equal_images((*metrics, *detections), retrievals)
+    require_equal_references(metrics)
     require_equal_renders(metrics)
     require_one_origin(sorted(variants), {UNATTACKED, GSPURE}, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
@@ -309,7 +311,7 @@ def _require_distinct(metrics: Sequence[Path]) -> None:
             raise InputError(path, o.variant, expected=expected, found=f"a second one beside {first}")
 
 
-def _require_equal_references(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
+def _require_reference_kinds(rows_of: Mapping[Path, Sequence[ViewMetrics]]) -> None:
     """Raise `InputError` if a variant is compared with renders and the unattacked model with photographs."""
     references_of = {place(path): {row.target: row.reference for row in rows} for path, rows in rows_of.items()}
     for path, references in references_of.items():

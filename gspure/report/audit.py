@@ -9,6 +9,7 @@ from math import inf, isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
+from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.outcomes import (
@@ -77,6 +78,7 @@ class Audit:
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
     unknown: int  # number of these in which presence of the mark is unknown: too few views, or no clean model
+    in_clean: int  # number of these in which a detector also detects the mark in the clean model
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
     verdict: Verdict
@@ -159,6 +161,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         extraction=judged_by,
         scenes=len(scenes),
         unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)}),
+        in_clean=len({o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant, judged_by),
@@ -185,6 +188,10 @@ def _judged_by(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survi
     finding = [name for name in names if (row := left.get((name, UNATTACKED))) and row.present]
     own = [name for name in names if is_picture(name) or name == BITS]
     return next(iter([*own, *finding, *names]), MESSAGE)
+
+
+def _is_detected(o: Outcome, extraction: str) -> bool:
+    return extraction in o.detections and bool(o.detections[extraction].present)
 
 
 def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Survival], judged_by: str) -> Verdict:
