@@ -34,8 +34,8 @@ OF_A_MODEL: Final = {"seed", "damage_reference", "part", "views", "method"}  # s
 def require_origins(variant: Path, tables: Iterable[Path]) -> None:
     """Raise `InputError` if an artifact in the folder of a variant is of another one.
 
-    Files of an attack must be of one job. Images must show this model, with the owner's
-    key or, in a control, the wrong one. Tables must measure these images or, if there are none, all the same images.
+    Files of an attack must be of one job. Images must show the attacked model, with the owner's key or, in a control,
+    the wrong one. Tables must measure these images or, if there are none, all the same images.
 
     The folder may hold older files, as of a removed detector. So only those of the `tables` are checked that are of the
     variant, or of all variants of its model, and only the images that they measure. If one of these tables has no
@@ -229,7 +229,8 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
         if variant in named_after and settings["attack"] != variant:
             raise InputError(file, "attack", expected=variant, found=settings["attack"], hint=rename)
         damage = settings.get("damage", "none")
-        if (wanted := wanted_damage(variant)) not in (None, damage):
+        wanted = wanted_damage(variant)
+        if wanted is not None and (damage == "none" or f"{wanted:g}" != f"{damage:g}"):  # as names have it
             raise InputError(file, "damage", expected=f"{wanted:g} dB", found=str(damage), hint=rename)
         known = {k: v for k, v in settings.items() if damage == "none" or isinstance(v, str)} | {"damage": damage}
         for name, value in (measured_settings(file) | known).items():
