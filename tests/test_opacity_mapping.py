@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.schemes.splats_in_splats import opacity_mapping
@@ -66,3 +67,14 @@ def test_arrays_make_the_mapping_again():
 def test_nothing_to_learn_is_no_error():
     empty = np.zeros(0, np.float32)
     assert len(fit(empty, empty, np.random.default_rng(0))(empty)) == 0
+
+
+def test_the_number_of_threads_changes_no_bit(monkeypatch):
+    monkeypatch.setattr(opacity_mapping, "STEPS", 5)
+    shown, hidden = sequence(1000)  # of this length, several threads of OpenBLAS add in another order
+    found = []
+    for threads in (1, 4):
+        with threadpool_limits(threads, "blas"):
+            mapping = fit(shown, hidden, np.random.default_rng(0))
+            found.append([array.tobytes() for array in (*mapping.arrays().values(), mapping(shown))])
+    assert found[0] == found[1]

@@ -4,7 +4,8 @@ r"""The opacity mapping: a small autoencoder from public to hidden opacities (ar
 
 over the Gaussians I of the message. In the paper, encoder and decoder are simple convolutions. Sizes and training are
 ours: two convolutions of stride 2 along the sequence of Gaussians, whose order follows a space-filling curve, and two
-transposed ones. Written in numpy, since the default scheme does not need PyTorch and gives the same bits on every run.
+transposed ones. Written in numpy, since the default scheme does not need PyTorch and gives the same bits on every run:
+with one thread, since OpenBLAS adds the rows of a long product in another order with several.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
 from gspure.dtypes import Float32
@@ -60,7 +62,8 @@ class OpacityMapping:
         """Return the hidden opacities [N] of a sequence of public ones [N]."""
         if not len(opacities):
             return opacities
-        return _forward(self, opacities)[-1][: len(opacities), 0]
+        with threadpool_limits(1, "blas"):
+            return _forward(self, opacities)[-1][: len(opacities), 0]
 
 
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:
@@ -71,16 +74,17 @@ def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> Opacit
     parameters = [array.copy() for array in (*mapping.kernels, *mapping.biases)]
     first, second = ([np.zeros_like(array) for array in parameters] for _ in range(2))
     layers = len(mapping.kernels)
-    for step in range(1, STEPS + 1):
-        mapping = OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
-        rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine decay
-        start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
-        stretch = slice(start, start + STRETCH)
-        for i, gradient in enumerate(_gradients(mapping, opacities[stretch], hidden[stretch])):
-            first[i] = ADAM_BETA1 * first[i] + (1 - ADAM_BETA1) * gradient
-            second[i] = ADAM_BETA2 * second[i] + (1 - ADAM_BETA2) * gradient**2
-            unbiased = second[i] / np.float32(1 - ADAM_BETA2**step)
-            parameters[i] -= rate * first[i] / np.float32(1 - ADAM_BETA1**step) / (np.sqrt(unbiased) + _EPSILON)
+    with threadpool_limits(1, "blas"):
+        for step in range(1, STEPS + 1):
+            mapping = OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
+            rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine decay
+            start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
+            stretch = slice(start, start + STRETCH)
+            for i, gradient in enumerate(_gradients(mapping, opacities[stretch], hidden[stretch])):
+                first[i] = ADAM_BETA1 * first[i] + (1 - ADAM_BETA1) * gradient
+                second[i] = ADAM_BETA2 * second[i] + (1 - ADAM_BETA2) * gradient**2
+                unbiased = second[i] / np.float32(1 - ADAM_BETA2**step)
+                parameters[i] -= rate * first[i] / np.float32(1 - ADAM_BETA1**step) / (np.sqrt(unbiased) + _EPSILON)
     return OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
 
 
