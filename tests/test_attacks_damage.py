@@ -184,6 +184,16 @@ def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, 
     assert record["damage_reference"] == "render"
 
 
+def test_the_record_of_an_attack_names_those_before_it(tmp_path: Path) -> None:
+    write_model(tmp_path / "0.ply", blobs(200))
+    for i, name in enumerate(("unattacked", "random_pruning", "gaussian_noise", "lowest_opacity")):
+        words = ["--model", tmp_path / f"{i}.ply", "--out", tmp_path / f"{i + 1}.ply", "--verdict", tmp_path / "v.json"]
+        assert main(["attack", name, *map(str, words)]) == 0
+    settings = [read_json(tmp_path / f"{i}.ply.json")["settings"]["after"] for i in (1, 2, 3, 4)]
+    assert settings == ["", "", "random_pruning", "random_pruning, gaussian_noise"]
+    assert read_json(tmp_path / "v.json")["strength"].endswith("after random_pruning, gaussian_noise")
+
+
 def test_the_verdict_is_on_the_scheme_in_the_record_of_the_model(tmp_path: Path) -> None:
     write_model(tmp_path / "model.ply", blobs(10))
     write_record(tmp_path / "model.ply", inputs={}, settings={}, ancestors={"scheme": "marked_clones"})

@@ -349,6 +349,22 @@ def test_the_variant_before_attacks_is_no_attack(attack, fits):
         require_one_origin([ROOM / UNATTACKED], {UNATTACKED}, {})
 
 
+@pytest.mark.parametrize(
+    ("variant", "after", "fits"), [("noise", "crop", True), (UNATTACKED, "", True), (UNATTACKED, "crop", False)]
+)
+def test_only_variants_of_other_names_may_follow_an_attack(variant, after, fits):
+    record(published(ROOM / variant, "a", "1"), attack=variant, after=after)
+    with nullcontext() if fits else pytest.raises(InputError, match="before any attack, found a model after crop"):
+        require_one_origin([ROOM / variant], {UNATTACKED}, {})
+
+
+def test_attacks_of_one_name_follow_the_same_attacks_in_all_scenes():
+    for scene, after in (("room", ""), ("hall", "crop")):
+        record(published(ROOM.parent / scene / "noise", scene, scene), attack="noise", after=after)
+    with pytest.raises(InputError, match=r"after: expected.*or another name"):
+        require_one_origin([ROOM / "noise", ROOM.parent / "hall/noise"], {}, {})
+
+
 def decided(folder: Path, attack: str, tau: float, views: int = 8, energy: str = "ray") -> Path:
     """Write a variant with the prune mask of a decision, and the chain of records behind it; return its folder."""
     model = published(folder, attack, "1")

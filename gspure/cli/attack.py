@@ -16,6 +16,7 @@ from gspure.artifacts import (
     motion_of,
     require_kind,
     save_array,
+    settings_of,
     write_json,
     write_record,
 )
@@ -41,7 +42,7 @@ from gspure.cost import read_cost, spent, total
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
-from gspure.evaluation.outcomes import SCENE
+from gspure.evaluation.outcomes import SCENE, UNATTACKED
 from gspure.images import read_image, require_photographs
 from gspure.method.clustering.store import read_clusters
 from gspure.model import model_file, require_writable
@@ -132,7 +133,8 @@ def run(args: Arguments) -> None:
         settings[search.setting] = search.value
     searching = spent().cpu - begin
     attacked = attack.apply(public, evidence, **known, **settings)
-    used = {"attack": attack.name, "seed": args.seed, **attack.settings, **settings}
+    earlier = _earlier(model_file(args.model))
+    used = {"attack": attack.name, "after": earlier, "seed": args.seed, **attack.settings, **settings}
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
         reference = TRUTH if args.photographs else RENDER
@@ -150,6 +152,7 @@ def run(args: Arguments) -> None:
         save_array(args.transform, UNMOVED if motion is None else motion)
     if args.verdict:
         strength = f"{attack.strength.setting}={used[attack.strength.setting]:.4g}" if attack.strength else ""
+        strength += " " * bool(strength and earlier) + f"after {earlier}" * bool(earlier)
         missed = f", {search.damage:z.2f} dB reached" if search and search.misses(args.damage) else ""
         write_json(args.verdict, {"reached": _reached(args, public, attacked), "strength": strength + missed})
     for path in filter(None, (args.removed, args.transform, args.verdict)):
@@ -159,6 +162,12 @@ def run(args: Arguments) -> None:
         write_record(path, inputs=sources, settings=used, motion=motion)
     _write_cost(args, searching, sources, used)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+
+
+def _earlier(model: Path) -> str:
+    """Return the names of the attacks that a model comes from, the first one first, as far as its record tells."""
+    known = (settings_of(model).get(name, "") for name in ("after", "attack"))
+    return ", ".join(str(name) for name in known if name not in {"", UNATTACKED})
 
 
 def _motion(model: Path, attacked: Attacked) -> Float64 | None:

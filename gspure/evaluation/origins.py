@@ -228,6 +228,9 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
         rename = f"rename the folder {variant}"
         if variant in named_after and settings["attack"] != variant:
             raise InputError(file, "attack", expected=variant, found=settings["attack"], hint=rename)
+        if variant in named_after and settings.get("after"):
+            found, hint = f"a model after {settings['after']}", "attack the public model"
+            raise InputError(file, "model", expected="the one before any attack", found=found, hint=hint)
         damage = settings.get("damage", "none")
         wanted = wanted_damage(variant)
         if wanted is not None and (damage == "none" or f"{wanted:g}" != f"{damage:g}"):  # as names have it
