@@ -41,6 +41,8 @@ _DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, wh
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
 
+SHOWN: Final = "shown in "  # settings of a table: prefix of the folders of images that it measures, with their origin
+
 _STDERR: Final = 2
 
 logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
@@ -227,6 +229,12 @@ def _replaced(path: Path, expected: str, found: str) -> InputError:
 def origin_of(folder: Path, name: str) -> str:
     """Return what images show: an entry of the `origin` of `record_views`; empty if unknown."""
     return str(_recorded(folder).get(name, ""))
+
+
+def shown_in(folder: Path) -> dict[str, dict[str, str]]:
+    """Return a setting of a table that measures a folder of images: the model and key that they show, if known."""
+    origin = {name: origin_of(folder, name) for name in ("model", "key")}
+    return {f"{SHOWN}{folder.name}": known} if (known := {k: v for k, v in origin.items() if v}) else {}
 
 
 def photographs_of(folder: Path) -> dict[str, str]:

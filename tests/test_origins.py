@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 from contextlib import nullcontext
 from itertools import permutations
 from pathlib import Path
@@ -33,6 +35,7 @@ from tests.contest_cases import measured
 
 ROOM = Path("results/gs_hider/room")
 EMBEDDING = "run 1"
+DETECTOR = "import json, sys, pathlib; print(json.dumps({p.stem: 1 for p in pathlib.Path(sys.argv[1]).glob('*.png')}))"
 ARTIFACTS = ["prune_mask.npy", "transform.npy", "verdict.json", "metrics.csv", "detections/score.csv"]
 ARTIFACTS += ["renders/scene", "renders/message"]
 
@@ -482,3 +485,25 @@ def test_the_cost_of_another_variant_is_unfit():
     assert unfit() == set()
     record(cost, attack="noise", sigma=2)
     assert unfit() == {cost}
+
+
+@pytest.mark.parametrize("name", ["metrics.csv", "detections/score.csv"])
+def test_a_table_of_deleted_renders_of_an_earlier_model_is_unfit(name, tmp_path):
+    folder, script = (ROOM / "noise_1").resolve(), tmp_path / "detector.py"
+    for table in (ROOM / "retrieval.csv", folder / "metrics.csv", folder / "detections/score.csv"):
+        table.unlink()
+    write_image(tmp_path / "pair/scene/view.png", np.full((2, 2, 3), 0.5))
+    script.write_text(DETECTOR)
+    if name == "metrics.csv":
+        command = ["metrics", tmp_path / "pair", folder / "renders", "--targets", SCENE]
+    else:
+        command = ["detect", folder / "renders/scene", "--command", f"{sys.executable} {script}"]
+    assert main([*map(str, [*command, "--out", folder / name])]) == 0
+    shutil.rmtree(folder / "renders")
+    require_origins(folder, [folder / name])
+    (folder / "public/point_cloud.ply").write_text("noise 1, another seed")
+    record(folder / "public/point_cloud.ply", {"model": ROOM / "public/point_cloud.ply"}, attack="noise", sigma=1)
+    for file in ("prune_mask.npy", "transform.npy", "verdict.json"):
+        record(folder / file, {"model": ROOM / "public/point_cloud.ply"}, attack="noise", sigma=1)
+    with pytest.raises(InputError, match=f"{name}: model"):
+        require_origins(folder, [folder / name])

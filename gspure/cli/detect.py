@@ -47,7 +47,7 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.detection import FILE, Reading
     from gspure.evaluation.detector import files_of, read_marks
     from gspure.evaluation.outcomes import SCENE
-    from gspure.images import origin_of, with_records
+    from gspure.images import origin_of, shown_in, with_records
 
     _require_fitting_options(args)
     if (target := origin_of(args.images, "target")) not in {"", SCENE}:
@@ -60,6 +60,7 @@ def run(args: Arguments) -> None:
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
     unchanged = (name for name in files_of(args.command or "") if files.get(name) == file_digest(Path(name)))  # no logs
     settings |= {f"{FILE}{name}": files[name] for name in unchanged}
+    settings |= shown_in(args.images)
     write_record(args.out, inputs=images, settings=settings)
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")

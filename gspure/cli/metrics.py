@@ -5,7 +5,7 @@ from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.controls import BASELINES
-from gspure.images import with_records
+from gspure.images import shown_in, with_records
 from gspure.progress import say, track
 
 EXAMPLES = """\
@@ -46,5 +46,7 @@ def run(args: Arguments) -> None:
         images = with_records(path for pair in pairs for path in (pair.reference, pair.image))
         references = {f"{pair.target}/{pair.view}": known_digest(pair.reference) for pair in pairs}
         settings = {"reference": args.reference, "baseline": args.baseline, "references": references}
+        for folder in {pair.image.parent: None for pair in pairs}:
+            settings |= shown_in(folder)
         write_record(args.out, inputs=images, settings=settings)
     print("\n".join(as_text(rows)))

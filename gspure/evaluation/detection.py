@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from math import comb
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import CLEAN, CONTROLS
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
+from gspure.images import SHOWN
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 FILE: Final = "file "  # settings of readings: prefix of the files that the detector's command names, with their digests
@@ -156,7 +157,8 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
     for path, rows in sorted(on_path, key=lambda table: variant_of(table[0])[2] in CONTROLS):
         scheme, folder, variant = variant_of(path)
         first, expected = first_of.setdefault((scheme, folder, path.stem), (path, rows))
-        require_agreement(first, path, settings_of(first), settings_of(path), same := "read all with the same detector")
+        same = "read all with the same detector"
+        require_agreement(first, path, _detector_of(first), _detector_of(path), same)
         for name in (name for name in settings_of(path) if name.startswith(FILE)):
             other = first_with.setdefault((scheme, path.stem, name), path)
             require_agreement(other, path, {name: settings_of(other)[name]}, settings_of(path), same)
@@ -165,6 +167,11 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
         if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
             names = ", ".join(sorted(views)[:3])
             raise InputError(path, "views", expected=f"those in {first}", found=f"others; in only one of them: {names}")
+
+
+def _detector_of(table: Path) -> dict[str, Any]:
+    """Return the settings of readings, without what the images show."""
+    return {name: value for name, value in settings_of(table).items() if not name.startswith(SHOWN)}
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:

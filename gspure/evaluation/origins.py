@@ -23,7 +23,7 @@ from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
 from gspure.evaluation.names import SCHEMES, wanted_damage
-from gspure.images import origin_of, photographs_of, require_comparable
+from gspure.images import SHOWN, origin_of, photographs_of, require_comparable
 
 MODEL: Final = "public/point_cloud.ply"
 OF_ATTACK: Final = (MODEL, "prune_mask.npy", "verdict.json", "transform.npy")  # what `gspure attack` writes
@@ -283,27 +283,37 @@ def _images_of_model(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _require_images_of(variant: Path, images: Path) -> None:
+    origin = {name: origin_of(images, name) for name in ("target", "model", "key")}
+    hint = f"of another variant; render them again, or delete {RENDERED}"
+    _require_shown(images, origin, {"target": [images.name]} | _shown_by(variant), hint)
+
+
+def _shown_by(variant: Path) -> dict[str, list[str]]:
+    """Return what images of a variant may show: digests of models, and embeddings of keys; nothing where unknown."""
     models = [variant / MODEL]
     if variant.name == WRONG_KEY:
         models = [variant.parent / MODEL]
     elif variant.name == OTHER_SCENE:
         models = [model for model in variant.parents[1].glob(f"*/{MODEL}") if model.parents[1] != variant.parent]
     owner = WRONG_KEY if variant.name == WRONG_KEY else embedding_of(variant.parent / "key")
-    expected = {
-        "target": [images.name],
-        "model": [known_digest(model) for model in models if model.is_file()],
-        "key": [owner] if owner else [],
-    }
+    return {"model": [known_digest(model) for model in models if model.is_file()], "key": [owner] if owner else []}
+
+
+def _require_shown(artifact: Path, origin: Mapping[str, str], expected: Mapping[str, list[str]], hint: str) -> None:
     for name, values in expected.items():
-        if (origin := origin_of(images, name)) and values and origin not in values:
-            hint = f"of another variant; render them again, or delete {RENDERED}"
-            raise InputError(images, name, expected=" or ".join(dict.fromkeys(values)), found=origin, hint=hint)
+        if (found := origin.get(name)) and values and found not in values:
+            names = " or ".join(dict.fromkeys(values))
+            raise InputError(artifact, name, expected=names, found=found, hint=hint)
 
 
 def _require_measured_in(variant: Path, table: Path) -> None:
     inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
         raise InputError(table, "baseline", expected=f"{baseline}, as for {variant.name}", found=str(measured))
+    for setting, origin in settings_of(table).items():
+        if setting.startswith(SHOWN) and variant.name not in BASELINES:
+            hint = f"{setting}: of another variant, or of an earlier model; make the table again"
+            _require_shown(table, origin, _shown_by(variant), hint)
     is_of_all_variants = table.parent == variant.parent
     for record, digest in ((Path(name), digest) for name, digest in inputs.items()):
         if record.name != RENDERED or (is_of_all_variants and record.parts[-4:-2] != (variant.name, "renders")):
