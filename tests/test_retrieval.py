@@ -8,6 +8,7 @@ import pytest
 
 from gspure.artifacts import read_json
 from gspure.cli import main
+from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.retrieval import Retrieval, Retrieved, retrieval
@@ -243,6 +244,35 @@ def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path
         assert outcomes["black"].retrieval == {}
     write_results(tmp_path / "again.csv", [*outcomes.values()])
     assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "r.csv").read_bytes()
+
+
+@pytest.mark.parametrize("missing", ["gspure", "vault"])
+def test_extractions_without_retrieval_beside_others_with_it_are_refused(tmp_path: Path, missing: str, capsys) -> None:
+    """A variant that is renamed after its retrieval, or a model without any."""
+    metrics, tables = [], []
+    for scene in ("room", "vault"):
+        for variant in ("unattacked", "gspure", "black"):
+            metrics.append(tmp_path / "sis" / scene / variant / "metrics.csv")
+            write_table(metrics[-1], ViewMetrics, [measured("scene", 30.0), measured("message", 25.0)])
+        tables.append(tmp_path / "sis" / scene / "retrieval.csv")
+        write_table(tables[-1], Retrieved, [Retrieved(v, "message", NEAREST) for v in ("unattacked", "gspure")])
+    command = [
+        "table",
+        "--out",
+        tmp_path / "r.csv",
+        "--markdown",
+        tmp_path / "r.md",
+        "--metrics",
+        *metrics,
+        "--retrievals",
+    ]
+    assert main([*map(str, [*command, *tables])]) == 0
+    if missing == "vault":
+        tables = tables[:1]
+    else:
+        write_table(tables[1], Retrieved, [Retrieved(v, "message", NEAREST) for v in ("unattacked", "noise")])
+    assert main([*map(str, [*command, *tables])]) == 2
+    assert "sis/vault" in capsys.readouterr().err
 
 
 def test_decoys_are_pictures_of_different_rooms_in_the_views_and_size_asked_for(tmp_path: Path, monkeypatch) -> None:

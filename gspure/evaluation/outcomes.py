@@ -15,7 +15,7 @@ import numpy as np
 from gspure.artifacts import embedding_of, load_array, place, read_json, require_embedding
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
-from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.controls import BASELINES, CONTROLS
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.intervals import difference
@@ -228,6 +228,7 @@ def collect(
         found = f"{len(retrievals)} of {len(retrieved)}"
         raise InputError("table", "retrievals", expected="one file for every model", found=found)
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.folder), ()))) for o in outcomes]
+    _require_all_retrieved(outcomes, may_lack_models=bool(failures))
     for model in conditions.keys() - {f"{o.scheme}/{o.folder}" for o in outcomes} if not failures else ():
         raise InputError("table", "condition", expected="a model with metrics", found=model)
     trained = [conditions.get(f"{o.scheme}/{o.folder}", ("", "")) for o in outcomes]
@@ -401,6 +402,24 @@ def _outcome(
 
 def _retrieval(o: Outcome, retrieved: Sequence[Retrieved]) -> dict[str, Retrieval]:
     return {row.target: row.retrieval for row in retrieved if row.variant == o.variant}
+
+
+def _require_all_retrieved(outcomes: Sequence[Outcome], *, may_lack_models: bool) -> None:
+    """Refuse extractions without retrieval beside others with it: they would count as not retrieved.
+
+    Those of baselines are never retrieved. With `may_lack_models`, nor may be those of whole models, as after a
+    failure.
+    """
+
+    def beside(o: Outcome) -> tuple[str, str]:
+        return (o.scheme, o.folder if may_lack_models else "")
+
+    retrieved = {beside(o) for o in outcomes if o.retrieval}
+    for o in (o for o in outcomes if beside(o) in retrieved and o.variant not in BASELINES):
+        if missing := sorted({*filter(is_picture, o.targets)} - o.retrieval.keys()):
+            table, expected = f"retrieval.csv of {o.scheme}/{o.folder}", f"{missing[0]} of {o.variant}"
+            hint = "run `gspure retrieve` for all variants"
+            raise InputError(table, "rows", expected=expected, found="none", hint=hint)
 
 
 def _verdict(verdict: Path | None) -> dict[str, Any]:
