@@ -190,7 +190,7 @@ def test_results_of_another_variant_are_not_tabulated(planted, pair_folder, tmp_
         before = [(folders[1] / f"{name}{suffix}").read_bytes() for suffix in ("", ".json")]
         for suffix in ("", ".json"):
             shutil.copy(folders[0] / f"{name}{suffix}", folders[1])
-        with pytest.raises(InputError, match=f"gaussian_noise/{name}: (images|attack): expected"):
+        with pytest.raises(InputError, match=f"gaussian_noise/{name}: (model|attack): expected"):
             collect(*paths)
         for suffix, content in zip(("", ".json"), before, strict=True):
             (folders[1] / f"{name}{suffix}").write_bytes(content)

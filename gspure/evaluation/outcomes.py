@@ -405,21 +405,21 @@ def _retrieval(o: Outcome, retrieved: Sequence[Retrieved]) -> dict[str, Retrieva
 
 
 def _require_all_retrieved(outcomes: Sequence[Outcome], *, may_lack_models: bool) -> None:
-    """Refuse extractions without retrieval beside others with it: they would count as not retrieved.
+    """Refuse an extraction without retrieval if another variant has one of it: it would count as not retrieved.
 
-    Those of baselines are never retrieved. With `may_lack_models`, nor may be those of whole models, as after a
-    failure.
+    That of a baseline is never retrieved. With `may_lack_models`, as after a failure, whole models may lack it.
     """
 
-    def beside(o: Outcome) -> tuple[str, str]:
-        return (o.scheme, o.folder if may_lack_models else "")
+    def beside(o: Outcome, extraction: str) -> tuple[str, str, str]:
+        return (o.scheme, o.folder if may_lack_models else "", extraction)
 
-    retrieved = {beside(o) for o in outcomes if o.retrieval}
-    for o in (o for o in outcomes if beside(o) in retrieved and o.variant not in BASELINES):
-        if missing := sorted({*filter(is_picture, o.targets)} - o.retrieval.keys()):
-            table, expected = f"retrieval.csv of {o.scheme}/{o.folder}", f"{missing[0]} of {o.variant}"
-            hint = "run `gspure retrieve` for all variants"
-            raise InputError(table, "rows", expected=expected, found="none", hint=hint)
+    retrieved = {beside(o, extraction) for o in outcomes for extraction in o.retrieval}
+    for o in (o for o in outcomes if o.variant not in BASELINES):
+        for extraction in filter(is_picture, o.targets):
+            if extraction not in o.retrieval and beside(o, extraction) in retrieved:
+                table, expected = f"retrieval.csv of {o.scheme}/{o.folder}", f"{extraction} of {o.variant}"
+                hint = "run `gspure retrieve` for all variants"
+                raise InputError(table, "rows", expected=expected, found="none", hint=hint)
 
 
 def _verdict(verdict: Path | None) -> dict[str, Any]:
