@@ -148,7 +148,14 @@ def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) 
 
 @pytest.mark.parametrize(
     "motion",
-    [np.zeros((4, 4)), 2 * np.eye(4), np.full((4, 4), np.nan), np.diag([1, 1, 1, np.inf]), np.diag([-1.0, 1, 1, 1])],
+    [
+        np.zeros((4, 4)),
+        2 * np.eye(4),
+        np.full((4, 4), 1e200),
+        np.full((4, 4), np.nan),
+        np.diag([1, 1, 1, np.inf]),
+        np.diag([-1.0, 1, 1, 1]),
+    ],
 )
 def test_a_record_with_a_motion_that_is_not_rigid_is_refused(tmp_path: Path, motion) -> None:
     write_model(tmp_path / "model.ply", blobs(COUNT))
