@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import re
+import struct
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from itertools import chain
@@ -42,6 +44,21 @@ _DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, wh
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many; ours
 
 SHOWN: Final = "shown in "  # settings of a table: prefix of the folders of images that it measures, with their origin
+
+_PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
+_PNG_HEADER: Final = 16  # byte at which the content of a PNG's first chunk, IHDR, starts
+_PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # by colour type
+_ONE_PASS: Final = ((0, 1, 0, 1),)  # first row, step between rows, first column, step between columns
+_ADAM7: Final = (
+    (0, 8, 0, 8),
+    (0, 8, 4, 8),
+    (4, 8, 0, 4),
+    (0, 4, 2, 4),
+    (2, 4, 0, 2),
+    (0, 2, 1, 2),
+    (1, 2, 0, 1),
+)
+"""Passes of an interlaced PNG (ISO/IEC 15948, section 8.2)."""
 
 _STDERR: Final = 2
 
@@ -89,6 +106,8 @@ def read_image(
     with opened(path) as image:
         if image.format == "TIFF":
             _require_all_strips(path, image)
+        if image.format == "PNG":
+            _require_all_rows(Path(path))
         with _quiet() if image.format == "TIFF" else nullcontext():
             image.load()
         pixels = image.convert("RGBA" if image.has_transparency_data else "RGB")
@@ -322,6 +341,29 @@ def _require_all_strips(path: str | Path, image: ImageFile) -> None:
     stored = sum((right - left) * (lower - upper) for left, upper, right, lower in boxes)
     if stored < size:
         raise InputError(path, "pixels", expected=str(size), found=str(stored))
+
+
+def _require_all_rows(path: Path) -> None:
+    """Refuse a PNG whose pixels end before its last row; Pillow would read the rest as 0."""
+    content = path.read_bytes()
+    width, height, depth, colour, *_, interlaced = struct.unpack_from(">2I5B", content, _PNG_HEADER)
+    bits = depth * _PNG_CHANNELS[colour]
+    sides = [(-(-(height - y) // dy), -(-(width - x) // dx)) for y, dy, x, dx in (_ADAM7 if interlaced else _ONE_PASS)]
+    stored = sum(rows * (1 + -(-columns * bits // 8)) for rows, columns in sides if columns > 0)
+    if (found := sum(map(len, _inflated(content)))) < stored:
+        raise InputError(path, "pixels", expected=f"{stored} bytes", found=str(found))
+
+
+def _inflated(content: bytes) -> Iterator[bytes]:
+    """Yield the pixels of a PNG as stored, filtered, a MiB at a time."""
+    position, stream = len(_PNG_SIGNATURE), zlib.decompressobj()
+    while position < len(content) and not stream.eof:
+        length, kind = struct.unpack_from(">I4s", content, position)
+        data = content[position + 8 : position + 8 + length] if kind == b"IDAT" else b""
+        while data and not stream.eof:
+            yield stream.decompress(data, 1 << 20)
+            data = stream.unconsumed_tail
+        position += length + 12
 
 
 @contextmanager

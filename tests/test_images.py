@@ -112,9 +112,9 @@ def test_a_missing_broken_or_deep_image_is_refused_by_name(tmp_path):
         read_image(tmp_path / "deep.png")
 
 
-def png(width, height, depth=8, colour=2, pixels=b""):
+def png(width, height, depth=8, colour=2, pixels=b"", interlaced=False):
     """A PNG file; by default, it claims a size and holds next to nothing."""
-    header = struct.pack(">2I5B", width, height, depth, colour, 0, 0, 0)
+    header = struct.pack(">2I5B", width, height, depth, colour, 0, 0, interlaced)
     chunks = {b"IHDR": header, b"IDAT": zlib.compress(pixels), b"IEND": b""}
     parts = (struct.pack(">I", len(c)) + t + c + struct.pack(">I", zlib.crc32(t + c)) for t, c in chunks.items())
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
@@ -196,6 +196,43 @@ def test_a_png_with_a_changed_byte_is_refused(tmp_path):
         (tmp_path / "a.png").write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
         with pytest.raises(InputError, match=r"a\.png"):
             read_image(tmp_path / "a.png")
+
+
+SIZES = [(1, 1), (3, 2), (9, 5), (16, 16)]
+
+
+def _refuses_png_without_last_byte(file, size, colour, depth, pixels, interlaced=False):
+    file.write_bytes(png(*size, depth, colour, pixels, interlaced))
+    read_image(file)
+    file.write_bytes(png(*size, depth, colour, pixels[:-1], interlaced))
+    with pytest.raises(InputError, match=rf"pixels: expected {len(pixels)} bytes, found {len(pixels) - 1}"):
+        read_image(file)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("colour", "depth"), [(0, 1), (0, 2), (0, 4), (0, 8), (2, 8), (4, 8), (6, 8)])
+def test_a_png_without_its_last_byte_is_refused(tmp_path, size, colour, depth):
+    channels = {0: 1, 2: 3, 4: 2, 6: 4}[colour]
+    pixels = size[1] * (b"\0" + bytes(-(-size[0] * channels * depth // 8)))
+    _refuses_png_without_last_byte(tmp_path / "a.png", size, colour, depth, pixels)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_an_interlaced_png_without_its_last_byte_is_refused(tmp_path, size):
+    image = np.arange(1, size[0] * size[1] + 1, dtype=np.uint8).reshape(size[::-1])
+    slices = [np.s_[::8, ::8], np.s_[::8, 4::8], np.s_[4::8, ::4], np.s_[::4, 2::4], np.s_[2::4, ::2]]
+    slices += [np.s_[::2, 1::2], np.s_[1::2]]
+    pixels = b"".join(b"\0" + row.tobytes() for part in slices for row in image[part] if row.size)
+    (tmp_path / "a.png").write_bytes(png(*size, colour=0, pixels=pixels, interlaced=True))
+    assert (read_image(tmp_path / "a.png")[..., 0] * 255).tolist() == image.tolist()
+    _refuses_png_without_last_byte(tmp_path / "a.png", size, 0, 8, pixels, interlaced=True)
+
+
+def test_a_png_that_claims_more_rows_than_it_holds_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
+    (tmp_path / "a.png").write_bytes(png(12, 7_000_000, pixels=bytes(10 * 37)))
+    monkeypatch.setattr("PIL.PngImagePlugin.PngImageFile.load", None)
+    with pytest.raises(InputError, match=r"a\.png: pixels: expected 259000000 bytes, found 370"):
+        read_image(tmp_path / "a.png")
 
 
 def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
