@@ -6,6 +6,7 @@ import shlex
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,6 +146,16 @@ def test_the_command_writes_readings_and_their_mean(renders, tmp_path, capsys):
     assert "75 % of the bits are correct" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main([*words, "--message", "01a"])
+
+
+def test_the_command_reads_bits_with_a_key(renders, tmp_path, monkeypatch):
+    (tmp_path / "key").mkdir()
+    key = SimpleNamespace(bits=np.array([False, True]), read_bits=lambda image: np.array([True, True]))
+    monkeypatch.setattr("gspure.schemes.registry.find_scheme", lambda name: SimpleNamespace(read_key=lambda path: key))
+    words = ["detect", str(renders), "--scheme", "bits", "--key", str(tmp_path / "key")]
+    assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 0
+    assert read_table(tmp_path / "bits.csv", Reading) == [Reading("a", 50.0, 2), Reading("b", 50.0, 2)]
+    assert read_json(tmp_path / "bits.csv.json")["settings"] == {"scheme": "bits"}
 
 
 @pytest.mark.parametrize(

@@ -41,11 +41,11 @@ def run(args: Arguments) -> None:
     """Write the table, and print the mean."""
     import numpy as np
 
-    from gspure.artifacts import file_digest, write_record
+    from gspure.artifacts import write_record
     from gspure.errors import InputError
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.detection import FILE, Reading
-    from gspure.evaluation.detector import files_of, read_marks
+    from gspure.evaluation.detection import Reading
+    from gspure.evaluation.detector import read_marks
     from gspure.evaluation.outcomes import SCENE
     from gspure.images import origin_of, shown_in, with_records
 
@@ -53,17 +53,25 @@ def run(args: Arguments) -> None:
     if (target := origin_of(args.images, "target")) not in {"", SCENE}:
         hint = "a detector reads renders of the scene"
         raise InputError(args.images, "target", expected=SCENE, found=target, hint=hint)
-    files = {name: file_digest(Path(name)) for name in files_of(args.command or "")}
+    before = _files_of(args.command)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     images = with_records(args.images / f"{reading.view}.png" for reading in readings)
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
-    unchanged = (name for name in files_of(args.command or "") if files.get(name) == file_digest(Path(name)))  # no logs
-    settings |= {f"{FILE}{name}": files[name] for name in unchanged}
-    settings |= shown_in(args.images)
-    write_record(args.out, inputs=images, settings=settings)
+    after = _files_of(args.command)
+    files = {name: digest for name, digest in before.items() if after.get(name) == digest}  # no logs
+    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images))
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
+
+
+def _files_of(command: str | None) -> dict[str, str]:
+    """Return the files that a command names, as settings of its readings: with their digests."""
+    from gspure.artifacts import file_digest
+    from gspure.evaluation.detection import FILE
+    from gspure.evaluation.detector import files_of
+
+    return {f"{FILE}{name}": file_digest(Path(name)) for name in files_of(command)} if command else {}
 
 
 def _require_fitting_options(args: Arguments) -> None:
