@@ -7,6 +7,7 @@ import os
 import sys
 import tempfile
 import time
+import traceback
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -88,8 +89,8 @@ def _chunk(journal: Journal, chunk: tuple[str, int, int]) -> Record:
     name, start, stop = chunk
     try:
         return journal.record(f"{name}.{start}.{stop}", _tormented, name, start, stop)
-    except Exception as error:  # noqa: BLE001 -- named, and raised again
-        raise RuntimeError(f"{name}: {error!r}") from None  # not every exception survives the way between processes
+    except Exception:  # noqa: BLE001 -- not every exception survives the way between processes, and no traceback
+        raise RuntimeError(f"{name}, cases {start} to {stop}: {traceback.format_exc()}") from None
 
 
 def _tormented(name: str, start: int, stop: int) -> Record:
