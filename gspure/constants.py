@@ -33,6 +33,9 @@ MAGNITUDE_MAX: Final = 1e30
 
 COORDINATE_MAX: Final = 1e15  # a Gaussian is drawn only if its centre's view-space coordinates are at most this in size
 
+NEAR_CENTRE: Final = 10.0
+"""A camera whose centre has a coordinate beyond this is the origin of its frame, as float32 would lose digits."""
+
 RAY_SCALE_RATIO: Final = 1e8
 """Energy ``ray``: the smallest and the largest scale are taken as at most this many times from the middle one."""
 

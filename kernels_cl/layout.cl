@@ -66,10 +66,12 @@
 #define FOOTPRINT_MARGIN 0.02f
 #endif
 
-// Camera numbers, in the order of gspure.cameras.Camera.numbers and then the camera's centre.
+// Camera numbers, in the order of gspure.cameras.Camera.numbers, then the camera's centre, both relative to the origin,
+// which comes last (gspure.opencl.projection.camera_numbers).
 #define CAMERA_FX camera[2]
 #define CAMERA_FY camera[3]
 #define CAMERA_CX camera[4]
 #define CAMERA_CY camera[5]
 #define CAMERA_VIEW(row, column) camera[6 + 4 * (row) + (column)]
 #define CAMERA_CENTRE(axis) camera[18 + (axis)]
+#define CAMERA_ORIGIN(axis) camera[21 + (axis)]

@@ -4,7 +4,7 @@
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
 // drop it if that touches no pixel centre; shade it; store. Channels are SH coefficients if SH_DEGREE >= 0, else features.
 
-#define MEAN(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position)
+#define MEAN(axis) (LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position) - CAMERA_ORIGIN(axis))
 #define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + axis, position)
 #define SCALE(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_SCALES + axis, position)
 #define OPACITY LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_OPACITY, position)
@@ -204,7 +204,7 @@ inline U pixel_range(V centre, V extent, int pixels, I *visible) {
 inline U tile_range(U pixels) { return (pixels & 0xffffu) / TILE | ((pixels >> 16) / TILE << 16); }
 
 __kernel void project(uint count, int width, int height,
-                      __constant const float *camera,  // [21]
+                      __constant const float *camera,  // [24]
                       __global const float *geometry,  // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
                       __global const float *channels,  // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
                       __global float *splats,          // [K,SPLAT]

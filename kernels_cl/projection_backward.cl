@@ -28,7 +28,7 @@ inline void quaternion_gradient(const V *q, const V *axes, V *gradient) {
 }
 
 __kernel void project_backward(uint count, int width, int height,
-                               __constant const float *camera,         // [21]
+                               __constant const float *camera,         // [24]
                                __global const float *geometry,         // [blocks,GEOMETRY_ATTRIBUTES,BLOCK]
                                __global const float *channels,         // [blocks,CHANNEL_ATTRIBUTES,BLOCK]
                                __global const uint *depth_keys,        // [K]

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
+from gspure.constants import NEAR_CENTRE
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 
@@ -184,6 +185,27 @@ def stacked() -> Case:
     return gaussians(means=means, scales=0.5, opacities=0.95, colors=np.linspace(0.1, 1, 300).reshape(100, 3)), camera()
 
 
+def _moved(offset: float) -> Case:
+    """A scene away from the world's origin; its centres are rounded to float32 there."""
+    model, view, shift = blobs(60, 4), tilted_camera(), offset * np.array([1.0, -0.6, 0.3])
+    table = model.table.copy()
+    for axis, by in zip("xyz", shift, strict=True):
+        table[axis] = table[axis].astype(np.float64) + by
+    transform = np.eye(4)
+    transform[:3, 3] = shift
+    return Gaussians(table), view.moved(transform)
+
+
+def off_origin() -> Case:
+    """Nearly as far from the world's origin as cameras may be without becoming the origin themselves."""
+    return _moved(0.7 * NEAR_CENTRE)
+
+
+def geographic() -> Case:
+    """In coordinates of a map, in metres."""
+    return _moved(5e5)
+
+
 AWKWARD: dict[str, Callable[[], Case]] = {
     make.__name__: make
     for make in (
@@ -201,5 +223,7 @@ AWKWARD: dict[str, Callable[[], Case]] = {
         same_depth,
         off_centre,
         stacked,
+        off_origin,
+        geographic,
     )
 }

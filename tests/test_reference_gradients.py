@@ -44,10 +44,10 @@ def clamps_of(model, view):
 
 
 @pytest.mark.parametrize("name", GRADIENT_OF)
-@pytest.mark.parametrize("case", sorted(set(AWKWARD) - {"nothing", "same_depth", "close_needles"}))
+@pytest.mark.parametrize("case", sorted(set(AWKWARD) - {"nothing", "same_depth", "close_needles", "geographic"}))
 def test_a_gradient_is_the_slope_of_a_rendering(case, name):
     """All rules at once: cut-offs, stops, clamped alphas and Jacobians, colours clamped at black. No equal depths:
-    any move of a mean changes their order."""
+    any move of a mean changes their order. No coordinates of a map: they leave too few digits for a slope."""
     model, view = first_rows(case)
     exact, rng = Exact.of(model), np.random.default_rng(1)
     image_gradient = random_gradient(render(exact, view, "ewa", background=BACKGROUND))

@@ -41,7 +41,7 @@ class Buffers:
     """
 
     # projection
-    camera: Scratch  # [21]
+    camera: Scratch  # [24]
     splats: Scratch  # [K,SPLAT]
     footprints: Scratch  # [K,FOOTPRINT_FLOATS]
     areas: Scratch  # [K]

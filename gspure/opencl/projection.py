@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.constants import FOOTPRINT_FLOATS
+from gspure.cameras.camera import Camera
+from gspure.constants import FOOTPRINT_FLOATS, NEAR_CENTRE
+from gspure.dtypes import Float32
 from gspure.opencl.frame import Frame
 
 
@@ -27,7 +29,7 @@ def project(frame: Frame) -> Projected:
     """Project all Gaussians of a frame."""
     storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
     projected = Projected(
-        buffers.camera.holding(np.concatenate([frame.camera.numbers, frame.camera.centre]).astype(np.float32)),
+        buffers.camera.holding(camera_numbers(frame.camera)),
         buffers.splats.sized(storage.count, traversal.splat_floats),
         buffers.footprints.sized(storage.count, FOOTPRINT_FLOATS),
         buffers.areas.sized(storage.count),
@@ -45,3 +47,16 @@ def project(frame: Frame) -> Projected:
         *(projected.splats, projected.footprints, projected.areas, projected.depth_keys),
     )
     return projected
+
+
+def camera_numbers(camera: Camera) -> Float32:
+    """Return what kernels read of a camera [24] (layout.cl): its numbers, its centre, and the origin of both.
+
+    The origin is that of the world or, if the camera is far from it, the camera: world coordinates of geographic
+    size, 10^5 or more, would cancel in float32 to view coordinates without digits.
+    """
+    numbers, centre = camera.numbers, camera.centre
+    origin = np.zeros(3) if np.abs(centre).max() <= NEAR_CENTRE else centre.astype(np.float32).astype(np.float64)
+    view = numbers[6:].reshape(3, 4)
+    view[:, 3] += view[:, :3] @ origin
+    return np.concatenate([numbers, centre - origin, origin]).astype(np.float32)
