@@ -12,7 +12,6 @@ from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
-from gspure.evaluation.comparison import finite_mean
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE
 from gspure.images import read_back
@@ -35,6 +34,12 @@ class Strength:
     weak: float  # whole numbers, if the setting is one; above 0 on a logarithmic scale
     strong: float
     scale: Literal["linear", "log"] = "linear"  # how to divide the range
+
+    def __post_init__(self) -> None:
+        """Check that a logarithmic scale has ends above 0."""
+        if self.scale == "log" and min(self.weak, self.strong) <= 0:
+            found = f"{self.weak:g} to {self.strong:g}"
+            raise InputError("strength", self.setting, expected="ends above 0 on a logarithmic scale", found=found)
 
     def at(self, position: float) -> float:
         """Return the value at a position between the weak end (0) and the strong end (1)."""
@@ -91,8 +96,9 @@ def scene_damage(
 ) -> Damage:
     r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
 
-    With photographs, it is the drop of the mean PSNR, as in the tables. Without, it is an estimate: the mean drop of a
-    model that has `NOMINAL_PSNR` in every view and whose errors are independent of the attack's,
+    With photographs, it is the drop of the mean PSNR, as in the tables: over the views that differ from their
+    photograph both before and after the attack. Without, it is an estimate: the mean drop of a model that has
+    `NOMINAL_PSNR` in every view and whose errors are independent of the attack's,
 
     .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
 
@@ -111,8 +117,14 @@ def scene_damage(
     if photographs is None:
         unattacked = renders(public)
         return lambda model: float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - psnrs(model, unattacked)) / 10))))
-    before = finite_mean(psnrs(public, photographs))
-    if before == np.inf:
+    before = psnrs(public, photographs)
+    if not np.isfinite(before).any():
         expected = "images that the model does not reproduce exactly"
         raise InputError("attack", "photographs", expected=expected, found="its renders")
-    return lambda model: before - finite_mean(psnrs(model, photographs))
+
+    def drop(model: PublicModel) -> float:
+        after = psnrs(model, photographs)
+        compared = np.isfinite(before) & np.isfinite(after)
+        return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
+
+    return drop
