@@ -11,7 +11,7 @@ from gspure.images import read_image
 from gspure.model import Gaussians, write_model
 from gspure.model.motion import moved
 from gspure.public_model import PublicModel
-from gspure.schemes.matching import adaptive_matches, registered
+from gspure.schemes.matching import adaptive_matches, exact_matches, registered
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from tests.models import blobs, camera, without
@@ -22,6 +22,15 @@ def test_injected_rows_do_not_hide_those_of_the_original():
     far = foreign.with_columns({"x": foreign.table["x"] + 1000})
     injected = Gaussians(np.concatenate([far.table, original.table]))
     np.testing.assert_array_equal(adaptive_matches(original, injected), np.r_[np.full(300, -1), np.arange(100)])
+
+
+@pytest.mark.parametrize("far", [0.0, 6e4, 1e30])
+def test_a_far_row_of_the_original_does_not_widen_what_is_exact(far):
+    original = blobs(100).means.copy()
+    original[0, 0] += far
+    moved_rows = original[1:] + np.float32(1e-4)
+    assert (exact_matches(original, moved_rows) < 0).all()
+    assert exact_matches(original, original).tolist() == list(range(100))
 
 
 def test_a_foreign_model_of_many_rows_does_not_match():

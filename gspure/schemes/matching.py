@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gspure.dtypes import Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved
+from gspure.model.suspicious import extent_and_distances
 from gspure.public_model import PublicModel
 from gspure.scenes.alignment import Similarity
 
@@ -35,13 +36,14 @@ STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
 
 
 def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
-    """Return the index of each centre [K,3] in `original` [N,3], or -1."""
+    """Return the index of each centre [K,3] in `original` [N,3], or -1. A far row does not widen the tolerance."""
     from scipy.spatial import KDTree
 
     if not len(original):
         return np.full(len(means), -1, np.intp)
+    extent, _ = extent_and_distances(original.astype(np.float64))
     distances, places = KDTree(original).query(means)
-    return np.where(distances <= NEAR * float(np.ptp(original, axis=0).max()), places, -1)
+    return np.where(distances <= NEAR * extent, places, -1)
 
 
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
