@@ -48,6 +48,18 @@ def test_the_floor_is_the_highest_control_without_the_message_in_every_scene() -
     assert floor(higher) == floor(FOUR) | {("s0", 0): 11.0}
 
 
+def test_a_message_that_is_extracted_exactly_is_present_and_survives() -> None:
+    exact = [
+        replace(o, targets={**o.targets, "message": measured("message", math.inf)})
+        if (o.scene, o.variant) in {("s0", "unattacked"), ("s0", "left")}
+        else o
+        for o in FOUR
+    ]
+    rows = by_variant(exact)
+    assert (rows["left"].present, rows["left"].survived, rows["gone"].survived) == (4, 4, 0)
+    assert rows["left"].share_left.scenes == rows["left"].above_floor.scenes == 3
+
+
 def test_less_than_the_margin_above_the_controls_is_gone() -> None:
     above = BEFORE["message"] - CONTROLS["mean_colour"]
     for margin, survived in ((MARGIN + 0.01, 1), (MARGIN - 0.01, 0)):

@@ -65,7 +65,8 @@ def by_scene(cells: Mapping[tuple[str, int], ArrayLike]) -> Groups:
 def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:
     """Return the mean over seeds for every scene, in sorted order; values are numbers, or arrays of one shape."""
     scenes = dict.fromkeys(scene for scene, _ in sorted(cells))
-    return {scene: values.mean(axis=0) for scene, values in zip(scenes, by_scene(cells), strict=True)}
+    with np.errstate(invalid="ignore"):  # infinities of both signs have no mean: NaN
+        return {scene: values.mean(axis=0) for scene, values in zip(scenes, by_scene(cells), strict=True)}
 
 
 def differences(a: Cells, b: Cells) -> Cells:

@@ -97,10 +97,10 @@ def floor(outcomes: Iterable[Outcome]) -> Cells:
 
 
 def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> dict[str, dict[tuple[str, int], float]]:
-    """Return the level of a target by variant or control, and by scene and seed."""
+    """Return the level of a target by variant or control, and by scene and seed; ∞ where all views are exact."""
     by_variant: dict[str, dict[tuple[str, int], float]] = {}
     for o in outcomes:
-        if math.isfinite(level := o.level(target, metric)):
+        if not math.isnan(level := o.level(target, metric)):
             by_variant.setdefault(o.variant, {})[o.scene, o.seed] = level
     return by_variant
 
@@ -205,7 +205,7 @@ def _drops_of(metric: str, attacked: Sequence[Outcome], target: str) -> Cells:
 
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:
     tables = [target.get(name, {}) for target in (message, scene) for name in (UNATTACKED, variant)]
-    cells = set.intersection(*({*table} for table in tables))
+    cells = set.intersection(*({cell for cell in table if math.isfinite(table[cell])} for table in tables))
     columns = [[*scene_means({cell: table[cell] for cell in cells}).values()] for table in tables]
     return rms_ratio(np.transpose(columns[:2]), np.transpose(columns[2:]))
 
@@ -216,7 +216,7 @@ def _shares_left(levels: Mapping[str, Cells], variant: str, present: set[str]) -
     known = before.keys() & after.keys() & scene_floor.keys()
     floors = {cell: scene_floor[cell] for cell in known if cell[0] in present}
     whole, left = (scene_means(differences(psnr, floors)) for psnr in (before, after))
-    return {(scene, 0): max(0.0, left[scene]) / margin for scene, margin in whole.items() if margin > 0}
+    return {(scene, 0): max(0.0, left[scene]) / margin for scene, margin in whole.items() if 0 < margin < math.inf}
 
 
 def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
