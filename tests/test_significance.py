@@ -24,6 +24,14 @@ def test_p_is_that_of_all_signs(values):
     assert paired_test([[value] for value in values]).p == pytest.approx(min(1.0, brute_force(values)), abs=1e-12)
 
 
+@settings(max_examples=60, deadline=None)
+@given(DIFFERENCES, st.sampled_from([0.1, 0.01, 1e-5]))
+def test_signs_that_tie_on_a_decimal_grid_tie(values, unit):
+    """Differences of numbers near 30 carry rounding errors that are larger than those of the differences."""
+    rounded = [[(30 + value * unit) - 30] for value in values]
+    assert paired_test(rounded).p == pytest.approx(min(1.0, brute_force(values)), abs=1e-12)
+
+
 @settings(max_examples=30, deadline=None)
 @given(DIFFERENCES, st.randoms(use_true_random=False))
 def test_neither_the_order_of_scenes_nor_the_side_matters(values, random):

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.bounds import Share
-from gspure.dtypes import Float32, Float64
+from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import ImagePair
 from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.significance import detectability
-from gspure.images import read_image
+from gspure.images import levels, read_image
 
 CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability; ours
 FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`
@@ -91,9 +91,14 @@ def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
     Raise `InputError` if an image cannot be read, the extraction has another size than the photograph, or a decoy is
     the photograph.
     """
-    truth, extraction = read_image(pair.reference), read_image(pair.image)
-    candidates: list[Float32] = [truth]
-    for picture in (truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *map(read_image, files)):
+    truth, extraction = _levels(pair.reference), _levels(pair.image)
+    candidates = [truth]
+    for picture in (truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *map(_levels, files)):
         if picture.shape == truth.shape and not any(np.array_equal(picture, candidate) for candidate in candidates):
             candidates.append(picture)
     return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])
+
+
+def _levels(image: Path) -> Float64:
+    """Return an image as whole numbers from 0 to 255: their sums are exact, so equal correlations tie."""
+    return levels(read_image(image)).astype(np.float64)

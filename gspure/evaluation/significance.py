@@ -27,6 +27,8 @@ DRAWS: Final = 2**16  # ours: up to 16 scenes this is every combination of signs
 
 SEED: Final = 0
 
+DIGITS: Final = 10  # decimal digits of the largest difference that are compared; ours: the rest may be rounding error
+
 
 class PairedTest(NamedTuple):
     """The outcome of a paired comparison."""
@@ -52,10 +54,13 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
 def _sign_flip_p(means: Float64) -> float:
     from scipy.stats import permutation_test
 
-    if len(means) == 1:  # scipy requires two; a single one is as far from 0 with either sign
+    if len(means) == 1 or not means.any():  # scipy requires two; a single one is as far from 0 with either sign
         return 1.0
+    # Whole numbers of DIGITS decimal digits: their sums are exact, so signs that tie on a decimal grid tie here, too.
+    exponent = max(math.floor(math.log10(np.abs(means).max())), -200)
+    whole = np.rint(means * 10.0 ** (DIGITS - 1 - exponent))
     flips = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": np.random.default_rng(SEED)}
-    return float(permutation_test((means,), np.mean, vectorized=True, batch=4096, **flips).pvalue)
+    return float(permutation_test((whole,), np.mean, vectorized=True, batch=4096, **flips).pvalue)
 
 
 def holm(p: ArrayLike) -> Float64:
