@@ -9,7 +9,7 @@ import pytest
 from numpy.lib.recfunctions import append_fields
 
 from gspure import plugins
-from gspure.attacks import Attack, Attacked, Evidence, attacks, compression, find_attack, learning, registry
+from gspure.attacks import Attack, Attacked, Evidence, Strength, attacks, compression, find_attack, learning, registry
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
@@ -229,8 +229,33 @@ def test_evidence_of_another_model_is_refused() -> None:
 )
 def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: int) -> None:
     wrong = Attack("wrong", lambda model, rng: Attacked(model[np.arange(COUNT) < 3], np.array(rows), count))
-    with pytest.raises(InputError, match=rf"rows: expected \[3\] indices of 40 rows, found \[{len(rows)}\] of {count}"):
+    with pytest.raises(
+        InputError, match=rf"rows: expected \[3\] indices of 40 rows, found int64 \[{len(rows)}\] of {count}"
+    ):
         wrong.apply(model(), Evidence())
+
+
+@pytest.mark.parametrize(
+    ("attacked", "message"),
+    [
+        (lambda model: model, "result: expected Attacked, found Gaussians"),
+        (lambda model: Attacked(model, np.arange(5), 5), r"rows: expected \[40\] indices of 40 rows"),
+        (lambda model: Attacked(model[:], np.arange(40.0), 40), "rows: .* found float64"),
+        (lambda model: Attacked.changed(model, {}, np.eye(3)), r"transform: expected \[4, 4\]"),
+        (lambda model: Attacked.changed(model, {}, 2 * np.eye(4)), "transform: expected a rotation"),
+        (lambda model: Attacked.changed(model, {}, np.full((4, 4), np.nan)), "transform: expected a rotation"),
+    ],
+)
+def test_a_result_that_is_no_attacked_model_is_refused(attacked, message: str) -> None:
+    with pytest.raises(InputError, match=f"attack x: {message}"):
+        Attack("x", lambda model, rng: attacked(model)).apply(model())
+
+
+def test_a_strength_that_cannot_be_searched_is_refused() -> None:
+    with pytest.raises(InputError, match="attack x: strength: expected sigma, found share"):
+        Attack("x", lambda model, rng, *, sigma=1.0: None, strength=Strength("share", 0.0, 1.0))
+    with pytest.raises(InputError, match="sigma: expected ends above 0 on a logarithmic scale, found 0 to 1"):
+        Strength("sigma", 0.0, 1.0, "log")
 
 
 def test_unknown_attack_is_refused_with_the_known_ones() -> None:

@@ -20,6 +20,7 @@ from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Columns, PublicModel
+from gspure.rigid import require_rigid
 from gspure.settings import Setting, defaults, require_settings
 
 Rows = Indices
@@ -141,6 +142,12 @@ class Attack:
     strength: Strength | None = None
     sweep: str = ""
 
+    def __post_init__(self) -> None:
+        """Check that the strength is a setting."""
+        if self.strength and self.strength.setting not in self.settings:
+            expected = " or ".join(self.settings) or "none"
+            raise InputError(f"attack {self.name}", "strength", expected=expected, found=self.strength.setting)
+
     @property
     def needs(self) -> frozenset[str]:
         """The measured evidence that it needs: fields of `Evidence`."""
@@ -211,10 +218,10 @@ class Attack:
         arguments |= {name: public_arguments[name] for name in self.parameters & PUBLIC}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
             attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
+        self._check_result(attacked, len(model))
         if attacked.model is model:
             return attacked
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
-        self._check_rows(attacked, len(model))
         self._check_numbers(attacked, model, listed)
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
@@ -250,14 +257,21 @@ class Attack:
 
         return search(strength, damage_at, wanted)
 
-    def _check_rows(self, attacked: Attacked, count: int) -> None:
-        """Refuse an attacked model whose `rows` have a wrong shape or are out of range."""
+    def _check_result(self, attacked: Any, count: int) -> None:
+        """Refuse what is no `Attacked`, `rows` of a wrong type, shape or range, and a `transform` that is not rigid."""
+        source = f"attack {self.name}"
+        if not isinstance(attacked, Attacked):
+            raise InputError(source, "result", expected=Attacked.__name__, found=type(attacked).__name__)
         rows = attacked.rows
-        fits = rows.shape == (len(attacked.model),) and attacked.count == count
+        fits = rows.dtype.kind in "iu" and rows.shape == (len(attacked.model),) and attacked.count == count
         if not (fits and ((rows >= -1) & (rows < count)).all()):
             expected = f"[{len(attacked.model)}] indices of {count} rows"
-            found = f"{list(rows.shape)} of {attacked.count}"
-            raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
+            found = f"{rows.dtype} {list(rows.shape)} of {attacked.count}"
+            raise InputError(source, "rows", expected=expected, found=found)
+        if attacked.transform is not None:
+            if attacked.transform.shape != (4, 4):
+                raise InputError(source, "transform", expected="[4, 4]", found=f"{list(attacked.transform.shape)}")
+            require_rigid(source, "transform", attacked.transform)
 
     def _check_numbers(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
         """Refuse an attacked model with infinities and not-a-numbers where the model `before` has finite numbers."""

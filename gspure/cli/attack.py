@@ -241,4 +241,8 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
         require_photographs(args.photographs, SCENE, numbers)
         files = [args.photographs / f"{view.name}.png" for view in views]
         photographs = [read_image(file, background=public.model.background) for file in files]
+        for file, image, view in zip(files, photographs, views, strict=True):
+            if (found := image.shape[1::-1]) != (view.width, view.height):
+                expected = f"{view.width}x{view.height}, as its view"
+                raise InputError(file, "size", expected=expected, found="{}x{}".format(*found))
     return scene_damage(public, views, photographs, read_device(args))
