@@ -79,7 +79,7 @@ def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_
 
 def test_a_mark_that_was_not_detected_before_the_attacks_is_said_not_to_be_judged() -> None:
     points = told([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])[1]
-    assert points["Mark (alpha)"].startswith("Survival cannot be judged: the mark (alpha) was not detected")
+    assert points["Mark (alpha)"].startswith("Survival cannot be judged: the mark (alpha) was present in no scene")
     points = told([detected(name, alpha=True, zeta=True) for name in ("unattacked", "gspure")])[1]
     assert "cannot be judged" not in points["Mark (zeta)"]
 
@@ -144,9 +144,9 @@ def test_a_message_that_a_wrong_key_extracts_leaks() -> None:
     outcomes = [o for o in of_scenes(2, gspure=(0.5, 20.0)) if o.variant != "wrong_key"]
     assert "leak" not in "".join(told(outcomes)[1])
     leaking = outcomes + [outcome("wrong_key", f"s{i}", targets={"message": 25.0}) for i in range(2)]
-    assert "part of the message shows" in told(leaking)[1]["Without the key"]
+    assert "part of the message shows" in told(leaking)[1]["With a wrong key"]
     secret = outcomes + [outcome("wrong_key", f"s{i}", targets={"message": 9.0}) for i in range(2)]
-    assert "does not stand out" in told(secret)[1]["Without the key"]
+    assert "does not stand out" in told(secret)[1]["With a wrong key"]
 
 
 def test_sentences_are_about_the_scenes_in_which_the_message_was_present() -> None:
@@ -160,7 +160,7 @@ def test_sentences_are_about_the_scenes_in_which_the_message_was_present() -> No
 def test_a_wrong_key_that_extracts_more_is_called_higher() -> None:
     found = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
     points = told([*found, outcome("wrong_key", "a", targets={"message": BEFORE["message"] + 2})])[1]
-    assert "2.0 dB higher" in points["Without the key"]
+    assert "2.0 dB higher" in points["With a wrong key"]
 
 
 def test_scenes_in_which_the_message_survives_are_counted() -> None:

@@ -305,7 +305,7 @@ def test_hidden_bits_are_listed_before_any_detector():
 
 OF_PICTURES = (
     "1 dB above the floor",
-    "black and mean-colour images",
+    "blank images",
     "retrieval",
     "The Score of an attack",
     "compare pixels",

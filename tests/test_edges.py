@@ -98,9 +98,9 @@ def test_drops_on_and_off_the_path_are_of_the_same_scenes() -> None:
 
 def test_a_wrong_key_is_compared_with_the_floor_of_its_own_scenes_or_not_at_all() -> None:
     outcomes = of_scenes(2, gspure=(0.5, 20.0))
-    assert "negative controls" in told(outcomes)[1]["Without the key"]
+    assert "negative controls" in told(outcomes)[1]["With a wrong key"]
     fewer = [o for o in outcomes if (o.scene, o.variant) != ("s0", "wrong_key")]
-    assert not re.search("negative controls|floor", told(fewer)[1]["Without the key"])
+    assert not re.search("negative controls|floor", told(fewer)[1]["With a wrong key"])
 
 
 def test_an_attack_in_one_of_two_scenes_is_not_ahead_in_every_scene() -> None:

@@ -333,7 +333,7 @@ def test_strengths_that_were_searched_for_one_damage_differ_between_scenes(damag
         ("noise@1dB", {"damage": 1.0}, ""),
         ("noise@1.23457dB", {"damage": 1.2345678}, ""),
         ("noise@0.5dB", {"damage": 1.0}, "1.0"),
-        ("noise@1dB", {}, "none"),
+        ("noise@1dB", {}, "a fixed strength"),
         ("noise", {"damage": 1.0}, ""),
     ],
 )

@@ -8,6 +8,8 @@ from gspure.cli.weights import add_reduction
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
       --cameras pair/cameras.json --weights weights.npy --out hidden.json
+
+The message is the scheme's last extraction, the most complete one (Splats in Splats: message_oracle).
 """
 
 

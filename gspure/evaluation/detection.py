@@ -141,8 +141,9 @@ def _on_path(table: Path) -> list[Reading]:
         raise InputError(table, "rows", expected="at least one view on the camera path", found="none")
     for row in rows:
         if not row.is_possible or row.bits != rows[0].bits:
-            expected = f"a share of {rows[0].bits} bits in percent" if rows[0].bits else "a score"
-            raise InputError(table, row.view, expected=expected, found=f"{row.level} of {row.bits} bits")
+            expected = f"0 to 100 % of {rows[0].bits} bits" if rows[0].bits else "a score"
+            found = f"{row.level} % of {row.bits} bits" if row.bits else f"the score {row.level}"
+            raise InputError(table, row.view, expected=expected, found=found)
     return rows
 
 

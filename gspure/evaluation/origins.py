@@ -178,7 +178,8 @@ def _require_named_schemes(variants: Iterable[Path]) -> None:
     for variant in variants:
         expected, found = variant.parts[-3], facts_of(file := _recorded(variant)).get("scheme", "")
         if found and expected in SCHEMES and found != expected:
-            raise InputError(file, "scheme", expected=expected, found=found, hint=f"rename the folder {expected}")
+            hint = f"{expected} is reserved for models of this scheme; rename the folder"
+            raise InputError(file, "scheme", expected=expected, found=found, hint=hint)
 
 
 def _require_one_embedding(variants: Iterable[Path]) -> None:
@@ -212,7 +213,7 @@ def _require_one_scene(variants: Iterable[Path]) -> None:
     for variant in sorted(shown, key=lambda variant: variant.name == CLEAN):  # this last, so that it is refused
         if photographs := photographs_of(images := variant / "renders" / "scene"):
             first, expected = first_of.setdefault(variant.parts[-3:-1], (images, photographs))
-            require_agreement(first, images, expected, photographs, "renders of a model of another scene")
+            require_agreement(first, images, expected, photographs, "these renders show a model of another scene")
 
 
 def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) -> None:
@@ -225,7 +226,7 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
     for file, (scheme, _, variant) in ((_recorded(variant), variant.parts[-3:]) for variant in variants):
         if "attack" not in (settings := settings_of(file)):
             continue
-        rename = f"rename the folder {variant}"
+        rename = f"give the folder {variant} another name"
         if variant in named_after and settings["attack"] != variant:
             raise InputError(file, "attack", expected=variant, found=settings["attack"], hint=rename)
         if variant in named_after and settings.get("after"):
@@ -234,7 +235,8 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
         damage = settings.get("damage", "none")
         wanted = wanted_damage(variant)
         if wanted is not None and (damage == "none" or f"{wanted:g}" != f"{damage:g}"):  # as names have it
-            raise InputError(file, "damage", expected=f"{wanted:g} dB", found=str(damage), hint=rename)
+            found = "a fixed strength" if damage == "none" else f"{damage} dB"
+            raise InputError(file, "damage", expected=f"{wanted:g} dB", found=found, hint=rename)
         known = {k: v for k, v in settings.items() if damage == "none" or isinstance(v, str)} | {"damage": damage}
         for name, value in (measured_settings(file) | known).items():
             if name not in OF_A_MODEL:
@@ -249,7 +251,7 @@ def _require_one_decision(variants: Iterable[Path]) -> None:
         mask = {name: digest for name, digest in recorded_inputs(file).items() if name == "prune_mask"}
         if mask and settings_of(file).get("attack") == variant.name:
             first, expected = first_of.setdefault(variant.parts[-3:-1], (file, mask))
-            require_agreement(first, file, expected, mask, "use the same prune mask for both, or rename one")
+            require_agreement(first, file, expected, mask, "use the same prune mask for both, or rename a variant")
 
 
 def _require_conditions(variants: Iterable[Path], conditions: Mapping[str, tuple[str, str]]) -> None:
@@ -263,7 +265,8 @@ def _require_conditions(variants: Iterable[Path], conditions: Mapping[str, tuple
         for name, value in {**known, **named}.items():
             source = Path("--condition") if name in named else model
             first, expected = trained.setdefault((scheme, condition, name), (source, value))
-            require_agreement(first, model, {name: expected}, known, "name the condition of each model by --condition")
+            hint = "correct --condition" if name in named else "name the condition of each model by --condition"
+            require_agreement(first, model, {name: expected}, known, hint)
 
 
 def _images_of_variant(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -284,7 +287,7 @@ def _images_of_model(table: Path) -> Iterator[tuple[tuple[str, ...], str]]:
 
 def _require_images_of(variant: Path, images: Path) -> None:
     origin = {name: origin_of(images, name) for name in ("target", "model", "key")}
-    hint = f"of another variant; render them again, or delete {RENDERED}"
+    hint = f"these images are of another variant; render them again, or delete {RENDERED}"
     _require_shown(images, origin, {"target": [images.name]} | _shown_by(variant), hint)
 
 
@@ -309,10 +312,11 @@ def _require_shown(artifact: Path, origin: Mapping[str, str], expected: Mapping[
 def _require_measured_in(variant: Path, table: Path) -> None:
     inputs, baseline = recorded_inputs(table), variant.name if variant.name in BASELINES else None
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
-        raise InputError(table, "baseline", expected=f"{baseline}, as for {variant.name}", found=str(measured))
+        names = [f"a comparison of {image or 'renders'}" for image in (baseline, measured)]
+        raise InputError(table, "baseline", expected=f"{names[0]}, as for {variant.name}", found=names[1])
     for setting, origin in settings_of(table).items():
         if setting.startswith(SHOWN) and variant.name not in BASELINES:
-            hint = f"{setting}: of another variant, or of an earlier model; make the table again"
+            hint = f"the images {setting} are of another variant, or of an earlier model; make the table again"
             _require_shown(table, origin, _shown_by(variant), hint)
     is_of_all_variants = table.parent == variant.parent
     for record, digest in ((Path(name), digest) for name, digest in inputs.items()):
@@ -320,5 +324,5 @@ def _require_measured_in(variant: Path, table: Path) -> None:
             continue
         images, known = variant / "renders" / record.parent.name, [digest] if is_of_all_variants else inputs.values()
         if (images / RENDERED).is_file() and file_digest(images / RENDERED) not in known:
-            hint = "of another variant, or of earlier images; make the table again"
+            hint = "the table is of another variant, or of earlier images; make it again"
             raise InputError(table, "images", expected=f"those of {images}", found="others", hint=hint)

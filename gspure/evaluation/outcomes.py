@@ -208,8 +208,8 @@ def collect(
     """
     failed = _failed(failures)
     if not metrics:
-        reason = failed[0].failure if failed else "nothing"
-        raise InputError("table", "metrics", expected="metrics of some variant", found=reason)
+        found = f"none: every variant failed, the first with: {failed[0].failure}" if failed else "none"
+        raise InputError("table", "metrics", expected="metrics of some variant", found=found)
     rows = _without_identical_views({path: read_metrics(path) for path in metrics})
     _require_distinct(metrics)
     _require_reference_kinds(rows)
@@ -225,12 +225,12 @@ def collect(
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.parent.resolve().parts[-2:]: read_table(path, Retrieved) for path in retrievals}
     if len(retrieved) < len(retrievals):
-        found = f"{len(retrievals)} of {len(retrieved)}"
+        found = f"{len(retrievals)} files of {len(retrieved)} models"
         raise InputError("table", "retrievals", expected="one file for every model", found=found)
     outcomes = [replace(o, retrieval=_retrieval(o, retrieved.get((o.scheme, o.folder), ()))) for o in outcomes]
     _require_all_retrieved(outcomes, may_lack_models=bool(failures))
     for model in conditions.keys() - {f"{o.scheme}/{o.folder}" for o in outcomes} if not failures else ():
-        raise InputError("table", "condition", expected="a model with metrics", found=model)
+        raise InputError("table", "--condition", expected="a model with metrics", found=model)
     trained = [conditions.get(f"{o.scheme}/{o.folder}", ("", "")) for o in outcomes]
     outcomes = [replace(o, protocol=p, initialization=i) for o, (p, i) in zip(outcomes, trained, strict=True)]
     outcomes.sort(key=lambda outcome: (outcome.scheme, outcome.scene, outcome.seed, outcome.variant != UNATTACKED))
