@@ -13,7 +13,7 @@ from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.retrieval import Retrieval, Retrieved, retrieval
 from gspure.evaluation.survival import not_embedded, survival
-from gspure.images import read_image, write_image
+from gspure.images import levels, read_image, write_image
 from gspure.report.audit import audits
 from gspure.report.tables import survival_table
 from gspure.report.templates import say
@@ -86,6 +86,11 @@ def test_the_scene_in_place_of_the_message_is_not_retrieved(tmp_path: Path) -> N
     photographs(tmp_path / "gspure" / "renders" / "message", 1)
     views = iter(range(VIEWS))
     assert retrieved(tmp_path, lambda _: picture(1, next(views))).top1 == 0
+
+
+@pytest.mark.parametrize("turn", [np.s_[:, ::-1], np.s_[::-1], np.s_[::-1, ::-1]], ids=["mirrored", "down", "turned"])
+def test_an_extraction_as_similar_to_the_message_as_to_its_copy_is_a_tie_and_not_a_hit(tmp_path: Path, turn) -> None:
+    assert retrieved(tmp_path, lambda image: (levels(image) // 2 + levels(image)[turn] // 2) / 255).top1 == 0
 
 
 def test_a_message_that_is_its_own_mirror_image_is_retrieved(tmp_path: Path) -> None:
