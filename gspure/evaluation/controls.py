@@ -11,7 +11,7 @@ BLACK, MEAN_COLOUR = "black", "mean_colour"
 MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)
 """Models that never held the message: one trained without it, and one of another scene that hides another message."""
 
-BASELINES: Final = (BLACK, MEAN_COLOUR)  # content-free: black, and the mean colour of the message
+BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
 
 FLOOR: Final = (*MESSAGE_FREE, *BASELINES)
 """Controls whose highest is the floor of a scene. Without the wrong key, which is applied to a model with the message;

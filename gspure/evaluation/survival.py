@@ -28,7 +28,7 @@ class Survival(NamedTuple):
     variant: str
     present: int  # number of scenes in which the message of the unattacked model is present
     survived: int  # number of these in which it is present after the attack
-    only_retrieved: int  # number of these in which it is not present, but retrieved, unlike from message-free models
+    only_retrieved: int  # number of these in which it is not present, but retrieved, unlike from control models
     reached: bool | None  # whether the attack changed the extraction's carrier in any scene
     message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
@@ -40,7 +40,7 @@ class Survival(NamedTuple):
     share_left: Interval | None  # `above_floor` divided by its value before the attack; None if no scene is `present`
     region_left: Interval | None  # the same of the message's PSNR without its background
     above_wrong_key: Interval | None  # the message's PSNR minus that of a wrong key applied to the unattacked model, dB
-    control: str  # the kind of message-free model with the lowest AUC; empty if there is none
+    control: str  # the kind of control model with the lowest AUC; empty if there is none
     detectability: Detectability | None  # AUC against that kind, with one value per scene
     damage: Interval | None  # of searched strengths, if the drop of a scene is unknown: what the search reached there
 
@@ -92,7 +92,7 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
 
 
 def floor(outcomes: Iterable[Outcome]) -> Cells:
-    """Return the floor of every scene and seed: the highest PSNR among its controls that hold no message, dB."""
+    """Return the floor of every scene and seed, dB: the highest PSNR of its controls that do not hold its message."""
     return _highest(_levels(outcomes, MESSAGE))
 
 

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gspure.evaluation.intervals import Interval
+from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import is_picture
@@ -86,7 +86,8 @@ def number(value: float, unit: str = "dB") -> str:
 
 def db(value: Interval, unit: str = "dB", scenes: int = 0) -> str:
     """Return a mean with its unit and spread, and the count of its scenes if they are fewer than `scenes`."""
-    spread = f"({number(value.low, unit)} to {number(value.high, unit)})" if value.scenes > 1 else ""
+    low, high = number(value.low, unit), number(value.high, unit)
+    spread = f"[{low}, {high}]" if value.level >= LEVEL else f"({low} to {high})" if value.scenes > 1 else ""
     return " ".join(filter(None, (number(value.mean, unit), unit, spread, few(value.scenes, scenes))))
 
 
