@@ -1,7 +1,7 @@
 """This checkout against another one: CPU time, measured in turns.
 
-``python against.py CHECKOUT contributions|schemes [ROUNDS]`` prints medians of both checkouts' times and of the ratios
-of neighbouring measurements: of the contributions of a view, or of an iteration of the schemes that need PyTorch.
+``python against.py CHECKOUT views|schemes [ROUNDS]`` prints medians of both checkouts' times and of the ratios
+of neighbouring measurements: of image and contributions of a view, or of an iteration of the schemes that need PyTorch.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from gspure.cli import main
 
 HERE = Path(__file__).resolve().parents[1]
 WORKERS = {
-    "contributions": """
+    "views": """
 import sys, time
 sys.path[:0] = ["benchmarks"]
 from scenes import SMALL, LARGE
@@ -28,7 +29,7 @@ scene = dict(small=SMALL, large=LARGE)[sys.argv[1]]
 renderer = Renderer(scene.model, energy=sys.argv[2])
 for line in sys.stdin:
     begin = time.process_time()
-    renderer.contributions(scene.camera)
+    getattr(renderer, sys.argv[3])(scene.camera)
     print(time.process_time() - begin, flush=True)
 """,
     "schemes": """
@@ -53,10 +54,9 @@ embedding.embed(read_pair(Path(sys.argv[2])), 0, message_weight=float(sys.argv[3
 
 def cases(kind: str, folder: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield names and arguments of a worker's cases."""
-    if kind == "contributions":
-        yield from (
-            (f"{scene}, {energy}", [scene, energy]) for scene in ("small", "large") for energy in ("ray", "ewa")
-        )
+    if kind == "views":
+        for words in product(("small", "large"), ("ray", "ewa"), ("image", "contributions")):
+            yield ", ".join(words), [*words]
         return
     for width, height in ((96, 72), (160, 120)):
         pair = str(folder / f"{width}x{height}")

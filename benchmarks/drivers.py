@@ -22,7 +22,7 @@ from tests.comparison import may_flip, may_swap, steady_pixels
 from tests.models import AWKWARD, blobs, tilted_camera
 
 CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
-    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked")
+    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked", "geographic")
 }
 
 STEADY = 1e-3
