@@ -201,9 +201,10 @@ def test_columns_with_unusual_numbers_are_not_coefficients(tmp_path, number):
     assert model.table.dtype.names[-1] == columns[-1]
 
 
-def test_a_property_name_that_does_not_print_is_refused(tmp_path):
-    error = refusal(save(tmp_path / "m.ply", header(floats([*CORE, "\x1b[2J"]), 1) + bytes(48)))
-    assert (error.field, error.expected) == ("property", "a printable name")
+@pytest.mark.parametrize("name", ["\x1b[2J", "a:b"])
+def test_a_property_name_that_does_not_print_or_cannot_be_written_is_refused(tmp_path, name):
+    error = refusal(save(tmp_path / "m.ply", header(floats([*CORE, name]), 1) + bytes(48)))
+    assert (error.field, error.expected) == ("property", "a printable name without colons")
 
 
 def test_coefficients_without_the_zeroth_are_refused(tmp_path):

@@ -37,7 +37,8 @@ class Vertices:
     def below(path: Path, header: PlyData, offset: int) -> Vertices:
         """Return the vertices of a header.
 
-        Raise `InputError` if another element comes first, or a property is a list or has a name that does not print.
+        Raise `InputError` if another element comes first, or a property is a list or has a name that does not print or
+        holds a colon.
         """
         names = [element.name for element in header.elements]
         if names[:1] != ["vertex"]:
@@ -47,8 +48,8 @@ class Vertices:
         for stored in header["vertex"].properties:
             if isinstance(stored, PlyListProperty):
                 raise InputError(path, stored.name, expected="one value per row", found="a list property")
-            if not stored.name.isprintable():
-                raise InputError(path, "property", expected="a printable name", found=repr(stored.name))
+            if not stored.name.isprintable() or ":" in stored.name:  # numpy writes no columns with colons
+                raise InputError(path, "property", expected="a printable name without colons", found=repr(stored.name))
         return Vertices(path, header, offset)
 
     @property
