@@ -110,3 +110,15 @@ def test_a_condition_is_named_by_its_distinguishing_settings(condition: Conditio
 def test_seeds_of_another_condition_are_not_paired() -> None:
     outcomes = [attacked("gspure", 1.0, 9.0, "a", protocol="own"), attacked("x", 1.0, 2.0, "a", protocol="shared")]
     assert contest(outcomes, {}) == []
+
+
+def test_no_number_depends_on_the_order_of_the_rows_of_a_table(tmp_path: Path) -> None:
+    write_results(tmp_path / "results.csv", MIXED)
+    header, *rows = (tmp_path / "results.csv").read_text(encoding="utf-8").splitlines()
+    for order, column in ((sorted(rows), "scheme"), (sorted(rows, key=lambda row: row.split(",")[6]), "target")):
+        (tmp_path / f"{column}.csv").write_text("\n".join([header, *order]) + "\n", encoding="utf-8")
+        outcomes = read_results(tmp_path / f"{column}.csv")
+        assert len(outcomes) == len(MIXED)
+        assert {*map(repr, survival(outcomes))} == {*map(repr, survival(MIXED))}
+        assert {*map(repr, contest(outcomes, {}))} == {*map(repr, contest(MIXED, {}))}
+        assert {*map(repr, summarize(outcomes))} == {*map(repr, summarize(MIXED))}

@@ -20,6 +20,7 @@ from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
 
 Row = TypeVar("Row")
+Key = TypeVar("Key")
 Cells = Iterator[str]
 
 
@@ -32,6 +33,14 @@ class PerMetric(NamedTuple):
 
 
 Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
+
+
+def grouped(rows: Iterable[Row], key: Callable[[Row], Key]) -> dict[Key, list[Row]]:
+    """Return the rows of each key, which need not be adjacent; keys are in the order of their first row."""
+    groups: dict[Key, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(key(row), []).append(row)
+    return groups
 
 
 class _Field(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import groupby, product
+from itertools import product
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -16,7 +16,7 @@ from gspure.artifacts import embedding_of, load_array, place, read_json, require
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, off_path, on_path, read_metrics
 from gspure.evaluation.controls import BASELINES, CONTROLS
-from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.csv_tables import grouped, read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
@@ -254,16 +254,13 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
 
 
 def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Outcome]]]:
-    """Return scheme and folder of each model with its outcomes, which are sorted by model."""
-    return [(key, list(group)) for key, group in groupby(outcomes, key=lambda o: (o.scheme, o.folder))]
+    """Return scheme and folder of each model with its outcomes; both keep their order."""
+    return [*grouped(outcomes, lambda o: (o.scheme, o.folder)).items()]
 
 
 def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:
     """Return the outcomes of every condition; both keep their order."""
-    grouped: dict[Condition, list[Outcome]] = {}
-    for o in outcomes:
-        grouped.setdefault(o.condition, []).append(o)
-    return grouped
+    return grouped(outcomes, lambda o: o.condition)
 
 
 def _failed(statuses: Sequence[Path]) -> list[Outcome]:

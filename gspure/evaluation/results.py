@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
@@ -11,7 +10,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from gspure.bounds import Share
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, ViewMetrics
-from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
+from gspure.evaluation.csv_tables import PerMetric, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval
@@ -54,7 +53,7 @@ def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
 
 
 def read_results(path: Path) -> list[Outcome]:
-    """Return the outcomes that `write_results` has written, in their order.
+    """Return the outcomes that `write_results` has written; the rows of one need not be adjacent.
 
     Raise `InputError` if the file is not such a table, or has two rows for the same target of the same variant.
     """
@@ -62,8 +61,8 @@ def read_results(path: Path) -> list[Outcome]:
     keys = Counter((*condition_of(row), row.scene, row.seed, row.variant, row.target) for row in rows)
     for key in (key for key, count in keys.items() if count > 1):
         raise InputError(path, "rows", expected="one for every target of every variant", found=f"{keys[key]} of {key}")
-    variants = groupby(rows, key=lambda row: (condition_of(row), row.scene, row.seed, row.variant))
-    return with_references(_outcome(list(targets)) for _, targets in variants)
+    variants = grouped(rows, lambda row: (condition_of(row), row.scene, row.seed, row.variant))
+    return with_references(_outcome(targets) for targets in variants.values())
 
 
 def _rows(o: Outcome) -> Iterator[Result]:

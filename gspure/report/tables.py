@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import groupby
 from math import inf, isfinite, isnan, nan
 from types import MappingProxyType
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.costs import AttackCost
+from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import Matched, reached_names
 from gspure.evaluation.metrics import METRICS
@@ -208,7 +208,7 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
         if row.scene_drop <= row.damage and row.drop.scenes == scenes:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
     damages, rows = sorted({row.damage for row in matched}), []
-    for sweep, group in groupby(matched, key=lambda row: row.sweep):
+    for sweep, group in grouped(matched, lambda row: row.sweep).items():
         at = {row.damage: row for row in group}
         drops = [_drop_at(at[damage], most.get(damage), scenes) if damage in at else Cell() for damage in damages]
         strengths = Cell(f"{next(iter(at.values())).strengths}")
@@ -226,7 +226,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     titles = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
     rows, body = summarize(outcomes), []
-    for condition, alike in groupby(rows, key=condition_of):
+    for condition, alike in grouped(rows, condition_of).items():
         names = reached_names(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
@@ -247,7 +247,7 @@ def beside_table(rows: Sequence[Beside]) -> Table:
     quantities = ("scene drop", "message drop", "Score", "RMS ratio")
     pairs = [Column(source, name) for name in quantities for source in ("paper", "ours")]
     body = []
-    for condition, group in groupby(rows, key=condition_of):
+    for condition, group in grouped(rows, condition_of).items():
         for i, row in enumerate(group):
             names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant))]
             paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
