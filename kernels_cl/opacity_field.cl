@@ -63,8 +63,10 @@ __kernel void blend_centres(POINTS_OF_TILES,
     I open = MASK(T > (V)0.0f);
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
         V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
-        V weight = blend(exponent, peak, &T);
         I own = MASK(owner == (U)entries[entry].x);
+        // Through its own centre, sin^2 = 0 and t* = z; rounded centres may miss Gaussians thinner than 1e-7 of their depth.
+        exponent = own ? (V)s[SPLAT_LOG2_OPACITY] : exponent;
+        V weight = blend(exponent, own ? (V)INFINITY : peak, &T);
         contribution = AS_FLOAT(AS_INT(contribution) | (AS_INT(weight) & own));
         open &= ~own & MASK(T > (V)0.0f);
     }

@@ -55,6 +55,15 @@ def test_a_gaussian_smaller_than_a_pixel_contributes_its_opacity(device, style):
     np.testing.assert_allclose(measured(model, view, device, style), [0.8], rtol=1e-5)
 
 
+@pytest.mark.parametrize("scales", [1e-7, 1e-9, 1e-13, (1e-13, 1e-13, 1.0)])
+def test_the_thinnest_gaussians_contribute_what_others_let_through(device, style, scales):
+    """Rounded to float32, the ray through a centre misses Gaussians that are thinner than 1e-7 of their depth."""
+    x, y = np.meshgrid(np.linspace(-1.1, 1.2, 6), np.linspace(-0.9, 0.8, 5))
+    means = np.column_stack([x.ravel(), y.ravel(), np.linspace(3, 4, x.size)])
+    model, view = gaussians(means=means, scales=scales, opacities=0.8), camera()
+    np.testing.assert_allclose(measured(model, view, device, style), centre_contributions(model, view)[0], rtol=1e-5)
+
+
 def test_a_centre_outside_the_image_or_behind_the_camera_contributes_nothing(device, style):
     model = gaussians(means=[[4, 0, 4], [0, 0, -4], [0, 0, 4]], scales=1.5, opacities=0.9)
     found = measured(model, camera(), device, style)
