@@ -415,10 +415,11 @@ def check_diagnoses(results: Results) -> int:
         tau = np.where(labels >= 0, settings["tau_c"], settings["tau_n"])
         pruned, plain = deciding < weights.mean() / tau, weights < weights.mean() / settings["tau_n"]
         sizes = [int((labels == label).sum()) for label in range(labels.max() + 1)]
-        either = (pruned | plain).sum()
+        either, sorted_sums = (pruned | plain).sum(), np.cumsum(np.sort(weights)[::-1])
         expected = {
             "gaussians": len(weights),
             "weighted": int((weights > 0).sum()),
+            "holding": min(n for n in range(1, len(weights) + 1) if sorted_sums[n - 1] >= 0.99 * sorted_sums[-1]),
             "clusters": len(sizes),
             "largest_share": max(sizes, default=0) / len(labels),
             "noise_share": float(np.mean(labels < 0)),

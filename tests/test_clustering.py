@@ -322,7 +322,16 @@ def test_diagnosis_warns_of_a_collapsed_clustering() -> None:
 def test_diagnosis_warns_of_views_that_see_less_than_a_hundredth_of_the_rows(weighted: int, warns: bool) -> None:
     labels = np.repeat(np.arange(4, dtype=np.int32), 50)
     warnings = diagnose(labels, np.repeat([0.0, 1.0], [200 - weighted, weighted])).warnings
-    assert any(f"{weighted} of 200" in text for text in warnings) == warns
+    assert any(f"the views see {weighted} of 200" in text for text in warnings) == warns
+
+
+@pytest.mark.parametrize(("invisible", "factor"), [(3000, ""), (4100, "5"), (9000, "10")])
+def test_diagnosis_warns_if_rows_without_weight_lower_the_thresholds(invisible: int, factor: str) -> None:
+    weights = np.concatenate([np.ones(1000), np.zeros(invisible)])
+    found = diagnose(np.repeat(np.arange(4, dtype=np.int32), len(weights) // 4), weights)
+    assert found.holding == 990
+    named = [text for text in found.warnings if text.startswith(f"990 of {len(weights)} rows hold 99%")]
+    assert [f"up to {factor} times" in text for text in named] == [True] * bool(factor)
 
 
 def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
@@ -349,8 +358,7 @@ def test_a_diagnosis_by_opacities_names_them() -> None:
     opacities = np.repeat([0.0, 1.0], [1999, 1])
     labels = np.repeat(np.arange(4, dtype=np.int32), 500)
     by_weights, by_opacities = (" ".join(diagnose(labels, opacities, quantity=name).lines()) for name in QUANTITIES)
-    assert by_weights.count("% of all ω") == 2
-    assert by_opacities.count("% of all opacities") == 2
+    assert by_weights.count("% of all ω") == by_opacities.count("% of all opacities") == 3
     assert not any(word in by_opacities for word in ("ω", "weight", "see 1 of 2000 rows"))
 
 

@@ -6,6 +6,7 @@ from typing import Any, Final, Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.constants import NEAR_PLANE
 from gspure.dtypes import Float32, Float64, Indices
 from gspure.errors import InputError
 
@@ -14,6 +15,8 @@ Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
 FEW_SHARE: Final = 0.01  # share of rows in view below which a warning is printed; ours
+HELD_SHARE: Final = 0.99  # of all ω: how many rows hold it is part of the diagnosis; ours
+LIGHT_FACTOR: Final = 5.0  # of the number of all rows to that of those, above which a warning is printed; ours
 HEAVY_SHARE: Final = 0.1  # of all ω: rows beyond it are heavy; below 1000 rows, 100 times the mean; ours
 
 
@@ -69,7 +72,8 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
 def require_in_view(weights: NDArray[Any]) -> None:
     """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
-        hint = "do cameras and model belong together, and are the images large enough?"
+        hint = "do cameras and model belong together, are images large enough, and is it all nearer than "
+        hint += f"{NEAR_PLANE} (NEAR_PLANE)?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 
@@ -77,6 +81,14 @@ def heavy_rows(weights: NDArray[Any]) -> Indices:
     """Return the rows of so large a weight that they shift mean and standard deviation of all weights [K]."""
     bound = max(HEAVY_SHARE, 100 / max(len(weights), 1))
     return np.flatnonzero(weights > bound * weights.sum(dtype=np.float64))
+
+
+def holding_rows(weights: NDArray[Any]) -> int:
+    """Return how many of the heaviest rows hold `HELD_SHARE` of all weight [K]; all, if there is none."""
+    if not weights.any():
+        return len(weights)
+    held = np.cumsum(np.sort(weights)[::-1], dtype=np.float64)
+    return int(np.searchsorted(held, HELD_SHARE * held[-1])) + 1
 
 
 def few_in_view(weighted: int, rows: int) -> list[str]:

@@ -10,7 +10,7 @@ from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.dtypes import Bools
 from gspure.errors import InputError
 from gspure.method.pruning import plain_prune_mask, prune_mask
-from gspure.method.weights import few_in_view, heavy_rows
+from gspure.method.weights import HELD_SHARE, LIGHT_FACTOR, few_in_view, heavy_rows, holding_rows
 from gspure.model.finite import listed
 from gspure.numerals import percent
 
@@ -36,6 +36,8 @@ class Diagnosis:
         Pruned in total; with their cluster; as noise.
     pruned_weight_share : float
         Share of the pruned ones in the total weight.
+    holding : int
+        Number of the heaviest rows that hold `gspure.method.weights.HELD_SHARE` of the total weight.
     heavy : tuple of int
         The rows of `gspure.method.weights.heavy_rows`.
     heavy_weight_share : float
@@ -60,6 +62,7 @@ class Diagnosis:
     pruned_as_cluster: float
     pruned_as_noise: float
     pruned_weight_share: float
+    holding: int
     heavy: tuple[int, ...]
     heavy_weight_share: float
     plain_share: float
@@ -92,6 +95,11 @@ class Diagnosis:
             sentences.append(
                 f"{self.coincident} rows have the same features as more than min_samples others: "
                 "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster"
+            )
+        if self.gaussians > LIGHT_FACTOR * self.holding:
+            sentences.append(
+                f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the others "
+                f"lower the thresholds up to {self.gaussians / self.holding:.0f} times, so fewer of these are pruned"
             )
         if self.heavy:
             sentences.append(
@@ -153,6 +161,7 @@ def diagnose(
         pruned_as_cluster=_share((pruned & clustered).sum(), len(labels)),
         pruned_as_noise=_share((pruned & ~clustered).sum(), len(labels)),
         pruned_weight_share=_share(weights[pruned].sum(dtype=np.float64), weights.sum(dtype=np.float64)),
+        holding=holding_rows(weights),
         heavy=tuple(heavy.tolist()),
         heavy_weight_share=_share(weights[heavy].sum(dtype=np.float64), weights.sum(dtype=np.float64)),
         plain_share=_share(plain.sum(), len(labels)),
