@@ -162,7 +162,11 @@ def test_the_given_configuration_is_not_changed():
             {"assets": {"bot": {"train": "data", "training": {"resolution": "half"}}}},
             "assets.bot.training.resolution: .* found 'half'",
         ),
-        ({"assets": {"a/b": BOT}}, "assets: expected a name that matches .* found 'a/b'"),
+        ({"assets": {"a/b": BOT}}, "assets: expected a folder name of at most 100 .* found 'a/b'"),
+        (
+            {"assets": {"bot": BOT}, "detectors": {"b": {"command": "c", "message": "012"}}},
+            "detectors.b.message: expected the embedded bits, such as 0110, .* found '012'",
+        ),
         ({"method": {"selection": "best"}}, "method.selection: expected one of eom_capped, eom, leaf, found 'best'"),
         ({"method": {"tau_n": 0}}, "method.tau_n: expected more than 0, found 0"),
         ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),

@@ -124,6 +124,7 @@ def test_a_setting_out_of_range_is_refused(pair_folder, setting, value):
     ("name", "change", "reason"),
     [
         ("bits", lambda bits: bits[:-1], "head.weight: expected 7 rows"),
+        ("bits", lambda bits: bits[:0], "bits: expected at least one"),
         ("bits", lambda bits: bits.astype(np.float32), "bits: expected bool"),
         ("filters.weight", lambda weights: weights[..., :-1], "filters.weight"),
         ("filters.bias", lambda weights: weights * np.nan, "finite"),

@@ -37,7 +37,9 @@ SIGNIFICANT: Final = 0.05
 ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene, in dB, of an attack that counts for the verdict
 EQUAL: Final = 0.05  # mean differences below this count as zero, dB: the page shows tenths
 
-Verdict = Literal["judged", "failed", "no key", "no reference", "no controls", "not present", "not touched"]
+Verdict = Literal[
+    "judged", "failed", "no key", "no survival", "no reference", "no controls", "not present", "not touched"
+]
 
 
 class OtherAttacks(NamedTuple):
@@ -200,7 +202,7 @@ def _why_not_judged(outcomes: Sequence[Outcome], by_variant: Mapping[str, Surviv
     if not any(o.messages for o in outcomes):
         return "no key"
     if not by_variant:
-        return "no controls"
+        return "no survival"
     if UNATTACKED not in by_variant:
         return "no reference"
     flat = all(o.is_flat(MESSAGE) for o in outcomes if o.variant == UNATTACKED and not o.failure)

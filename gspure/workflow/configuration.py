@@ -41,7 +41,6 @@ _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "tr
 _EXPECTED = {
     "type": "type {}",
     "enum": "one of {}",
-    "pattern": "a name that matches {}",
     "minLength": "at least {} character",
     "maxLength": "at most {} characters",
     "minimum": "at least {}",
@@ -414,6 +413,10 @@ def _refusal(error: Any, source: str | Path) -> InputError:
         missing = next(name for name in error.validator_value if name not in error.instance)
         return InputError(source, ".".join([*path, missing]), expected="an entry", found="nothing")
     wanted = error.validator_value
+    if error.validator == "pattern":
+        description = error.schema["description"].rstrip(".")
+        expected = description[0].lower() + description[1:]
+        return InputError(source, ".".join(path) or "config", expected=expected, found=repr(error.instance))
     listed = ", ".join(wanted) if isinstance(wanted, list) else wanted
     expected = _EXPECTED.get(error.validator, error.validator + " {}").format(listed)
     return InputError(source, ".".join(path) or "config", expected=expected, found=repr(error.instance))

@@ -68,6 +68,8 @@ class ClonesKey(Key):
         }
         arrays = load_arrays(path, {"bits": (np.bool_, (None,)), **kinds}, "a key of marked clones")
         bits = arrays.pop("bits")
+        if not len(bits):
+            raise InputError(path, "bits", expected="at least one", found="none")
         for name in ("head.weight", "head.bias"):
             if len(arrays[name]) != len(bits):
                 raise InputError(path, name, expected=f"{len(bits)} rows, one per bit", found=str(len(arrays[name])))
