@@ -14,7 +14,7 @@ TOLERANCE: Final = 1e-3  # admits rotations printed with four digits, not scaled
 def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
     """Raise `InputError` for the `field` of a source unless a finite matrix [3,3] is a rotation, or [4,4] rigid."""
     rotation, last = transform[:3, :3], transform[3:].ravel().tolist()
-    with np.errstate(over="ignore", invalid="ignore"):  # squares of large numbers, and their differences
+    with np.errstate(all="ignore"):  # of numbers that are very large or very small
         error, volume = np.abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
     if not (error <= TOLERANCE and volume > 0):
         found = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"

@@ -152,6 +152,7 @@ def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) 
         np.zeros((4, 4)),
         2 * np.eye(4),
         np.full((4, 4), 1e200),
+        np.array([[0, 0, 0, 0], [1e-312, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
         np.full((4, 4), np.nan),
         np.diag([1, 1, 1, np.inf]),
         np.diag([-1.0, 1, 1, 1]),
