@@ -94,7 +94,8 @@ class Diagnosis:
         if self.coincident and self.clusters:
             sentences.append(
                 f"{self.coincident} rows have the same features as more than min_samples others: "
-                "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster"
+                "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster or, "
+                "if it exceeds max_cluster_share, noise"
             )
         if self.gaussians > LIGHT_FACTOR * self.holding:
             sentences.append(
