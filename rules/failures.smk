@@ -63,12 +63,12 @@ def record_failure(jobs, run):
 
 
 def summarize(run):
-    """Make tables and report from the finished results."""
+    """Make tables and report from the finished results; return those that remain from an earlier run."""
     failed = set().union(*map(get_jobs, workflow.scheduler.failed))
     waiting = {job for job in get_summaries() - failed if job.output and not workflow.dag.finished(job)}
     last = [job for job in waiting if not waiting & workflow.dag.depending[job].keys()]
     if not (targets := [path for job in last for path in job.output]):
-        return
+        return []
     local = ExecutorPluginRegistry().get_plugin("local").common_settings
     settings = shlex.split(workflow.spawned_job_args_factory.general_args(local))
     settings.remove("--no-hooks")
@@ -77,7 +77,9 @@ def summarize(run):
     runs = os.pathsep.join([*RUNS, run])
     if SCREEN:
         SCREEN.close()
+    before = {path: os.path.getmtime(path) for path in targets if os.path.exists(path)}
     subprocess.run(command, env={**os.environ, "GSPURE_FAILED_RUNS": runs}, check=False)
+    return [path for path in before if os.path.exists(path) and os.path.getmtime(path) == before[path]]
 
 
 def forget_corrupt():
@@ -91,11 +93,12 @@ def forget_corrupt():
             print(f"gspure: to be recomputed by the next run: {problems[0]}", file=sys.stderr)
 
 
-def print_failures(failures, run):
-    """Print the failed jobs, the reasons, the variants without results, Snakemake's log, and the command to try again."""
+def print_failures(failures, run, outdated):
+    """Print failed jobs with reasons, variants without results, outdated results, log, and the command to try again."""
     count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
     lines = [f"gspure: {count} failed", *(f"  {line}" for line in summary(failures))]
     lines += [f"Without results: {model}: {', '.join(variants)}" for model, variants in unfinished(failures).items()]
+    lines += [f"Of an earlier run: {path}" for path in outdated]
     lines.append(f"Snakemake's log: {os.path.relpath(run)}")
     if not RUNS:
         again = os.environ.get(COMMAND) or shlex.join(["snakemake", *sys.argv[1:]])
@@ -110,8 +113,9 @@ onsuccess:
 onerror:
     failures = record_failures(log[0])
     stopped = workflow.scheduler.running or workflow.scheduler.open_jobs
+    outdated = []
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
-        summarize(log[0])
+        outdated = summarize(log[0])
     forget_corrupt()
     if failures:
-        atexit.register(print_failures, failures, log[0])  # after Snakemake's last message
+        atexit.register(print_failures, failures, log[0], outdated)  # after Snakemake's last message

@@ -134,10 +134,12 @@ def test_a_successful_run_removes_the_records_of_failures(failed, tmp_path):
     assert "Nothing to be done" in project.run()
 
 
-def test_without_a_finished_cell_there_is_no_table(tmp_path, started):  # noqa: F811
-    project = started.copy(tmp_path / "project")
-    (project.folder / "bot.ply").write_text("no model")
-    assert "metrics of some variant" in project.run(status=1)
+def test_without_a_finished_cell_there_is_no_table_and_the_report_is_named_as_of_an_earlier_run(failed, tmp_path):
+    project = failed[0].copy(tmp_path / "project")
+    project.configure({**CONFIG, "assets": {"broken": BROKEN}})
+    printed = project.run(status=1)
+    assert "metrics of some variant" in printed
+    assert "Of an earlier run: results/report.html" in printed.splitlines()
     assert not (project.folder / TABLE).exists()
 
 
