@@ -12,7 +12,7 @@ from gspure.errors import InputError
 from gspure.method.pruning import plain_prune_mask, prune_mask
 from gspure.method.weights import HELD_SHARE, LIGHT_FACTOR, few_in_view, heavy_rows, holding_rows
 from gspure.model.finite import listed
-from gspure.numerals import percent
+from gspure.numerals import decimal, percent
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05
@@ -98,9 +98,10 @@ class Diagnosis:
                 "if it exceeds max_cluster_share, noise"
             )
         if self.gaussians > LIGHT_FACTOR * self.holding:
+            factor = decimal(self.gaussians / self.holding, 0)
             sentences.append(
                 f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the others "
-                f"lower the thresholds up to {self.gaussians / self.holding:.0f} times, so fewer of these are pruned"
+                f"lower the thresholds up to {factor} times, so fewer of these are pruned"
             )
         if self.heavy:
             sentences.append(
