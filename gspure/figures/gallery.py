@@ -170,7 +170,7 @@ def _remarks(count: int, problem: str | None) -> Iterator[str]:
 def _histogram_caption(evidence: Evidence) -> str:
     zero = percent(float(np.mean(evidence.weights == 0)))
     return (
-        f"Histogram of the weights ω, with mean ω̄. {zero} are 0: no pixel of a view measured these {evidence.rows}. "
+        f"Histogram of the weights ω, with mean ω̄. {zero} are 0: these {evidence.rows} contribute to no pixel. "
         f"GSPure prunes clusters if their mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} in no "
         f"cluster if their weight is below ω̄/{evidence.tau_n:g}. Clusters are pruned as a whole, so {evidence.rows} "
         "above the threshold can be pruned, and others below it kept."

@@ -72,8 +72,8 @@ def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction 
 def require_in_view(weights: NDArray[Any]) -> None:
     """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
-        hint = "do cameras and model belong together, are images large enough, and is it all nearer than "
-        hint += f"{NEAR_PLANE} (NEAR_PLANE)?"
+        hint = "do cameras and model belong together, are the images large enough, and is the model farther than "
+        hint += f"{NEAR_PLANE} from the cameras?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 

@@ -100,8 +100,8 @@ class Diagnosis:
         if self.gaussians > LIGHT_FACTOR * self.holding:
             factor = decimal(self.gaussians / self.holding, 0)
             sentences.append(
-                f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the others "
-                f"lower the thresholds up to {factor} times, so fewer of these are pruned"
+                f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the "
+                f"others lower the thresholds by a factor of up to {factor}, so fewer of the {self.holding} are pruned"
             )
         if self.heavy:
             sentences.append(
