@@ -16,8 +16,9 @@
 // last nodes. Leaf l holds the points at positions l count / 2^levels and on, at most LEAF = 16; its coordinates
 // are a block [COLUMNS][LEAF], padded with infinity.
 //
-// Boxes of nodes are in single precision, rounded outwards, and only prune the search: bounds in single precision exceed
-// those in double precision by more than all rounding. Distances of points are in double precision.
+// Rounding never puts a box farther away than a point in it: rounded subtraction, multiplication and addition are monotonic,
+// and both distances are summed in the same order. Bounds of components are in single precision, rounded up: atomic minima
+// of 64 bits are an extension.
 //
 // PoCL does not inline built-in functions, so the inner loops use none.
 
@@ -29,8 +30,7 @@
 #define UNROLL _Pragma("unroll")
 
 #define NONE 0xffffffffu
-#define MARGIN (1.0 + (COLUMNS + 8) * 0x1p-23)  // of bounds in single precision, over the rounding of COLUMNS squares
-#define LEAST_BOUND 1e-37f      // devices may take smaller numbers for zero
+#define LEAST_BOUND 1e-37  // of a component: devices may flush smaller single-precision numbers to zero
 
 inline uint first_of(uint leaf, uint count, uint levels) { return (uint)((ulong)leaf * count >> levels); }
 
@@ -81,20 +81,17 @@ __kernel void split_nodes(uint count, uint levels, uint level,
     }
 }
 
-inline float rounded_down(double x) { return convert_float_rtn(x); }
-inline float rounded_up(double x) { return convert_float_rtp(x); }
-
 // Coordinates and boxes of the leaves.
 __kernel void fill_leaves(uint count, uint levels,
                           __global const double *points,  // [N,COLUMNS]
                           __global const uint *order,     // [N]
                           __global double *blocks,        // [leaves,COLUMNS,LEAF]
-                          __global float *boxes) {        // [2 leaves,2,COLUMNS]
+                          __global double *boxes) {        // [2 leaves,2,COLUMNS]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
     __global double *block = blocks + (size_t)leaf * COLUMNS * LEAF;
-    __global float *box = boxes + (size_t)(leaves + leaf) * 2 * COLUMNS;
+    __global double *box = boxes + (size_t)(leaves + leaf) * 2 * COLUMNS;
     for (uint c = 0; c < COLUMNS; c++) {
         double low = INFINITY, high = -INFINITY;
         for (uint i = 0; i < LEAF; i++) {
@@ -102,17 +99,17 @@ __kernel void fill_leaves(uint count, uint levels,
             block[c * LEAF + i] = x;
             if (begin + i < end) low = LOWER(low, x), high = HIGHER(high, x);
         }
-        box[c] = rounded_down(low);
-        box[COLUMNS + c] = rounded_up(high);
+        box[c] = low;
+        box[COLUMNS + c] = high;
     }
 }
 
 __kernel void join_boxes(uint level,
-                         __global float *boxes) {  // [2 leaves,2,COLUMNS]
+                         __global double *boxes) {  // [2 leaves,2,COLUMNS]
     uint node = (1u << level) + get_global_id(0);
     if (node >= 2u << level) return;
-    __global float *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
-    __global float *right = left + 2 * COLUMNS;
+    __global double *box = boxes + (size_t)node * 2 * COLUMNS, *left = boxes + (size_t)node * 4 * COLUMNS;
+    __global double *right = left + 2 * COLUMNS;
     for (uint c = 0; c < COLUMNS; c++) {
         box[c] = LOWER(left[c], right[c]);
         box[COLUMNS + c] = HIGHER(left[COLUMNS + c], right[COLUMNS + c]);
@@ -125,50 +122,30 @@ inline bool any_of(long8 mask) {
     return (b.x | b.y) != 0;
 }
 
-inline bool any_of_16(int16 mask) {
-    int8 a = mask.lo | mask.hi;
-    int4 b = a.lo | a.hi;
-    int2 c = b.lo | b.hi;
-    return (c.x | c.y) != 0;
-}
+inline bool any_of_16(long16 mask) { return any_of(mask.lo | mask.hi); }
 
 // The points of a leaf search together, each for squared distances below its bound; the bound of padding is 0.
 typedef struct {
-    double columns[COLUMNS][LEAF];
-    float16 lows[COLUMNS], highs[COLUMNS];  // the columns in single precision, rounded down and up
-    double bounds[LEAF];
-    float16 wide_bounds;  // not below the bounds
-    float16 distances;    // to the node at hand, not above those to its points by more than MARGIN
+    double16 columns[COLUMNS];
+    double16 bounds;
+    double16 distances;  // to the box at hand
 } Searchers;
 
-#define LANE(vector, lane) (((float *)&(vector))[lane])
+#define LANE(vector, lane) (((double *)&(vector))[lane])
 
 inline void load_searchers(Searchers *s, __global const double *blocks, uint leaf) {
-    __global const double *block = blocks + (size_t)leaf * COLUMNS * LEAF;
-    for (uint c = 0; c < COLUMNS; c++) {
-        for (uint lane = 0; lane < LEAF; lane++) {
-            double x = block[c * LEAF + lane];
-            s->columns[c][lane] = x;
-            LANE(s->lows[c], lane) = rounded_down(x);
-            LANE(s->highs[c], lane) = rounded_up(x);
-        }
-    }
-}
-
-inline void set_bound(Searchers *s, uint lane, double bound) {
-    s->bounds[lane] = bound;
-    float wide = (float)(bound * MARGIN);
-    LANE(s->wide_bounds, lane) = bound > 0.0 ? HIGHER(wide, LEAST_BOUND) : 0.0f;
+    __global const double16 *block = (__global const double16 *)(blocks + (size_t)leaf * COLUMNS * LEAF);
+    for (uint c = 0; c < COLUMNS; c++) s->columns[c] = block[c];
 }
 
 // Writes each searcher's squared distance to a node's box.
-inline void measure(Searchers *s, __global const float *boxes, uint node) {
-    __global const float *box = boxes + (size_t)node * 2 * COLUMNS;
-    float16 sum = (float16)0.0f;
+inline void measure(Searchers *s, __global const double *boxes, uint node) {
+    __global const double *box = boxes + (size_t)node * 2 * COLUMNS;
+    double16 sum = (double16)0.0;
     UNROLL for (uint c = 0; c < COLUMNS; c++) {
-        float16 below = box[c] - s->highs[c], above = s->lows[c] - box[COLUMNS + c];
-        float16 gap = HIGHER(below, above);
-        gap = HIGHER(gap, (float16)0.0f);
+        double16 below = box[c] - s->columns[c], above = s->columns[c] - box[COLUMNS + c];
+        double16 gap = HIGHER(below, above);
+        gap = HIGHER(gap, (double16)0.0);
         sum += gap * gap;
     }
     s->distances = sum;
@@ -178,7 +155,7 @@ inline void measure(Searchers *s, __global const float *boxes, uint node) {
 inline double8 distances(const Searchers *s, uint lane, __global const double *block, uint v) {
     double8 sum = (double8)0.0;
     UNROLL for (uint c = 0; c < COLUMNS; c++) {
-        double8 difference = ((__global const double8 *)block)[c * (LEAF / 8) + v] - s->columns[c][lane];
+        double8 difference = ((__global const double8 *)block)[c * (LEAF / 8) + v] - LANE(s->columns[c], lane);
         sum += difference * difference;
     }
     return sum;
@@ -205,14 +182,14 @@ inline void look_for_nearer(Searchers *s, uint lane, Nearest *nearest, __global 
             nearest->points[place] = begin + v * 8 + i;
         }
     }
-    set_bound(s, lane, nearest->distances[NEIGHBOURS - 1]);
+    LANE(s->bounds, lane) = nearest->distances[NEIGHBOURS - 1];
 }
 
 // The nearest points of each point, nearest first, up to its core distance (NONE beyond), and squared core distances. A
 // point stands for `copies` coincident ones.
 __kernel void find_neighbours(uint count, uint levels, uint min_samples,
                               __global const double *blocks,  // [leaves,COLUMNS,LEAF]
-                              __global const float *boxes,    // [2 leaves,2,COLUMNS]
+                              __global const double *boxes,    // [2 leaves,2,COLUMNS]
                               __global const uint *copies,    // [N]
                               __global uint *neighbours,      // [N,NEIGHBOURS]
                               __global double *core) {        // [N]
@@ -223,7 +200,7 @@ __kernel void find_neighbours(uint count, uint levels, uint min_samples,
     Nearest nearest[LEAF];
     load_searchers(&s, blocks, leaf);
     for (uint lane = 0; lane < LEAF; lane++) {
-        set_bound(&s, lane, 0.0);
+        LANE(s.bounds, lane) = 0.0;
         if (lane >= size) continue;
         for (uint i = 0; i < NEIGHBOURS; i++) nearest[lane].distances[i] = INFINITY, nearest[lane].points[i] = NONE;
         look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)leaf * COLUMNS * LEAF, begin, begin + lane);
@@ -235,7 +212,7 @@ __kernel void find_neighbours(uint count, uint levels, uint min_samples,
         while (depth) {
             uint node = stack[--depth];
             measure(&s, boxes, node);
-            if (!any_of_16(s.distances < s.wide_bounds)) continue;
+            if (!any_of_16(s.distances < s.bounds)) continue;
             if (node < leaves) {
                 stack[depth++] = 2 * node;
                 stack[depth++] = 2 * node + 1;
@@ -243,7 +220,7 @@ __kernel void find_neighbours(uint count, uint levels, uint min_samples,
             }
             uint other = node - leaves;
             for (uint lane = 0; lane < size; lane++) {
-                if (LANE(s.distances, lane) >= LANE(s.wide_bounds, lane)) continue;
+                if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
                 look_for_nearer(&s, lane, &nearest[lane], blocks + (size_t)other * COLUMNS * LEAF,
                                 first_of(other, count, levels), NONE);
             }
@@ -267,7 +244,7 @@ __kernel void find_neighbours(uint count, uint levels, uint min_samples,
 __kernel void fill_cores(uint count, uint levels,
                          __global const double *core,    // [N]
                          __global double *cores,         // [leaves,LEAF]
-                         __global float *least_cores) {  // [2 leaves]
+                         __global double *least_cores) {  // [2 leaves]
     uint leaf = get_global_id(0), leaves = 1u << levels;
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), end = first_of(leaf + 1, count, levels);
@@ -277,11 +254,11 @@ __kernel void fill_cores(uint count, uint levels,
         cores[(size_t)leaf * LEAF + i] = value;
         least = LOWER(least, value);
     }
-    least_cores[leaves + leaf] = rounded_down(least);
+    least_cores[leaves + leaf] = least;
 }
 
 __kernel void join_cores(uint level,
-                         __global float *least_cores) {  // [2 leaves]
+                         __global double *least_cores) {  // [2 leaves]
     uint node = (1u << level) + get_global_id(0);
     if (node < 2u << level) least_cores[node] = LOWER(least_cores[2 * node], least_cores[2 * node + 1]);
 }
@@ -312,7 +289,8 @@ __kernel void join_components(uint level,
 }
 
 inline void lower_to(__global uint *bound, double distance) {
-    atomic_min(bound, as_uint(rounded_up(distance)));  // non-negative floats are ordered as their bits
+    float above = convert_float_rtp(HIGHER(distance, LEAST_BOUND));
+    atomic_min(bound, as_uint(above));  // non-negative floats are ordered as their bits
 }
 
 inline double separation(__global const double *points, uint a, uint b) {
@@ -367,9 +345,9 @@ __kernel void offer_edges(uint count,
 // shortest: the lengths of the edges that remain, as `bounds`.
 __kernel void find_edges(uint count, uint levels,
                          __global const double *blocks,         // [leaves,COLUMNS,LEAF]
-                         __global const float *boxes,           // [2 leaves,2,COLUMNS]
+                         __global const double *boxes,           // [2 leaves,2,COLUMNS]
                          __global const double *cores,          // [leaves,LEAF]
-                         __global const float *least_cores,     // [2 leaves]
+                         __global const double *least_cores,     // [2 leaves]
                          __global const long *components,       // [leaves,LEAF]
                          __global const uint *node_components,  // [2 leaves]
                          __global const uint *bounds,           // [components]
@@ -381,17 +359,17 @@ __kernel void find_edges(uint count, uint levels,
     if (leaf >= leaves) return;
     uint begin = first_of(leaf, count, levels), size = first_of(leaf + 1, count, levels) - begin;
     Searchers s;
-    int16 lane_components;
+    long16 lane_components;
     bool active = false;
     for (uint lane = 0; lane < LEAF; lane++) {
         uint component = components[(size_t)leaf * LEAF + lane];
-        ((uint *)&lane_components)[lane] = component;
-        set_bound(&s, lane, 0.0);
+        ((long *)&lane_components)[lane] = component;
+        LANE(s.bounds, lane) = 0.0;
         if (lane >= size) continue;
         double bound = as_float(bounds[component]);
         bound = LOWER(bound, lengths[begin + lane]);
         if (least_lengths[begin + lane] >= bound) continue;
-        set_bound(&s, lane, bound);
+        LANE(s.bounds, lane) = bound;
         active = true;
     }
     if (active) load_searchers(&s, blocks, leaf);
@@ -405,10 +383,10 @@ __kernel void find_edges(uint count, uint levels,
         }
         uint node = stack[--depth];
         measure(&s, boxes, node);
-        float least_core = least_cores[node];
-        int common = node_components[node];
-        int16 near = (s.distances < s.wide_bounds) & (least_core < s.wide_bounds);
-        if (!any_of_16(common == (int)NONE ? near : near & (lane_components != common))) continue;
+        double least_core = least_cores[node];
+        long common = node_components[node];
+        long16 near = (s.distances < s.bounds) & (least_core < s.bounds);
+        if (!any_of_16(common == NONE ? near : near & (lane_components != common))) continue;
         if (node < leaves) {
             stack[depth++] = 2 * node;
             stack[depth++] = 2 * node + 1;
@@ -416,32 +394,32 @@ __kernel void find_edges(uint count, uint levels,
         }
         uint other = node - leaves;
         for (uint lane = 0; lane < size; lane++) {
-            if (LANE(s.distances, lane) >= LANE(s.wide_bounds, lane)) continue;
+            if (LANE(s.distances, lane) >= LANE(s.bounds, lane)) continue;
             __global const double8 *core = (__global const double8 *)cores + other * (LEAF / 8);
             __global const long8 *component = (__global const long8 *)components + other * (LEAF / 8);
-            long lane_component = ((uint *)&lane_components)[lane];
+            long lane_component = ((long *)&lane_components)[lane];
             double lane_core = cores[(size_t)leaf * LEAF + lane];
             UNROLL for (uint v = 0; v < LEAF / 8; v++) {
                 double8 length = distances(&s, lane, blocks + (size_t)other * COLUMNS * LEAF, v);
                 length = HIGHER(length, core[v]);
                 length = HIGHER(length, lane_core);
-                long8 shorter = (length < s.bounds[lane]) & (component[v] != lane_component);
+                long8 shorter = (length < LANE(s.bounds, lane)) & (component[v] != lane_component);
                 if (!any_of(shorter)) continue;
                 for (uint i = 0; i < 8; i++) {
                     double candidate = ((double *)&length)[i];
-                    if (!((long *)&shorter)[i] || candidate >= s.bounds[lane]) continue;
+                    if (!((long *)&shorter)[i] || candidate >= LANE(s.bounds, lane)) continue;
                     partners[begin + lane] = first_of(other, count, levels) + v * 8 + i;
                     lengths[begin + lane] = candidate;
                     for (uint mate = 0; mate < size; mate++) {  // longer edges are useless to this component
-                        if (((uint *)&lane_components)[mate] == lane_component && candidate < s.bounds[mate])
-                            set_bound(&s, mate, candidate);
+                        if (((long *)&lane_components)[mate] == lane_component && candidate < LANE(s.bounds, mate))
+                            LANE(s.bounds, mate) = candidate;
                     }
                 }
             }
         }
     }
     for (uint lane = 0; lane < size; lane++) {
-        if (s.bounds[lane] > 0.0) least_lengths[begin + lane] = s.bounds[lane];
-        lower_to(shortest + ((uint *)&lane_components)[lane], lengths[begin + lane]);
+        if (LANE(s.bounds, lane) > 0.0) least_lengths[begin + lane] = LANE(s.bounds, lane);
+        lower_to(shortest + ((long *)&lane_components)[lane], lengths[begin + lane]);
     }
 }

@@ -100,12 +100,14 @@ def test_more_neighbours_than_rows_are_warned_of(capsys: pytest.CaptureFixture[s
     assert "min_samples is 128" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("spread", [1.0, 1e-9], ids=["scattered", "pile"])
 @pytest.mark.parametrize("min_samples", [1, 10, 40])
-def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int) -> None:
+def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int, spread: float) -> None:
     from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
     from sklearn.neighbors import KDTree
 
     points = heavy_tailed(3, 3000)
+    points[500:] *= spread  # beside the others, one point in single precision
     theirs = KDTreeBoruvkaAlgorithm(KDTree(points), min_samples, approx_min_span_tree=False, n_jobs=1).spanning_tree()
     np.testing.assert_allclose(spanning_tree(points, min_samples)[:, 2], np.sort(theirs[:, 2]), rtol=1e-13)
 
@@ -264,6 +266,17 @@ def test_coincident_points_take_no_longer_than_others() -> None:
     middle = time.process_time()
     assert coincident_points(spanning_tree(coincident)) == 30_000 - 20
     assert time.process_time() - middle < middle - begin
+
+
+def test_points_that_differ_only_in_double_precision_take_no_longer_than_others() -> None:
+    scattered = np.random.default_rng(0).normal(size=(40_000, 5))
+    pile = np.concatenate([scattered[:4000], 1 + 1e-10 * scattered[4000:]])
+    spanning_tree(scattered[:100])  # imports and kernels
+    begin = time.process_time()
+    spanning_tree(scattered)
+    middle = time.process_time()
+    spanning_tree(pile)
+    assert time.process_time() - middle < 3 * (middle - begin)
 
 
 def test_no_points_are_refused() -> None:

@@ -36,7 +36,7 @@ class _Search:
         for level in range(self.levels):
             self._launch("split_nodes", 1 << level, *self._shape, level, self._points, self._order, keys)
         self._blocks = engine.allocate(8 * self.leaves * columns * LEAF)
-        self._boxes = engine.allocate(4 * 2 * self.leaves * 2 * columns)
+        self._boxes = engine.allocate(8 * 2 * self.leaves * 2 * columns)
         self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
         self._join("join_boxes", self._boxes)
         self.order = engine.read(self._order, (self.count,), np.uint32)
@@ -53,7 +53,7 @@ class _Search:
             *(self._blocks, self._boxes, copies, self._neighbours, self._core),
         )
         self._cores = engine.allocate(8 * self.leaves * LEAF)
-        self._least_cores = engine.allocate(4 * 2 * self.leaves)
+        self._least_cores = engine.allocate(8 * 2 * self.leaves)
         self._launch("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
         self._join("join_cores", self._least_cores)
         self.core = engine.read(self._core, (self.count,), np.float64)
