@@ -3,12 +3,14 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 from gspure.constants import TILE
+from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.blending import _batch
-from gspure.opencl.engine import Engine
+from gspure.opencl.engine import Engine, Program
 from gspure.opencl.frame import Traversal
 from gspure.opencl.storage import BLOCK, blocked_shape, store, upload_attributes, upload_sh_coeffs
 from tests.models import blobs
@@ -45,6 +47,17 @@ def test_memory_that_is_mapped_to_be_read_is_not_written(device):
     buffer = engine.uploaded(np.zeros(16, np.uint32))
     with engine.mapped(buffer, (16,), np.uint32) as words, pytest.raises(ValueError, match="read-only"):
         words[0] = 1
+
+
+@pytest.mark.parametrize("code", ["MEM_OBJECT_ALLOCATION_FAILURE", "OUT_OF_RESOURCES", "OUT_OF_HOST_MEMORY"])
+def test_a_driver_that_lacks_memory_only_when_a_kernel_starts_is_reported(device, monkeypatch, code):
+    def fails(*_):
+        raise cl.MemoryError(cl._cl._ErrorRecord("", getattr(cl.status_code, code), "clEnqueueNDRangeKernel"))
+
+    engine = Engine(device.cl_device)
+    program = Program({"fails": fails}, engine.queue, 1)
+    with pytest.raises(InputError, match=f"memory: expected room for all buffers at once, found .*{code}"):
+        program.launch("fails", 1)
 
 
 @pytest.mark.parametrize("contributions", [False, True])

@@ -21,6 +21,11 @@ from gspure.opencl.program import build_options, kernel_source
 Style = Literal["cpu", "gpu"]
 LANES = {"cpu": 16, "gpu": 1}
 _GROUP = {"cpu": 1, "gpu": 64}
+_SHORT_OF_MEMORY = {
+    cl.status_code.MEM_OBJECT_ALLOCATION_FAILURE,
+    cl.status_code.OUT_OF_HOST_MEMORY,
+    cl.status_code.OUT_OF_RESOURCES,
+}
 
 
 def suited_style(device: cl.Device) -> Style:
@@ -39,9 +44,25 @@ def device_identity(device: Device, style: Style | None = None) -> str:
     return "; ".join([*driver, device.name, target.version.strip(), f"{style or suited_style(target)} style"])
 
 
+@contextmanager
+def _in_memory(device: cl.Device) -> Iterator[None]:
+    """Raise `InputError` if the device is short of memory; drivers may allocate buffers only when they are used."""
+    try:
+        yield
+    except cl.Error as error:
+        if error.code not in _SHORT_OF_MEMORY:
+            raise
+        raise _short_of_memory(device, "room for all buffers at once", str(error)) from None
+
+
+def _short_of_memory(device: cl.Device, expected: str, found: str) -> InputError:
+    return InputError(device.name, "memory", expected=expected, found=found, hint="smaller images need less")
+
+
 @cache
 def _context(device: cl.Device) -> cl.Context:
-    return cl.Context([device])
+    with _in_memory(device):
+        return cl.Context([device])
 
 
 @cache
@@ -79,7 +100,8 @@ class Program:
         """
         if items:
             group = group or self._group
-            self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
+            with _in_memory(self._queue.device):
+                self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
 
 
 def _argument(value: cl.Buffer | float) -> Any:
@@ -98,7 +120,8 @@ class Engine:
         self.device = device
         self.style: Style = style or suited_style(device)
         self.context = _context(device)
-        self.queue = cl.CommandQueue(self.context)
+        with _in_memory(device):
+            self.queue = cl.CommandQueue(self.context)
         self.buffers = Buffers(self)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
@@ -121,12 +144,13 @@ class Engine:
 
     def allocate(self, nbytes: int) -> cl.Buffer:
         """Return a new buffer of at least `nbytes`, or raise `InputError` if the device is out of memory."""
+        room, all_of_it = f"room for {nbytes / 2**30:.3g} GiB in one piece", self.device.global_mem_size
+        if nbytes > all_of_it:  # drivers may find that out only when the buffer is used
+            raise _short_of_memory(self.device, room, f"{all_of_it / 2**30:.3g} GiB in all")
         try:
             return cl.Buffer(self.context, self._flags, max(nbytes, 64))
         except cl.Error as error:
-            room = f"room for {nbytes / 2**30:.3g} GiB in one piece"
-            hint = "smaller images need less"
-            raise InputError(self.device.name, "memory", expected=room, found=str(error), hint=hint) from None
+            raise _short_of_memory(self.device, room, str(error)) from None
 
     def uploaded(self, array: NDArray[Any]) -> cl.Buffer:
         """Return a new buffer that holds `array`."""
@@ -135,7 +159,8 @@ class Engine:
     def copied(self, array: NDArray[Any], buffer: cl.Buffer) -> cl.Buffer:
         """Copy `array` into `buffer`, and return it."""
         if array.nbytes:
-            cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
+            with _in_memory(self.device):
+                cl.enqueue_copy(self.queue, buffer, np.ascontiguousarray(array))
         return buffer
 
     def clear(self, buffer: cl.Buffer, nbytes: int) -> None:
@@ -143,7 +168,8 @@ class Engine:
         if nbytes:
             # PoCL stores pattern by pattern: 16 bytes take a quarter of the time of 4.
             pattern = np.zeros(1 if nbytes % 16 else 4, np.uint32)
-            cl.enqueue_fill_buffer(self.queue, buffer, pattern, 0, nbytes)
+            with _in_memory(self.device):
+                cl.enqueue_fill_buffer(self.queue, buffer, pattern, 0, nbytes)
 
     @contextmanager
     def mapped(
@@ -154,7 +180,8 @@ class Engine:
             yield np.empty(shape, dtype)
             return
         flags = cl.map_flags.WRITE if write else cl.map_flags.READ
-        array, _ = cl.enqueue_map_buffer(self.queue, buffer, flags, 0, shape, dtype)
+        with _in_memory(self.device):
+            array, _ = cl.enqueue_map_buffer(self.queue, buffer, flags, 0, shape, dtype)
         if not write:
             array.flags.writeable = False
         try:
@@ -166,5 +193,6 @@ class Engine:
         """Return a copy of the head of `buffer`."""
         array = np.empty(shape, dtype)
         if array.nbytes:
-            cl.enqueue_copy(self.queue, array, buffer)
+            with _in_memory(self.device):
+                cl.enqueue_copy(self.queue, array, buffer)
         return array
