@@ -48,7 +48,6 @@ BLOCK: Final = 16  # Gaussians of a block: attributes are stored as [blocks][att
 GEOMETRY_ATTRIBUTES: Final = 11  # means 3, quaternions 4, scales 3, opacity 1
 FOOTPRINT_FLOATS: Final = 8  # floats of a footprint, the input of binning
 MOMENTS: Final = 6  # moments of a splat's gradient over the pixels of a tile
-SCAN_BINS: Final = 64  # bins of a histogram that one work-item scans
 LEAF: Final = 16  # most points in a leaf of the k-d tree
 
 # --- GSPure, paper §Methodology; where the paper names no value, the choice is ours -----------------------------------

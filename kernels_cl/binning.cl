@@ -236,7 +236,8 @@ __kernel void scatter_entries(uint chunks, uint band_tiles,
     uint chunk = get_global_id(0);
     if (chunk >= chunks) return;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
-    for (uint tile = 0; tile < band_tiles; tile++) h[tile] += tile_starts[tile];
-    for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++)
-        entries[h[(uint)emitted[slot]]++] = (uint2)(emitted[slot] >> 32, slot);
+    for (uint slot = chunk_starts[chunk]; slot < chunk_ends[chunk]; slot++) {
+        uint tile = (uint)emitted[slot];
+        entries[tile_starts[tile] + h[tile]++] = (uint2)(emitted[slot] >> 32, slot);
+    }
 }

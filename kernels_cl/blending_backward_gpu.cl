@@ -1,8 +1,12 @@
 // Gradient of the blended image, gpu style: a work-group per tile, a pixel per work-item; the arithmetic of
-// blending_backward_cpu.cl. Per entry, the group's values meet in local memory and are added pairwise in a fixed order,
-// so the result does not depend on scheduling.
+// blending_backward_cpu.cl. Per entry, the group's values meet in local memory, TOGETHER at a time: a work-item adds those of
+// 16 pixels, another one these 16 sums. The order is fixed, so the result does not depend on scheduling.
 
 #define PIXELS (TILE * TILE)
+#define TOGETHER 12
+#define PARTS 16
+#define STRIDE (PIXELS + PARTS)  // values of one pixel lie in different banks of local memory
+#define LOOK 32                  // entries between looks at whether a pixel is still unfinished
 
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
 void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
@@ -12,7 +16,8 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
                           __global const float *image,           // [H,W,CHANNELS]
                           __global const float *image_gradient,  // [H,W,CHANNELS]
                           __global float *slot_gradients) {      // [E,SLOT_GRADIENT]
-    __local float sums[PIXELS];
+    __local float staged[TOGETHER * STRIDE], sums[TOGETHER * PARTS];
+    __local uint unfinished;
     int item = get_local_id(0), tile = get_group_id(0);
     int x = (first_tile + tile) % tiles_x * TILE + item % TILE, y = (first_tile + tile) / tiles_x * TILE + item / TILE;
     bool inside = x < width && y < height;
@@ -24,7 +29,20 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         F += inside ? image[pixel + c] * g[c] : 0.0f;
     }
 
-    for (uint entry = tile_starts[tile]; entry < tile_starts[tile + 1]; entry++) {
+    uint begin = tile_starts[tile], end = tile_starts[tile + 1];
+    for (uint entry = begin; entry < end; entry++) {
+        if ((entry - begin) % LOOK == 0) {
+            if (item == 0) unfinished = 0;
+            barrier(CLK_LOCAL_MEM_FENCE);
+            if (T > 0.0f) atomic_inc(&unfinished);
+            barrier(CLK_LOCAL_MEM_FENCE);
+            if (unfinished == 0) {  // the same for the whole group
+                for (uint rest = entry + item; rest < end; rest += PIXELS)
+                    for (int i = 0; i < SLOT_GRADIENT; i++)
+                        slot_gradients[(size_t)SLOT_GRADIENT * entries[rest].y + i] = 0.0f;
+                return;
+            }
+        }
         float s[SPLAT_CHANNELS + CHANNELS], values[SLOT_GRADIENT];
         for (int i = 0; i < SPLAT_CHANNELS + CHANNELS; i++) s[i] = splats[(size_t)SPLAT * entries[entry].x + i];
         float dx = x + 0.5f - s[SPLAT_U], dy = y + 0.5f - s[SPLAT_V];
@@ -45,15 +63,21 @@ void blend_tiles_backward(int width, int height, int tiles_x, int first_tile,
         values[3] = dp * a * a;
         values[4] = dp * a * b;
         values[5] = dp * b * b;
-        for (int i = 0; i < SLOT_GRADIENT; i++) {
-            sums[item] = values[i];
+        for (int first = 0; first < SLOT_GRADIENT; first += TOGETHER) {
+            int count = min(TOGETHER, SLOT_GRADIENT - first);
+            for (int i = 0; i < count; i++) staged[i * STRIDE + item] = values[first + i];
             barrier(CLK_LOCAL_MEM_FENCE);
-            for (int stride = PIXELS / 2; stride > 0; stride /= 2) {
-                if (item < stride) sums[item] += sums[item + stride];
-                barrier(CLK_LOCAL_MEM_FENCE);
+            if (item < count * PARTS) {
+                float sum = 0.0f;
+                for (int i = 0; i < PIXELS / PARTS; i++) sum += staged[item / PARTS * STRIDE + i * PARTS + item % PARTS];
+                sums[item] = sum;
             }
-            if (item == 0) slot_gradients[(size_t)SLOT_GRADIENT * entries[entry].y + i] = sums[0];
             barrier(CLK_LOCAL_MEM_FENCE);
+            if (item < count) {
+                float sum = 0.0f;
+                for (int i = 0; i < PARTS; i++) sum += sums[item * PARTS + i];
+                slot_gradients[(size_t)SLOT_GRADIENT * entries[entry].y + first + item] = sum;
+            }
         }
     }
 }

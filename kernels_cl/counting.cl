@@ -1,11 +1,14 @@
-// The common steps of the stable counting sorts. With both, every chunk has the place of its next item of each bin.
+// The common steps of the stable counting sorts: the next item of a bin in a chunk goes to the bin's first place plus the
+// chunk's offset in the bin.
+//
+// A work-group has SCAN_ITEMS work-items: 1 in the cpu style.
 
-// Each bin of a histogram becomes an exclusive sum over the chunks, and a total. A work-item handles SCAN_BINS bins.
+// Each bin of a histogram becomes an exclusive sum over the chunks, and a total. A work-group handles SCAN_BINS bins.
+#if LANES == 16
 __kernel void scan_chunks(uint chunks, uint bins,
                           __global uint *histogram,  // [chunks,bins]
                           __global uint *totals) {   // [bins]
-    uint begin = get_global_id(0) * SCAN_BINS, end = min(begin + SCAN_BINS, bins);
-    if (begin >= end) return;
+    uint begin = get_group_id(0) * SCAN_BINS, end = min(begin + SCAN_BINS, bins);
     uint sums[SCAN_BINS];
     for (uint i = 0; i < SCAN_BINS; i++) sums[i] = 0;
     for (uint chunk = 0; chunk < chunks; chunk++) {
@@ -18,16 +21,48 @@ __kernel void scan_chunks(uint chunks, uint bins,
     }
     for (uint bin = begin; bin < end; bin++) totals[bin] = sums[bin - begin];
 }
+#else
+// A work-item handles a slice of the chunks of one bin.
+#define SLICES (SCAN_ITEMS / SCAN_BINS)
 
-// The first place of each bin, and behind the last one the number of items. One work-item handles all.
+__kernel void scan_chunks(uint chunks, uint bins,
+                          __global uint *histogram,  // [chunks,bins]
+                          __global uint *totals) {   // [bins]
+    __local uint sums[SLICES][SCAN_BINS];
+    uint slice = get_local_id(0) / SCAN_BINS, column = get_local_id(0) % SCAN_BINS;
+    uint bin = get_group_id(0) * SCAN_BINS + column, sum = 0;
+    uint begin = slice * chunks / SLICES, end = bin < bins ? (slice + 1) * chunks / SLICES : 0;
+    for (uint chunk = begin; chunk < end; chunk++) sum += histogram[(size_t)chunk * bins + bin];
+    sums[slice][column] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    sum = 0;
+    for (uint earlier = 0; earlier < slice; earlier++) sum += sums[earlier][column];
+    for (uint chunk = begin; chunk < end; chunk++) {
+        size_t place = (size_t)chunk * bins + bin;
+        uint count = histogram[place];
+        histogram[place] = sum;
+        sum += count;
+    }
+    if (slice == SLICES - 1 && bin < bins) totals[bin] = sum;
+}
+#endif
+
+// The first place of each bin, and behind the last one the number of items. One work-group handles all, a run of bins per
+// work-item.
 __kernel void scan_totals(uint bins,
                           __global const uint *totals,  // [bins]
                           __global uint *starts) {      // [bins+1]
-    if (get_global_id(0) > 0) return;
-    uint sum = 0;
-    for (uint bin = 0; bin < bins; bin++) {
+    __local uint sums[SCAN_ITEMS];
+    uint item = get_local_id(0), run = (bins + SCAN_ITEMS - 1) / SCAN_ITEMS, sum = 0;
+    uint begin = min(item * run, bins), end = min(begin + run, bins);
+    for (uint bin = begin; bin < end; bin++) sum += totals[bin];
+    sums[item] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    sum = 0;
+    for (uint earlier = 0; earlier < item; earlier++) sum += sums[earlier];
+    for (uint bin = begin; bin < end; bin++) {
         starts[bin] = sum;
         sum += totals[bin];
     }
-    starts[bins] = sum;
+    if (item == SCAN_ITEMS - 1) starts[bins] = sum;
 }

@@ -47,10 +47,9 @@ __kernel void scatter_digits(uint count, uint chunks, uint shift,
                              __global ulong *pairs) {            // [V], sorted
     CHUNK_OF_ITEMS
     __global uint *h = histogram + chunk * DIGITS;
-    for (uint digit = 0; digit < DIGITS; digit++) h[digit] += digit_starts[digit];
     for (uint i = begin; i < end; i++) {
         uint key = KEY(items[i]);
-        if (key != NOT_VISIBLE) pairs[h[DIGIT(key)]++] = PAIR(i);
+        if (key != NOT_VISIBLE) pairs[digit_starts[DIGIT(key)] + h[DIGIT(key)]++] = PAIR(i);
     }
 }
 

@@ -7,7 +7,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import FOOTPRINT_FLOATS
-from gspure.opencl.counting import chunks, first_places, prefix_sums
+from gspure.opencl.counting import CHUNK_GROUP, chunks, first_places, prefix_sums
 from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame
 from gspure.opencl.ordering import DepthOrder
@@ -43,7 +43,9 @@ def bound_entries(frame: Frame, projected: Projected, order: DepthOrder) -> Boun
     """Bound the entries of a whole frame."""
     parts = chunks(frame.engine, order.visible)
     bounds = frame.engine.buffers.bounds.sized(parts)
-    _program(frame).launch("bound_entries", parts, order.visible, parts, order.positions, projected.areas, bounds)
+    _program(frame).launch(
+        "bound_entries", parts, order.visible, parts, order.positions, projected.areas, bounds, group=CHUNK_GROUP
+    )
     return Bounds(order, bounds, parts)
 
 
@@ -73,7 +75,7 @@ def bin_tiles(frame: Frame, projected: Projected, bounds: Bounds, band: range) -
     most = bounds.entries
     if len(band) < rows:
         most = buffers.band_bounds.sized(parts)
-        program.launch("bound_band", parts, *shape, *band_rows, order.positions, footprints, most)
+        program.launch("bound_band", parts, *shape, *band_rows, order.positions, footprints, most, group=CHUNK_GROUP)
     chunk_starts, capacity = prefix_sums(engine, most, parts, buffers.chunk_starts)
     chunk_ends, slot_ranges = buffers.chunk_ends.sized(parts), buffers.slot_ranges.sized(order.visible, 2)
     histogram = buffers.histogram.sized(parts, tiles)
@@ -83,11 +85,12 @@ def bin_tiles(frame: Frame, projected: Projected, bounds: Bounds, band: range) -
         parts,
         *(*shape, columns, *band_rows, order.positions, projected.splats, footprints),
         *(chunk_starts, chunk_ends, emitted, slot_ranges, histogram),
+        group=CHUNK_GROUP,
     )
     tile_starts = buffers.tile_starts.sized(tiles + 1)
     first_places(engine, histogram, parts, tiles, tile_starts)
     arguments = (chunk_starts, chunk_ends, emitted, histogram, tile_starts, entries)
-    program.launch("scatter_entries", parts, parts, tiles, *arguments)
+    program.launch("scatter_entries", parts, parts, tiles, *arguments, group=CHUNK_GROUP)
     return TileLists(band, order, entries, tile_starts, slot_ranges, capacity)
 
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pyopencl as cl
 
-from gspure.constants import SCAN_BINS
 from gspure.opencl.buffers import Scratch
 from gspure.opencl.engine import Engine
 
+CHUNK_GROUP = 1  # work-group of the kernels with a work-item per chunk; in larger ones, they would wait for each other
 _LEAST_ITEMS = {"cpu": 1024, "gpu": 64}  # fewer are not worth a histogram of their own
+_SCAN_ITEMS = {"cpu": 1, "gpu": 256}
+_SCAN_BINS = {"cpu": 64, "gpu": 16}
 
 
 def chunks(engine: Engine, items: int) -> int:
@@ -18,9 +20,11 @@ def chunks(engine: Engine, items: int) -> int:
 
 def first_places(engine: Engine, histogram: cl.Buffer, parts: int, bins: int, starts: cl.Buffer) -> None:
     """Turn `histogram` [parts,bins] into offsets within each bin, and write the bins' prefix sums into `starts`."""
-    program, totals = engine.program("counting"), engine.buffers.totals.sized(bins)
-    program.launch("scan_chunks", -(-bins // SCAN_BINS), parts, bins, histogram, totals)
-    program.launch("scan_totals", 1, bins, totals, starts)
+    items, per_group = _SCAN_ITEMS[engine.style], _SCAN_BINS[engine.style]
+    program = engine.program("counting", SCAN_ITEMS=items, SCAN_BINS=per_group)
+    totals, groups = engine.buffers.totals.sized(bins), -(-bins // per_group)
+    program.launch("scan_chunks", groups * items, parts, bins, histogram, totals, group=items)
+    program.launch("scan_totals", items, bins, totals, starts, group=items)
 
 
 def prefix_sums(engine: Engine, counts: cl.Buffer, length: int, starts: Scratch) -> tuple[cl.Buffer, int]:

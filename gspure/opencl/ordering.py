@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.counting import chunks, first_places
+from gspure.opencl.counting import CHUNK_GROUP, chunks, first_places
 from gspure.opencl.engine import Engine
 from gspure.opencl.storage import Storage
 
@@ -31,9 +31,9 @@ def sort_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> De
     for digit in range(_PASSES):
         program = engine.program("layout", "ordering", RADIX_BITS=_RADIX_BITS, FIRST_PASS=int(digit == 0))
         shape, pairs = (count, parts, digit * _RADIX_BITS), scratch[digit % 2].sized(count, 2)
-        program.launch("count_digits", parts, *shape, starts, items, histogram)
+        program.launch("count_digits", parts, *shape, starts, items, histogram, group=CHUNK_GROUP)
         first_places(engine, histogram, parts, digits, starts)
-        program.launch("scatter_digits", parts, *shape, starts, items, histogram, pairs)
+        program.launch("scatter_digits", parts, *shape, starts, items, histogram, pairs, group=CHUNK_GROUP)
         items = pairs
-    program.launch("order_ties", parts, count, parts, starts, items, storage.rows, positions)
+    program.launch("order_ties", parts, count, parts, starts, items, storage.rows, positions, group=CHUNK_GROUP)
     return DepthOrder(positions, int(engine.read(starts, (digits + 1,), np.uint32)[-1]))
