@@ -133,7 +133,7 @@ def test_means_move_colours_through_the_direction_of_view(device, style):
 
 def test_gaussians_behind_the_stop_have_no_gradient(device, style):
     """Not even one left over from a view that showed it, from the side."""
-    means = np.stack([np.zeros(40), np.zeros(40), np.arange(3.0, 43.0)], axis=1)
+    means = np.stack([np.zeros(80), np.zeros(80), np.linspace(3.0, 43.0, 80)], axis=1)
     renderer = Renderer(gaussians(means=means, scales=0.3, opacities=0.98), device, style=style)
     side = np.array([[0.0, 0, 1, -23], [0, 1, 0, 0], [-1, 0, 0, 45], [0, 0, 0, 1]])
     assert gradients(renderer, camera(17, 17, focal=17.0, viewmat=side)).opacities.all()
