@@ -16,7 +16,7 @@ from gspure.cameras.camera import Camera
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model import Gaussians
 from gspure.opencl.adam import Adam, LearningRates, Moments
-from gspure.opencl.engine import Engine
+from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Traversal
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, project_backward
 from gspure.opencl.losses import SSIM_WEIGHT, upload_photographs
@@ -157,9 +157,10 @@ def test_iteration(case: Case, measure: Measure, findings: Findings) -> None:
     findings.figure("iterations per second, wall", ITERATIONS / np.median(walls))
 
 
-def trainable(model: Gaussians) -> TrainableModel:
+def trainable(model: Gaussians, style: Style | None = None) -> TrainableModel:
     """Return a model at the beginning of its training."""
     opacities = np.clip(model.opacities, 1e-6, 1 - 1e-6)
     logits = np.log(opacities) - np.log1p(-opacities)
     arrays = (model.means, model.quats, np.log(model.scales), logits, model.sh_coeffs)
-    return TrainableModel(TrainState.fresh(Parameters(*(np.asarray(a, np.float32) for a in arrays))))
+    state = TrainState.fresh(Parameters(*(np.asarray(a, np.float32) for a in arrays)))
+    return TrainableModel(state, style=style)

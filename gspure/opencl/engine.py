@@ -93,15 +93,18 @@ class Program:
         self._queue = queue
         self._group = group
 
-    def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> None:
-        """Enqueue a kernel over `items` work-items, rounded up to whole groups; do nothing if there are none.
+    def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> cl.Event | None:
+        """Enqueue a kernel over `items` work-items, rounded up to whole groups, and return its event.
+
+        Do nothing if there are none.
 
         An int is passed as a 32-bit integer, a float as a single-precision number.
         """
-        if items:
-            group = group or self._group
-            with _in_memory(self._queue.device):
-                self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
+        if not items:
+            return None
+        group = group or self._group
+        with _in_memory(self._queue.device):
+            return self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
 
 
 def _argument(value: cl.Buffer | float) -> Any:

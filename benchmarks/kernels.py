@@ -1,0 +1,73 @@
+"""Time of each kernel, by the device's own clock: a view with contributions, and an iteration of training.
+
+``python -m benchmarks.kernels [STYLE]``, in a checkout; the kernel style is by default that of the chosen device.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from bench_training import AT_REST, trainable
+from room import camera, room
+from scenes import LARGE, SMALL
+
+from gspure.opencl import engine
+from gspure.renderer import Renderer
+
+ROUNDS = 10
+
+
+def profiled() -> list[tuple[str, cl.Event]]:
+    """Make every engine profile its kernels; return the list that they will enter."""
+    queue, launch, events = cl.CommandQueue, engine.Program.launch, list[tuple[str, cl.Event]]()
+
+    def launch_and_keep(program: engine.Program, name: str, *args: Any, **settings: Any) -> None:
+        if event := launch(program, name, *args, **settings):
+            events.append((name, event))
+
+    cl.CommandQueue = lambda context: queue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+    engine.Program.launch = launch_and_keep
+    return events
+
+
+def show(title: str, run: Callable[[], object], events: list[tuple[str, cl.Event]]) -> None:
+    """Print a table of the kernels of `run`, means of several rounds."""
+    run()
+    run()
+    events.clear()
+    begin = time.perf_counter()
+    for _ in range(ROUNDS):
+        run()
+    wall = 1e3 * (time.perf_counter() - begin) / ROUNDS
+    sums: Counter[str] = Counter()
+    for name, event in events:
+        event.wait()
+        sums[name] += 1e-6 * (event.profile.end - event.profile.start) / ROUNDS
+    print(f"\n{title}: {wall:.2f} ms on the clock, {sum(sums.values()):.2f} ms in kernels")
+    for name, milliseconds in sums.most_common():
+        print(f"  {name:24s} {milliseconds:8.3f} ms", flush=True)
+
+
+def main(style: Any) -> None:
+    """Print all tables."""
+    events = profiled()
+    for scene in (SMALL, LARGE):
+        renderer = Renderer(scene.model, style=style)
+        show(f"contributions, {scene.name}", lambda r=renderer, s=scene: r.contributions(s.camera), events)
+    model, view = trainable(room(200_000), style), camera(640, 480)
+    model.set_targets([np.random.default_rng(0).random((480, 640, 3), np.float32)])
+    show("iteration, 200k @640x480", lambda: model.step(view, 0, AT_REST), events)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1] if len(sys.argv) > 1 else None)
