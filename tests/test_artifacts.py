@@ -165,3 +165,8 @@ def test_json_that_repeats_a_name_is_refused(tmp_path: Path) -> None:
     (tmp_path / "cameras.json").write_text('[{"fx": 50, "view": {"fx": 1}, "fx": 128.7}]')
     with pytest.raises(InputError, match="'fx' twice"):
         read_json(tmp_path / "cameras.json")
+
+
+def test_json_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text('{"a": 1}', encoding="utf-8-sig")
+    assert read_json(tmp_path / "a.json") == {"a": 1}

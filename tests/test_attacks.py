@@ -241,6 +241,11 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
         (lambda model: model, "result: expected Attacked, found Gaussians"),
         (lambda model: Attacked(model, np.arange(5), 5), r"rows: expected \[40\] indices of 40 rows"),
         (lambda model: Attacked(model[:], np.arange(40.0), 40), "rows: .* found float64"),
+        (lambda model: Attacked(model, list(range(40)), 40), "rows: expected an array of numpy, found list"),
+        (
+            lambda model: Attacked.changed(model, {}, [[1, 0], [0, 1]]),
+            "transform: expected an array of numpy, found list",
+        ),
         (lambda model: Attacked.changed(model, {}, np.eye(3)), r"transform: expected \[4, 4\]"),
         (lambda model: Attacked.changed(model, {}, 2 * np.eye(4)), "transform: expected a rotation"),
         (lambda model: Attacked.changed(model, {}, np.full((4, 4), np.nan)), "transform: expected a rotation"),

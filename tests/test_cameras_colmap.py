@@ -86,6 +86,12 @@ def test_text_and_binary_agree_on_every_digit(tmp_path):
     assert [a.numbers.tolist() for a in ours] == [b.numbers.tolist() for b in theirs]
 
 
+def test_text_may_begin_with_a_byte_order_mark(tmp_path):
+    marked = {name: b"\xef\xbb\xbf" + content for name, content in text().items()}
+    assert len(read_cameras(written(tmp_path, marked))) == len(POSES)
+    assert len(read_points(tmp_path).xyz) == len(POINTS)
+
+
 def test_a_point_lands_where_the_pinhole_equation_says(tmp_path):
     camera = read_cameras(written(tmp_path, binary()))[0]
     point = np.array([0.3, -0.4, 2.0])

@@ -71,10 +71,17 @@ def test_training_arguments_are_read(trained):
     }
 
 
-@pytest.mark.parametrize(("value", "shade"), [("True", 1.0), ("False", 0.0), ("'True'", 0.0)])
+@pytest.mark.parametrize(("value", "shade"), [("True", 1.0), ("False", 0.0), ("1", 1.0), ("0", 0.0)])
 def test_the_background_of_training_is_that_of_cfg_args(trained, value, shade):
     (trained / "cfg_args").write_text(f"Namespace(white_background={value})")
     assert trained_background(trained) == trained_background(point_cloud(trained)) == (shade, shade, shade)
+
+
+@pytest.mark.parametrize("value", ["'True'", "2", "None", "white"])
+def test_a_background_that_is_neither_true_nor_false_is_refused(trained, value):
+    (trained / "cfg_args").write_text(f"Namespace(white_background={value})")
+    with pytest.raises(InputError, match="cfg_args: white_background: expected True or False"):
+        trained_background(trained)
 
 
 @pytest.mark.parametrize("command", ["attack", "purify"])

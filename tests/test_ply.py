@@ -297,6 +297,12 @@ def test_a_comment_that_would_break_the_header_is_not_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("shades", ["1 1 1", "1.0 1.0", "2.0 0.0 0.0", "1.5 0.0 0.0", "white"])
+def test_a_comment_that_names_no_background_is_refused(tmp_path, shades):
+    write_model(tmp_path / "m.ply", blobs(1).with_comment(f"gspure background {shades}"))
+    assert refusal(tmp_path / "m.ply").field == "comment"
+
+
 # --- fuzzing: a file gives a model or an `InputError`, whatever is in it ----------------------------------------------
 
 

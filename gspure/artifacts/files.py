@@ -171,7 +171,7 @@ def write_json(path: Path, value: Any, *, checksum: bool = False) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read JSON, or raise `InputError` with the line at which it goes wrong."""
+    """Read JSON, with or without a byte-order mark, or raise `InputError` with the line at which it goes wrong."""
     verify(path)
     with reading(path, "JSON"):
-        return json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=distinct)
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"), object_pairs_hook=distinct)

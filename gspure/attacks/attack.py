@@ -262,6 +262,9 @@ class Attack:
         source = f"attack {self.name}"
         if not isinstance(attacked, Attacked):
             raise InputError(source, "result", expected=Attacked.__name__, found=type(attacked).__name__)
+        for name in ("rows",) if attacked.transform is None else ("rows", "transform"):
+            if not isinstance(found := getattr(attacked, name), np.ndarray):
+                raise InputError(source, name, expected="an array of numpy", found=type(found).__name__)
         rows = attacked.rows
         fits = rows.dtype.kind in "iu" and rows.shape == (len(attacked.model),) and attacked.count == count
         if not (fits and ((rows >= -1) & (rows < count)).all()):

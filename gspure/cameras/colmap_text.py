@@ -67,7 +67,7 @@ def points(path: Path) -> Points:
 
 def _warn_if_cut(path: Path, count: int) -> None:
     """Warn if the header counts more records."""
-    head = re.search(r"^# Number of (\w+): (\d{1,9})", path.read_text(encoding="utf-8"), re.MULTILINE)
+    head = re.search(r"^# Number of (\w+): (\d{1,9})", path.read_text(encoding="utf-8-sig"), re.MULTILINE)
     if head and int(head[2]) > count:
         warn(f"{path} has {count} {head[1]}, but its header counts {head[2]}: it may be truncated")
 
@@ -75,7 +75,7 @@ def _warn_if_cut(path: Path, count: int) -> None:
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Yield (line number, stripped line) without comments."""
     with reading(path, "UTF-8 text"):
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), start=1))
     return ((number, line) for number, line in lines if not line.startswith("#"))
 

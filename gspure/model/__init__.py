@@ -21,6 +21,7 @@ def read_model(path: str | Path) -> Gaussians:
     """
     file = model_file(Path(path))
     model = read_compressed(file) if is_compressed(file) else read_ply(file)
+    model.require_background(file)
     return model.with_background(trained_background(file))
 
 

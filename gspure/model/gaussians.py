@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from mmap import MADV_DONTNEED, mmap
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
 from gspure.display import Described
 from gspure.dtypes import Float32
+from gspure.errors import InputError
 from gspure.model.activations import logit, sigmoid
 
 Table = NDArray[np.void]
@@ -33,7 +35,7 @@ NORMALS = ("nx", "ny", "nz")
 
 _COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
 
-_BACKGROUND = re.compile(r"gspure background ([01]\.\d+) ([01]\.\d+) ([01]\.\d+)")
+_BACKGROUND = re.compile("gspure background" + 3 * r" (0\.\d+|1\.0+)")
 """The comment that names the colour behind a model."""
 
 _RENDER_MODE = re.compile(
@@ -199,6 +201,13 @@ class Gaussians(Described):
         """The colour that the model was trained on, if a comment names it, else black."""
         shades = (_BACKGROUND.fullmatch(comment) for comment in self.comments)
         return next((tuple(map(float, shade.groups())) for shade in shades if shade), (0.0, 0.0, 0.0))
+
+    def require_background(self, source: Path) -> None:
+        """Raise `InputError` for a comment that should name a background, but does not."""
+        for comment in self.comments:
+            if comment.startswith("gspure background") and not _BACKGROUND.fullmatch(comment):
+                expected = "gspure background R G B, each from 0.0000 to 1.0000"
+                raise InputError(source, "comment", expected=expected, found=comment)
 
     @property
     def render_mode(self) -> str:

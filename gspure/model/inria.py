@@ -95,13 +95,17 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
 def trained_background(source: Path) -> tuple[float, float, float]:
     """Return the background of training: white if cfg_args has ``white_background=True``, else black.
 
-    `source` is the folder of cfg_args, a file in it, or the model of an iteration.
+    `source` is the folder of cfg_args, a file in it, or the model of an iteration. Raise `InputError` for a value that
+    is neither true nor false.
     """
     folder = source if source.is_dir() else source.parent
     if folder.match("point_cloud/iteration_*"):
         folder = folder.parents[1]
-    shade = 1.0 if training_arguments(folder).get("white_background") is True else 0.0
-    return shade, shade, shade
+    white = training_arguments(folder).get("white_background", False)
+    if white not in (False, True):  # 0 and 1 are equal to these
+        found = repr(white)
+        raise InputError(folder / "cfg_args", "white_background", expected="True or False", found=found)
+    return (float(white),) * 3
 
 
 def _argument(node: ast.expr) -> Argument:
