@@ -20,7 +20,7 @@ rule generate_off_path:
     message:
         "Generating views off the camera path of {wildcards.scheme}/{wildcards.scene}"
     shell:
-        job("cameras {input.cameras:q} --scale native --off-path {params.views} --out {output.cameras:q}")
+        job("cameras {input.cameras:q} --resolution native --off-path {params.views} --out {output.cameras:q}")
 
 
 rule prepare_cameras:

@@ -231,7 +231,7 @@ def test_a_folder_that_is_called_like_an_argument_is_named_itself(folder, capsys
 
 
 BAD_OPTIONS = {
-    "cameras --scale half": "scale rule: value: expected native, photographs, 1/N or Wpx",
+    "cameras --resolution half": "resolution: value: expected native, photographs, 1/N or Wpx",
     "attack --set tau=x": "attack plain_weight: tau: expected a number above 0, at most 1000000, found 'x'",
     "attack --set size=1": "attack plain_weight: size: expected one of tau, found an unknown key",
 }
@@ -467,7 +467,7 @@ OVERWRITING = (
     "prune --clusters clusters.npz --weights weights.npy --out weights.npy",
     "contest --table a.csv --out out.csv --survival ./out.csv --matched m.csv --markdown t.md",
     "attack unattacked --model model.ply --out ./model.ply",
-    "cameras cameras.json --scale 1/2 --out cameras.json",
+    "cameras cameras.json --resolution 1/2 --out cameras.json",
     "figures panels --column left=a --column right=b --out b/../a/1.png",
     "render a --cameras cameras.json --out a",
 )

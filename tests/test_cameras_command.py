@@ -35,7 +35,7 @@ def test_photographs_that_exist_are_counted(tmp_path, source, capsys):
 
 def test_the_same_input_gives_the_same_bytes(tmp_path, source):
     for name in ("one.json", "two.json"):
-        assert main(["cameras", str(source), "--out", str(tmp_path / name), "--scale", "1/4"]) == 0
+        assert main(["cameras", str(source), "--out", str(tmp_path / name), "--resolution", "1/4"]) == 0
     assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
     assert read_cameras(tmp_path / "one.json")[0].width == 800
 
@@ -57,8 +57,8 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
         (["orbit"], "orbit: --model: expected the model to look at, found nothing"),
         (["SOURCE", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
         (
-            ["SOURCE", "--scale", "4"],
-            "scale rule: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
+            ["SOURCE", "--resolution", "4"],
+            "resolution: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
         ),
         (["nowhere.json"], "nowhere.json: no such file"),
     ],

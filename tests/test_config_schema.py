@@ -169,7 +169,7 @@ def test_the_given_configuration_is_not_changed():
         ),
         ({"method": {"selection": "best"}}, "method.selection: expected one of eom_capped, eom, leaf, found 'best'"),
         ({"method": {"tau_n": 0}}, "method.tau_n: expected more than 0, found 0"),
-        ({"assets": {"bot": {**BOT, "scale": "half"}}}, "assets.bot.scale: .* found 'half'"),
+        ({"assets": {"bot": {**BOT, "resolution": "half"}}}, "assets.bot.resolution: .* found 'half'"),
         ({"views": {"parts": 1.5}}, "views.parts: expected type integer, found 1.5"),
         ({"variants": {"gspure": {}}}, "variants.unattacked: expected an entry, found nothing"),
         ({"pairs": {"room": {"views": 2}}}, "pairs.room.views: expected at least 3, found 2"),
@@ -310,7 +310,7 @@ def test_a_variant_is_an_attack_of_the_same_name_unless_it_names_one():
         ({"clean": "other"}, True),
         ({"model": "other.ply"}, False),
         ({"cameras": "orbit"}, False),
-        ({"scale": "99px"}, False),
+        ({"resolution": "99px"}, False),
     ],
 )
 def test_an_asset_that_repeats_another_is_refused(tmp_path, monkeypatch, change, refused):

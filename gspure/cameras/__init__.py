@@ -7,7 +7,7 @@ from gspure.cameras.off_path import off_path_cameras
 from gspure.cameras.orbit import GENERATED, bounding_sphere, orbit_cameras, shell_cameras
 from gspure.cameras.photographs import require_images
 from gspure.cameras.reading import read_cameras
-from gspure.cameras.scale import scaled
+from gspure.cameras.resolution import scaled
 
 __all__ = [
     "GENERATED",

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
-  gspure cameras scene/transforms.json --out cameras.json --scale 1/4
+  gspure cameras scene/transforms.json --out cameras.json --resolution 1/4
   gspure cameras scene --undistort --out flat/cameras.json            # without lens distortion, to flat/images
-  gspure cameras output/bicycle --out cameras.json --scale native     # a training run's own cameras.json
+  gspure cameras output/bicycle --out cameras.json --resolution native     # a training run's own cameras.json
   gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
   gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
@@ -40,7 +40,7 @@ def add_arguments(parser: Parser) -> None:
     )
     parser.writes("--out", "JSON", "the cameras.json to write")
     parser.text(
-        "--scale",
+        "--resolution",
         "RULE",
         "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
@@ -65,7 +65,7 @@ def run(args: Arguments) -> None:
     from gspure.artifacts import write_record
     from gspure.cameras import off_path_cameras, scaled, write_cameras
     from gspure.cameras.reading import motion_of_views
-    from gspure.cameras.scale import TRAINING_RULE
+    from gspure.cameras.resolution import TRAINING_RULE
 
     generated = isinstance(args.source, str)
     if args.model and not generated:
@@ -74,13 +74,16 @@ def run(args: Arguments) -> None:
         cameras = _distorted(args)
     else:
         cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
-    cameras = scaled(cameras, args.scale or ("native" if generated else TRAINING_RULE))
+    cameras = scaled(cameras, args.resolution or ("native" if generated else TRAINING_RULE))
     if args.undistort:
         cameras = _undistorted(args, cameras)
     if args.off_path is not None:
         cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
-    inputs, settings = {} if generated else {"source": args.source}, {"source": str(args.source), "scale": args.scale}
+    inputs, settings = (
+        {} if generated else {"source": args.source},
+        {"source": str(args.source), "resolution": args.resolution},
+    )
     write_record(args.out, inputs=inputs, settings=settings, motion=motion_of_views(args.source, args.model))
     print("\n".join(_table(cameras)))
 

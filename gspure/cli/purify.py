@@ -16,7 +16,7 @@ from gspure.artifacts.replacement import RENDERED, remove, remove_images
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.bounds import STEPS
 from gspure.cameras import Camera, scaled, split, views_digest
-from gspure.cameras.scale import TRAINING_RULE
+from gspure.cameras.resolution import TRAINING_RULE
 from gspure.cli.cluster import add_selection
 from gspure.cli.method_options import add_factors, add_min_samples
 from gspure.cli.options import add_cameras, add_device, add_energy, read_source, write_views

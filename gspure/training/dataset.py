@@ -61,14 +61,14 @@ class Dataset:
 
 
 def read_dataset(
-    source: Path, scale: str, *, photographs: Path | None = None, skip_missing: bool = False, seed: int = 0
+    source: Path, resolution: str, *, photographs: Path | None = None, skip_missing: bool = False, seed: int = 0
 ) -> Dataset:
     """Read views and points, and check that a model can be trained from them.
 
     `source` is a Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without
-    splits, `gspure.cameras.split` makes them. `scale` is a rule of `gspure.cameras.scaled`. The folder `photographs`,
-    whose files are named after the views, replaces those that the source names. `skip_missing` leaves out views whose
-    photograph is missing. `seed` is that of the random points that replace missing ones.
+    splits, `gspure.cameras.split` makes them. `resolution` is a rule of `gspure.cameras.scaled`. The folder
+    `photographs`, whose files are named after the views, replaces those that the source names. `skip_missing` leaves
+    out views whose photograph is missing. `seed` is that of the random points that replace missing ones.
 
     Raise `InputError` if a camera or point file is unreadable; a photograph is missing, smaller than its view or of
     another shape; all views have the same position; or no training view contains any of the points.
@@ -78,7 +78,7 @@ def read_dataset(
     cameras = _with_photographs(views.cameras, photographs)
     cameras = _present(cameras, source) if skip_missing else cameras
     require_present(cameras, source, hint="`gspure train --skip-missing` leaves out their views")
-    shown = scaled(cameras, scale)
+    shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
     train, test = views.split(shown)

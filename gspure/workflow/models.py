@@ -163,13 +163,13 @@ class Model:
 
     @property
     def camera_options(self) -> str:
-        """How to scale or generate its views, as options."""
+        """How to resize or generate its views, as options."""
         if self.is_watermarked:
-            return "--scale native"
+            return "--resolution native"
         if self.camera_source(SCENE) in GENERATED:
             generated = {"model": self.public, **self.settings["generated"]}
             return options(generated, *generated)
-        return options(self.settings, "scale")
+        return options(self.settings, "resolution")
 
     def views(self, target: str) -> dict[str, str]:
         """Return the files of the views that show a target; those of the message are the owner's alone.

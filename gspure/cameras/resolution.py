@@ -1,4 +1,4 @@
-"""The image scale rule: the size at which views are rendered and compared with photographs."""
+"""The resolution rule: the size at which views are rendered and compared with photographs."""
 
 import re
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
     parsed = _RULE.fullmatch(rule)
     if parsed is None:
         raise InputError(
-            "scale rule", "value", expected="native, photographs, 1/N or Wpx (such as 1600px)", found=repr(rule)
+            "resolution", "value", expected="native, photographs, 1/N or Wpx (such as 1600px)", found=repr(rule)
         )
     if parsed["factor"]:
         factor = int(parsed["factor"])
