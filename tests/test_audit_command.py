@@ -10,12 +10,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from gspure.cli import main
 from gspure.cli.audit import snakefile
-from gspure.model import write_model
+from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
+from gspure.model import Gaussians, write_model
 from gspure.workflow.configuration import resolved, validated
 from tests.documentation import ROOT
 from tests.models import blobs
@@ -46,6 +48,15 @@ def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words
     (asset,) = config["assets"].values()
     assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
+
+
+def test_anchors_are_pruned_with_the_factors_of_purify(folder, words):
+    anchors = np.zeros(3, [(name, "<f4") for name in (*blobs(1).table.dtype.names, "f_anchor_feat_0", "f_offset_0")])
+    write_model(folder / "anchors.ply", Gaussians(anchors))
+    assert main(["audit", "anchors.ply", "--cameras", "orbit"]) == 0
+    assert main(["audit", "anchors.ply", "--cameras", "orbit"]) == 0  # which finds its own configuration
+    config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
+    assert config["method"] == {"tau_c": ANCHOR_TAU_C, "tau_n": ANCHOR_TAU_N}
 
 
 @pytest.mark.parametrize("name", ["model", "figures", "stages", "results"])

@@ -130,7 +130,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     named = source.resolve().parent if source.name == INDEX else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
-    configuration = {"assets": {scene: asset}}
+    configuration = {"assets": {scene: asset}, **_method(model)}
     schema = snakefile().parent / "schemas" / "config.schema.yaml"
     resolved(validated(configuration, schema, _CONFIGURATION), _CONFIGURATION)
     text = yaml.safe_dump(configuration)
@@ -148,10 +148,22 @@ def _configuration(args: Arguments, target: Path) -> Path:
     return target
 
 
+def _method(model: Path) -> dict[str, Any]:
+    """Return the settings of the method that suit the columns of a model better than the defaults."""
+    from gspure.constants import TAU_C, TAU_N
+    from gspure.model import read_model
+    from gspure.schemes.registry import recognized
+
+    scheme = recognized(read_model(model)) if model.suffix == ".ply" else None  # other formats hold no anchors
+    if not scheme or (scheme.tau_c, scheme.tau_n) == (TAU_C, TAU_N):
+        return {}
+    return {"method": {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}}
+
+
 def _is_audit_of(scene: str, asset: Mapping[str, Any], configuration: Any) -> bool:
     """Return whether a configuration is an audit of the same model, with these or other views."""
     match configuration:
-        case {"assets": {**assets}, **others} if not others and [*assets] == [scene]:
+        case {"assets": {**assets}, **others} if others.keys() <= {"method"} and [*assets] == [scene]:
             match assets[scene]:
                 case {"model": str(model), **views} if views.keys() <= {"cameras", "generated"}:
                     return Path(model).resolve() == Path(asset["model"]).resolve()
