@@ -12,7 +12,7 @@ import pytest
 from gspure.artifacts import save_array, write_record
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.clustering.store import Clusters, read_clusters, read_labels, read_tree, write_clusters
 from gspure.method.clustering.tree import spanning_tree
 
 POINTS = np.random.default_rng(0).normal(size=(30, 5))
@@ -84,6 +84,20 @@ def test_invalid_clusters_are_refused(tmp_path: Path, labels: list[int], coincid
     write_clusters(tmp_path / "clusters.npz", Clusters(np.array(labels, np.int32), coincident), {})
     with pytest.raises(InputError, match=line):
         read_clusters(tmp_path / "clusters.npz")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_labels_are_read_from_the_files_of_purify_and_of_cluster(tmp_path: Path, suffix: str) -> None:
+    for labels, fits in (([0, 0, -1], True), ([0, 2, -1], False)):
+        if suffix == ".npy":
+            save_array(tmp_path / f"l{suffix}", np.array(labels, np.int32))
+        else:
+            write_clusters(tmp_path / f"l{suffix}", Clusters(np.array(labels, np.int32), 0), {})
+        if fits:
+            assert read_labels(tmp_path / f"l{suffix}").tolist() == labels
+        else:
+            with pytest.raises(InputError, match="no empty cluster"):
+                read_labels(tmp_path / f"l{suffix}")
 
 
 def edited(*values: tuple[int, int, float]) -> np.ndarray:

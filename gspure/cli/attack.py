@@ -44,7 +44,7 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
 from gspure.evaluation.outcomes import SCENE, UNATTACKED
 from gspure.images import read_image, require_photographs
-from gspure.method.clustering.store import read_clusters
+from gspure.method.clustering.store import read_labels
 from gspure.model import model_file, require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
@@ -65,7 +65,7 @@ _EVIDENCE = {
     "--prune-mask": "from `gspure prune`",
     "--opacities": "from `gspure opacities` (default: as stored in the model)",
     "--surface": "from `gspure surface`",
-    "--labels": "from `gspure cluster`",
+    "--labels": "clusters: labels.npy of `gspure purify`, or the .npz of `gspure cluster`",
 }
 
 
@@ -215,7 +215,7 @@ def _read(args: Arguments, files: Mapping[str, Path]) -> tuple[PublicModel, Evid
         pruned_by = ["opacities"] if name == "weights" and "labels" in files else []
         require_kind(path, name, *pruned_by)
         if name == "labels":
-            evidence[name] = read_clusters(path).labels
+            evidence[name] = read_labels(path)
         else:
             evidence[name] = load_array(path, dtype=types[name], shape=(len(public.model),), least=0)
     return public, Evidence(**evidence)

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from gspure.public_model import Lesson
 
 EXAMPLES = """\
-  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out message
-  gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
+  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out message
+  gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/message --out message \\
       --extraction message_oracle                                                    # with the exact hidden values
-  gspure extract moved.ply --scheme splats_in_splats --key marked/key --cameras pair/cameras.json --out message \\
+  gspure extract moved.ply --scheme splats_in_splats --key marked/key --cameras pair/message --out message \\
       --extraction message_adaptive --original marked/public                         # an unknown rotation or scale
-  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/cameras.json --out wrong_key \\
+  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out wrong_key \\
       --wrong-key 1                                                                  # a negative control
 """
 

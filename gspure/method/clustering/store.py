@@ -33,15 +33,29 @@ def read_clusters(path: Path) -> Clusters:
     """Read clusters, or raise `InputError` if the file is not one of `write_clusters`."""
     kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
     labels, coincident = load_arrays(path, kinds, "clusters, as .npz, from `gspure cluster`").values()
+    _require_clusters(path, labels)
+    if not 0 <= coincident <= len(labels):
+        raise InputError(path, "coincident", expected=f"0 to {len(labels)}", found=str(coincident))
+    return Clusters(labels, int(coincident))
+
+
+def read_labels(path: Path) -> Labels:
+    """Read the labels [K] of `gspure cluster`, .npz, or of `gspure purify`, .npy, checked as `read_clusters` does."""
+    if path.suffix != ".npy":
+        return read_clusters(path).labels
+    labels = load_array(path, dtype=np.int32, shape=(None,))
+    _require_clusters(path, labels)
+    return labels
+
+
+def _require_clusters(path: Path, labels: Labels) -> None:
+    """Refuse labels below `NOISE_LABEL`, and numbers of clusters with a gap."""
     lowest, highest = labels.min(initial=NOISE_LABEL), labels.max(initial=NOISE_LABEL)
     if lowest < NOISE_LABEL or highest >= len(labels):
         expected, found = f"{NOISE_LABEL} to {len(labels) - 1}", f"{lowest} to {highest}"
         raise InputError(path, "labels", expected=expected, found=found)
     if (sizes := np.bincount(labels[labels != NOISE_LABEL])).min(initial=1) < 1:
         raise InputError(path, "labels", expected="no empty cluster", found=f"none in cluster {sizes.argmin()}")
-    if not 0 <= coincident <= len(labels):
-        raise InputError(path, "coincident", expected=f"0 to {len(labels)}", found=str(coincident))
-    return Clusters(labels, int(coincident))
 
 
 def read_tree(path: Path) -> Tree:
