@@ -15,8 +15,8 @@ from gspure.evaluation.controls import FLOOR
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.names import display_name, wanted_damage
-from gspure.evaluation.outcomes import BITS, MESSAGE, UNATTACKED
+from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
+from gspure.evaluation.outcomes import BITS, MESSAGE
 from gspure.evaluation.summary import Summary
 from gspure.report.table import Cell, Column, Row, Table
 from gspure.schemes.scheme import ADAPTIVE

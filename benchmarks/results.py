@@ -23,8 +23,8 @@ from gspure.evaluation.controls import CLEAN, WRONG_KEY
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import csv_text, header, read_table
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.names import condition_name, display_name, extraction_name, wanted_damage
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED, condition_of
+from gspure.evaluation.names import GSPURE, UNATTACKED, condition_name, display_name, extraction_name, wanted_damage
+from gspure.evaluation.outcomes import MESSAGE, condition_of
 from gspure.evaluation.paper import beside, read_cells
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival

@@ -178,8 +178,8 @@ def record_views(
     """Write the record of a finished folder of images: their sizes and checksums, and their cameras' numbers, if known.
 
     Renders of a scene also have their background and energy. `origin` is what images show: their `target`, and, of a
-    model, its digest (`model`), its `embedding` (`gspure.artifacts.embedding_of`), that of the `key`, and the digest of
-    the record of the `photographs` that it was trained on.
+    model, its digest (`model`), its `embedding` (`gspure.artifacts.embedding_of`), the `attack` that it comes from,
+    the embedding of the `key`, and the digest of the record of the `photographs` that it was trained on.
     """
     names = sorted(views)
     record = {
@@ -251,8 +251,8 @@ def origin_of(folder: Path, name: str) -> str:
 
 
 def shown_in(folder: Path) -> dict[str, dict[str, str]]:
-    """Return a setting of a table that measures a folder of images: the model and key that they show, if known."""
-    origin = {name: origin_of(folder, name) for name in ("model", "key")}
+    """Return a setting of a table that measures a folder of images: what they show, as far as it is known."""
+    origin = {name: origin_of(folder, name) for name in ("model", "embedding", "attack", "key")}
     return {f"{SHOWN}{folder.name}": known} if (known := {k: v for k, v in origin.items() if v}) else {}
 
 

@@ -7,7 +7,8 @@ from typing import Any, Final
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics
 from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.outcomes import UNATTACKED, Outcome
+from gspure.evaluation.names import UNATTACKED
+from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.retrieval import Retrieval
 
 VARIANTS: Final = (

@@ -1,11 +1,13 @@
 """Messages at the scene's poses and at poses of their own, and both initializations, are never averaged together."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from gspure.cli import main
+from gspure.errors import InputError
 from gspure.evaluation.contest import SCORE, contest
 from gspure.evaluation.matched import match
 from gspure.evaluation.names import condition_name
@@ -53,6 +55,14 @@ def test_results_keep_their_conditions_in_a_file(tmp_path: Path) -> None:
     assert [o.condition for o in read_results(tmp_path / "results.csv")] == [o.condition for o in MIXED]
     with (tmp_path / "results.csv").open(newline="") as stream:
         assert next(csv.reader(stream))[:4] == ["scheme", "protocol", "initialization", "scene"]
+
+
+def test_a_model_under_two_conditions_is_refused(tmp_path: Path) -> None:
+    """As in two tables, of pairs of one name, that were joined: drops would be from the wrong unattacked model."""
+    first_of = [of_condition(condition, "a") for condition in (SHARED, OWN)]
+    write_results(tmp_path / "results.csv", [replace(o, scene="room") for outcomes in first_of for o in outcomes])
+    with pytest.raises(InputError, match="gs_hider/room: expected one condition, found own both and shared both"):
+        read_results(tmp_path / "results.csv")
 
 
 def test_every_condition_has_a_verdict_tables_and_a_figure_of_its_own(tmp_path: Path) -> None:

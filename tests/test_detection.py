@@ -27,6 +27,7 @@ from gspure.failures import Failure, status_of
 from gspure.report.audit import audits
 from gspure.report.page import Comparison, write_report
 from gspure.report.tables import conditions_markdown, results_markdown
+from gspure.report.templates import say
 from gspure.schemes.readability import bit_readability
 from tests.contest_cases import attacked
 
@@ -246,6 +247,16 @@ def test_a_users_model_is_judged_without_photographs_and_controls():
     (audit,) = audits(outcomes, survival(outcomes), [])
     assert audit.verdict == "judged"
     assert [row.variant for row in audit.where(True)] == ["gspure"]
+
+
+@pytest.mark.parametrize("clean", [True, False])
+def test_survival_of_a_mark_that_no_clean_model_was_searched_for_is_qualified(outcomes, clean):
+    known = [o for o in outcomes if clean or o.variant != "clean"]
+    (audit,) = audits(known, survival(known), [])
+    assert audit.verdict == "judged"
+    assert audit.unchecked == (0 if clean else audit.scenes)
+    for text in (say("verdict.html.j2", "verdict", audit), say("verdict.html.j2", "answer", audit, 2.0)):
+        assert ("No clean model was read" in text) == (not clean)
 
 
 @pytest.mark.parametrize(

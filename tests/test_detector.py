@@ -122,6 +122,30 @@ def test_images_that_would_not_count_are_refused(renders, name):
         read_bits(lambda _: np.ones(4, np.bool_), np.ones(4, np.bool_), renders)
 
 
+@pytest.mark.parametrize(
+    ("read", "found"),
+    [
+        (np.ones((4, 1), np.bool_), r"bool \[4, 1\]"),
+        (np.ones(3, np.bool_), r"bool \[3\]"),
+        (np.array(1), r"int64 \[\]"),
+        (np.array([1, -1, 1, 1]), r"int64 \[4\]"),
+        (np.full(4, 0.9), r"float64 \[4\]"),
+        (np.full(4, 255, np.uint8), r"uint8 \[4\]"),
+        ("1111", "str"),
+        (None, "NoneType"),
+        ([True] * 4, "list"),
+    ],
+)
+def test_a_key_that_reads_no_bits_is_refused(renders, read, found):
+    with pytest.raises(InputError, match=f"key: bits read from an image: expected an array of 4 bits.* found {found}"):
+        read_bits(lambda _: read, np.ones(4, np.bool_), renders)
+
+
+def test_bits_may_be_whole_numbers(renders):
+    readings = read_bits(lambda _: np.array([1, 0, 1, 1], np.uint8), np.ones(4, np.bool_), renders)
+    assert {reading.value for reading in readings} == {3}
+
+
 def test_a_folder_without_images_is_refused(tmp_path):
     with pytest.raises(InputError, match="PNG files"):
         read_marks(printing("{}"), tmp_path, "", 60)

@@ -20,16 +20,17 @@ from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.controls import CLEAN, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading
-from gspure.evaluation.names import SCHEMES
+from gspure.evaluation.names import GSPURE, SCHEMES, UNATTACKED
 from gspure.evaluation.origins import (
     require_equal_images,
     require_equal_renders,
     require_one_origin,
+    require_one_owner,
     require_origins,
 )
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, collect
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
-from gspure.images import record_views, with_records, write_image
+from gspure.images import SHOWN, record_views, with_records, write_image
 from gspure.schemes.registry import BUILT_IN
 from tests.contest_cases import measured
 
@@ -419,15 +420,40 @@ def test_all_built_in_schemes_are_named():
 
 @pytest.mark.parametrize("control", [CLEAN, OTHER_SCENE])
 @pytest.mark.parametrize("fact", ["embedding", "model"])
-def test_a_model_without_the_message_is_not_the_marked_one(control, fact):
+def test_a_control_that_shows_the_marked_model_is_warned_of(control, fact, capsys):
     published(ROOM / UNATTACKED, "a", EMBEDDING)
     images = ROOM / control / "renders" / SCENE
     write_image(images / "view.png", np.zeros((2, 2, 3)))
     record_views(images, {"view": []}, **{fact: "run 2"})
     require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
+    assert not capsys.readouterr().err
     record_views(images, {"view": []}, **{fact: EMBEDDING})
-    with pytest.raises(InputError, match="a model without the message"):
-        require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
+    require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
+    assert f"{control}/renders/scene: expected a model without the message" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("variant", "shown", "refused"),
+    [
+        ("noise", {"embedding": EMBEDDING, "attack": "noise"}, ""),
+        ("noise", {"embedding": "run 2"}, "embedding: expected"),
+        ("noise", {"key": "run 2"}, "embedding: expected"),
+        (WRONG_KEY, {"key": "run 2"}, ""),
+        (CLEAN, {"embedding": "run 2"}, ""),
+        (UNATTACKED, {"embedding": EMBEDDING, "attack": "noise"}, "attack: expected unattacked, found images of noise"),
+        (GSPURE, {"embedding": EMBEDDING, "attack": "noise"}, "attack: expected gspure, found images of noise"),
+        (GSPURE, {"embedding": EMBEDDING, "model": EMBEDDING}, "attack: expected gspure, found images of unattacked"),
+        (GSPURE, {"embedding": EMBEDDING, "model": "purified"}, ""),
+        (GSPURE, {"embedding": EMBEDDING, "model": "purified", "attack": "gspure"}, ""),
+    ],
+)
+def test_images_of_other_embeddings_and_attacks_are_refused_where_no_model_lies_beside_them(variant, shown, refused):
+    tables = [Path("sis/hall") / name / "metrics.csv" for name in ("first", variant)]
+    for table, origin in zip(tables, ({"embedding": EMBEDDING}, shown), strict=True):
+        write_metrics(table, [measured(SCENE, 20.0)])
+        record(table, {}, **{f"{SHOWN}scene": origin})
+    with pytest.raises(InputError, match=refused) if refused else nullcontext():
+        require_one_owner(tables)
 
 
 @pytest.mark.parametrize(("photographs", "fits"), [("room", True), ("", True), ("hall", False)])

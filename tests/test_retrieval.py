@@ -186,6 +186,18 @@ def test_views_retrieved_by_chance_are_no_success() -> None:
     assert not Retrieval(0.0, 0.0, 0.0, 4, 17).succeeds
 
 
+def test_too_few_views_decide_nothing() -> None:
+    alone = Retrieval(1.0, 1.0, 1.0, 1, 15)  # p = 1/15
+    assert not alone.succeeds
+    assert not alone.decides
+    assert Retrieval(0.0, 0.0, 0.0, 1, 20).decides
+    assert Retrieval(0.0, 0.0, 0.0, 2, 5).decides
+    for one_view in (alone, alone._replace(top1=0.0)):
+        outcomes = with_retrieval(FADED, unattacked=one_view)
+        assert not_embedded(outcomes) == []
+        assert {row.present for row in survival(outcomes)} == {1}
+
+
 def with_retrieval(outcomes, **of_variants: Retrieval):
     return [
         replace(o, retrieval={"message": of_variants[o.variant]}) if o.variant in of_variants else o for o in outcomes

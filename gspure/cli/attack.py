@@ -16,7 +16,6 @@ from gspure.artifacts import (
     motion_of,
     require_kind,
     save_array,
-    settings_of,
     write_json,
     write_record,
 )
@@ -42,7 +41,8 @@ from gspure.cost import read_cost, spent, total
 from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
-from gspure.evaluation.outcomes import SCENE, UNATTACKED
+from gspure.evaluation.origins import attacks_of
+from gspure.evaluation.outcomes import SCENE
 from gspure.images import read_image, require_photographs
 from gspure.method.clustering.store import read_labels
 from gspure.model import model_file, require_writable
@@ -133,7 +133,7 @@ def run(args: Arguments) -> None:
         settings[search.setting] = search.value
     searching = spent().cpu - begin
     attacked = attack.apply(public, evidence, **known, **settings)
-    earlier = _earlier(model_file(args.model))
+    earlier = attacks_of(model_file(args.model))
     used = {"attack": attack.name, "after": earlier, "seed": args.seed, **attack.settings, **settings}
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
@@ -162,12 +162,6 @@ def run(args: Arguments) -> None:
         write_record(path, inputs=sources, settings=used, motion=motion)
     _write_cost(args, searching, sources, used)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
-
-
-def _earlier(model: Path) -> str:
-    """Return the names of the attacks that a model comes from, the first one first, as far as its record tells."""
-    known = (settings_of(model).get(name, "") for name in ("after", "attack"))
-    return ", ".join(str(name) for name in known if name not in {"", UNATTACKED})
 
 
 def _motion(model: Path, attacked: Attacked) -> Float64 | None:

@@ -61,6 +61,7 @@ def run(args: Arguments) -> None:
     from gspure.cli.options import read_device, read_key, read_views, unmoved, write_views
     from gspure.errors import InputError
     from gspure.evaluation.controls import WRONG_KEY
+    from gspure.evaluation.origins import attacks_of
     from gspure.images import levels, record_views, require_no_other_images, write_image
     from gspure.model import model_file
     from gspure.progress import track, warn
@@ -91,10 +92,11 @@ def run(args: Arguments) -> None:
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
             is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
-        model = known_digest(model_file(args.model))
+        model, attack = known_digest(model_file(args.model)), attacks_of(model_file(args.model))
         owner = WRONG_KEY if args.wrong_key is not None else embedding_of(args.key)
         shown, photographs = unmoved(args, views), facts_of(args.key).get(MESSAGE, "")
-        record_views(folder, shown, target=extraction, model=model, key=owner, photographs=photographs)
+        origin = {"target": extraction, "model": model, "attack": attack, "key": owner, "photographs": photographs}
+        record_views(folder, shown, (), "", **origin)
         if isinstance(args.cameras, str):
             write_views(args, folder, views)
     if is_flat and args.wrong_key is None:

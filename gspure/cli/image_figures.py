@@ -65,7 +65,8 @@ def _draw_panels(args: Arguments) -> Drawn:
 
 
 def _draw_attacks(args: Arguments) -> Drawn:
-    from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, ordered
+    from gspure.evaluation.names import GSPURE, UNATTACKED
+    from gspure.evaluation.outcomes import MESSAGE, SCENE, ordered
     from gspure.evaluation.results import read_results
     from gspure.figures.lineup import chosen, write_lineup
     from gspure.images import background_of, require_comparable
@@ -130,7 +131,7 @@ def _variant(
     title: str, files: dict[str, Path], outcome: Outcome | None, backgrounds: Mapping[str, Sequence[float]]
 ) -> Column:
     from gspure.evaluation.matched import reached_damage, reached_name
-    from gspure.evaluation.outcomes import UNATTACKED
+    from gspure.evaluation.names import UNATTACKED
     from gspure.figures.lineup import Column
     from gspure.images import read_image
 

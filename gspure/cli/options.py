@@ -257,7 +257,7 @@ def add_sweeps(parser: Parser) -> None:
 
 def read_sweeps(args: Arguments, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
     """Return the variants of every ``--sweep``; refuse other attacks, and names of others."""
-    from gspure.evaluation.outcomes import UNATTACKED
+    from gspure.evaluation.names import UNATTACKED
 
     attacks = [o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control]
     sweeps: dict[str, list[str]] = args.sweep

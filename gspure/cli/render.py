@@ -47,6 +47,7 @@ def run(args: Arguments) -> None:
         remove,
         save_array,
     )
+    from gspure.evaluation.origins import attacks_of
     from gspure.evaluation.outcomes import SCENE
     from gspure.images import is_flat, record_views, require_no_other_images, write_image
     from gspure.model import model_file
@@ -68,6 +69,7 @@ def run(args: Arguments) -> None:
                 save_array(folder / f"{camera.name}.npy", image, checksum=True)
         file = model_file(args.model)
         origin = {"target": SCENE, "model": known_digest(file), "embedding": embedding_of(file)}
+        origin["attack"] = attacks_of(file)
         origin["photographs"] = facts_of(file).get(SCENE, "")
         record_views(folder, unmoved(args, views), background, args.energy, **origin)
         if isinstance(args.cameras, str):

@@ -57,7 +57,7 @@ def _outcomes(args: Arguments) -> list[Outcome]:
 
 
 def _draw_sweep(args: Arguments) -> Drawn:
-    from gspure.evaluation.outcomes import GSPURE
+    from gspure.evaluation.names import GSPURE
     from gspure.evaluation.summary import summarize
     from gspure.figures.factors import Point, write_factor_curves
 

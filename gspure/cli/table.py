@@ -83,7 +83,7 @@ def run(args: Arguments) -> None:
 
 def _warn_of_repeated_scenes(images: Mapping[str, Sequence[str]]) -> None:
     """Warn of models with the same images before any attack."""
-    from gspure.evaluation.outcomes import UNATTACKED
+    from gspure.evaluation.names import UNATTACKED
 
     first: dict[tuple[str, ...], str] = {}
     for name, digests in images.items():

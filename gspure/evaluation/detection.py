@@ -83,6 +83,16 @@ class Threshold(NamedTuple):
         return cls(sorted(clean)[-1 - above], (1 + above) / (1 + len(clean)))
 
 
+def as_bits(read: object, count: int) -> Bools:
+    """Return what a key has read from an image as bits [count]; raise `InputError` if it is anything else."""
+    bits = read if isinstance(read, np.ndarray) else np.empty(0, object)
+    if bits.shape != (count,) or bits.dtype.kind not in "biu" or not np.isin(bits, (0, 1)).all():
+        found = f"{bits.dtype} {list(bits.shape)}" if bits is read else type(read).__name__
+        expected = f"an array of {count} bits, 0 or 1 each"
+        raise InputError("key", "bits read from an image", expected=expected, found=found)
+    return bits.astype(np.bool_)
+
+
 def share_correct(decoded: Bools, message: Bools) -> float:
     """Return the share of correct bits in percent."""
     return 100.0 * float(np.mean(decoded == message))

@@ -18,7 +18,7 @@ import numpy as np
 from gspure.artifacts import distinct, file_digest
 from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
-from gspure.evaluation.detection import LARGEST, Reading, share_correct
+from gspure.evaluation.detection import LARGEST, Reading, as_bits, share_correct
 from gspure.images import read_image, require_all_images, require_intact, require_only_png
 
 LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line; ours
@@ -49,7 +49,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
 def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
-    shown = {path.stem: read(read_image(path)) for path in _png_files(images)}
+    shown = {path.stem: as_bits(read(read_image(path)), len(message)) for path in _png_files(images)}
     return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]
 
 

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
-from gspure.evaluation.names import display_name, wanted_damage
-from gspure.evaluation.outcomes import SCENE, UNATTACKED, Outcome, by_condition, ordered
+from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
+from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
 from gspure.numerals import decimal
 

@@ -3,6 +3,9 @@
 import re
 from typing import Final
 
+UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
+GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
+
 SCHEMES: Final = {  # the built-in ones
     "splats_in_splats": "Splats in Splats",
     "splats_in_splats_hardened": "Splats in Splats (hardened)",

@@ -22,8 +22,9 @@ from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import DETECTIONS
-from gspure.evaluation.names import SCHEMES, wanted_damage
+from gspure.evaluation.names import GSPURE, SCHEMES, UNATTACKED, wanted_damage
 from gspure.images import SHOWN, origin_of, photographs_of, require_comparable
+from gspure.progress import warn
 
 MODEL: Final = "public/point_cloud.ply"
 OF_ATTACK: Final = (MODEL, "prune_mask.npy", "verdict.json", "transform.npy")  # what `gspure attack` writes
@@ -98,6 +99,26 @@ def require_equal_renders(metrics: Iterable[Path]) -> None:
             require_comparable(first, images, (path.stem for path in images.glob("*.png")))
 
 
+def require_one_owner(tables: Iterable[Path]) -> None:
+    """Raise `InputError` if variants of a model, controls aside, show models or keys of several embeddings, by records.
+
+    The same goes for a variant named `unattacked` or `gspure` that shows a model after another attack.
+    """
+    first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
+    for table in map(place, tables):
+        variant = table.parents[table.parent.name == DETECTIONS]
+        shown = [origin for name, origin in settings_of(table).items() if name.startswith(SHOWN)]
+        for origin in shown if variant.name not in CONTROLS else ():
+            for embedding in filter(None, (origin.get("embedding"), origin.get("key"))):
+                first, expected = first_of.setdefault(variant.parts[-3:-1], (table, embedding))
+                require_agreement(first, table, {"embedding": expected}, {"embedding": embedding})
+            is_public = origin.get("model") == origin.get("embedding", "unknown")
+            attack = origin.get("attack") or (UNATTACKED if is_public else variant.name)
+            if variant.name in {UNATTACKED, GSPURE} and attack != variant.name:
+                found, hint = f"images of {attack}", f"give the folder {variant.name} another name"
+                raise InputError(table, "attack", expected=variant.name, found=found, hint=hint)
+
+
 def require_one_origin(
     variants: Collection[Path], named_after: Collection[str], conditions: Mapping[str, tuple[str, str]]
 ) -> None:
@@ -152,6 +173,12 @@ def recorded_models(tables: Iterable[Path]) -> dict[str, dict[str, Any]]:
     }
 
 
+def attacks_of(model: Path) -> str:
+    """Return the names of the attacks that a model comes from, the first one first, as far as its record tells."""
+    known = (settings_of(model).get(name, "") for name in ("after", "attack"))
+    return ", ".join(str(name) for name in known if name not in {"", UNATTACKED})
+
+
 def model_facts(path: Path) -> dict[str, Any]:
     """Return what the record of an artifact says of its settings, origin, and the model that it is made from."""
     model = recorded_inputs(path).get("model")
@@ -183,7 +210,11 @@ def _require_named_schemes(variants: Iterable[Path]) -> None:
 
 
 def _require_one_embedding(variants: Iterable[Path]) -> None:
-    """Compare embeddings; renders of the controls `MESSAGE_FREE` must not be of the watermarked model."""
+    """Compare embeddings; warn of renders of the controls `MESSAGE_FREE` that are of the watermarked model.
+
+    These are mistaken, or of a scheme that changes nothing in the model. Either way, the message stands out from
+    nothing, and counts as not present.
+    """
     first_of: dict[tuple[str, str], tuple[Path, str]] = {}
     for variant in sorted(variants, key=lambda variant: variant.name in MESSAGE_FREE):  # these last
         scheme, folder, name = variant.parts[-3:]
@@ -193,8 +224,7 @@ def _require_one_embedding(variants: Iterable[Path]) -> None:
         for images in sorted(variant.glob("renders/*")) if name in MESSAGE_FREE else ():
             first, marked = first_of.get((scheme, folder), (variant, ""))
             if marked and marked in (origin_of(images, "embedding"), origin_of(images, "model")):
-                expected, found = "a model without the message", f"a model of the embedding of {first}"
-                raise InputError(images, "model", expected=expected, found=found)
+                warn(f"{images}: expected a model without the message, found one of the embedding of {first}")
 
 
 def _require_one_pair(variants: Iterable[Path]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,20 +20,18 @@ from gspure.evaluation.csv_tables import grouped, read_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections, variant_of
 from gspure.evaluation.intervals import difference
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import display_name
+from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.origins import (
     require_equal_images,
     require_equal_references,
     require_equal_renders,
     require_one_origin,
+    require_one_owner,
     require_origins,
 )
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
-
-UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
-GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
 
@@ -220,6 +218,7 @@ def collect(
     require_equal_images((*metrics, *detections), retrievals)
     require_equal_references(metrics)
     require_equal_renders(metrics)
+    require_one_owner((*metrics, *detections))
     require_one_origin(sorted(variants), {UNATTACKED, GSPURE}, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)

@@ -55,12 +55,18 @@ def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
 def read_results(path: Path) -> list[Outcome]:
     """Return the outcomes that `write_results` has written; the rows of one need not be adjacent.
 
-    Raise `InputError` if the file is not such a table, or has two rows for the same target of the same variant.
+    Raise `InputError` if the file is not such a table, has two rows for the same target of the same variant, or a model
+    under two conditions.
     """
     rows = read_table(path, Result)
     keys = Counter((*condition_of(row), row.scene, row.seed, row.variant, row.target) for row in rows)
     for key in (key for key, count in keys.items() if count > 1):
         raise InputError(path, "rows", expected="one for every target of every variant", found=f"{keys[key]} of {key}")
+    for (scheme, scene), of_model in grouped(rows, lambda row: (row.scheme, row.scene)).items():
+        if len(conditions := {condition_of(row) for row in of_model}) > 1:
+            found = " and ".join(sorted(" ".join(condition[1:]) for condition in conditions))
+            hint = "tables of two runs? rename the scenes of one"
+            raise InputError(path, f"{scheme}/{scene}", expected="one condition", found=found, hint=hint)
     variants = grouped(rows, lambda row: (condition_of(row), row.scene, row.seed, row.variant))
     return with_references(_outcome(targets) for targets in variants.values())
 

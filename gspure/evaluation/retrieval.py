@@ -35,6 +35,11 @@ class Retrieval(NamedTuple):
         hits = round(self.top1 * self.views)
         return bool(binom.sf(hits - 1, self.views, 1 / self.candidates) <= CHANCE)
 
+    @property
+    def decides(self) -> bool:
+        """Whether a message that is nearest in all views would be retrieved; otherwise, there are too few views."""
+        return self._replace(top1=1.0).succeeds
+
 
 class Retrieved(NamedTuple):
     """One row of ``retrieval.csv``: one extraction of one variant of a model."""

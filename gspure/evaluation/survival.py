@@ -10,8 +10,8 @@ from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, WRONG_KEY
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED, Outcome, by_condition, is_picture, ordered
+from gspure.evaluation.names import UNATTACKED, display_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import Detectability, detectability
 from gspure.numerals import decimal
 
@@ -112,7 +112,9 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
         scene_floor = floor(alike)
         for o in (o for o in alike if o.variant == UNATTACKED and MESSAGE in o.targets):
             above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
-            if o.is_flat(MESSAGE) or above < MARGIN or (MESSAGE in o.retrieval and not o.retrieval[MESSAGE].succeeds):
+            retrieval = o.retrieval.get(MESSAGE)
+            is_missed = bool(retrieval and retrieval.decides and not retrieval.succeeds)
+            if o.is_flat(MESSAGE) or above < MARGIN or is_missed:
                 absent.append((o.scheme, o.folder))
     return absent
 
@@ -137,9 +139,8 @@ def _survival(
     attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
     before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     if is_picture(extraction):
-        present_before = _present(before, scene_floor) - (
-            {o.scene for o in unattacked if extraction in o.retrieval} - _retrieved(unattacked, extraction)
-        )
+        tried = {o.scene for o in unattacked if extraction in o.retrieval and o.retrieval[extraction].decides}
+        present_before = _present(before, scene_floor) - (tried - _retrieved(unattacked, extraction))
         survived = present_before & _present(after, scene_floor)
     else:
         clean = [o for o in known if o.variant == CLEAN]  # a mark that the clean model shows, too, tells nothing

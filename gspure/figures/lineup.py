@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from gspure.evaluation.metrics import METRICS, psnr
-from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import GSPURE, Outcome
+from gspure.evaluation.names import GSPURE, display_name
+from gspure.evaluation.outcomes import Outcome
 from gspure.figures import style
 from gspure.figures.panels import Image, show
 

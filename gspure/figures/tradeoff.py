@@ -12,8 +12,8 @@ import numpy as np
 
 from gspure.evaluation.intervals import scene_means
 from gspure.evaluation.matched import damages, reached_name
-from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Outcome
+from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.evaluation.tradeoff import pareto_front
 from gspure.figures import style
 

@@ -12,12 +12,11 @@ from gspure.evaluation.contest import SCORE, Contest
 from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.matched import reached_names
+from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.outcomes import (
     BITS,
-    GSPURE,
     MESSAGE,
     SCENE,
-    UNATTACKED,
     Condition,
     Outcome,
     by_condition,
@@ -80,6 +79,7 @@ class Audit:
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
     unknown: int  # number of these in which presence of the mark is unknown: too few views, or no clean model
+    unchecked: int  # number of these in which a detector read no clean model
     in_clean: int  # number of these in which a detector also detects the mark in the clean model
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
@@ -163,6 +163,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         extraction=judged_by,
         scenes=len(scenes),
         unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)}),
+        unchecked=0 if is_picture(judged_by) else len(scenes - {o.scene for o in known if o.variant == CLEAN}),
         in_clean=len({o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, NamedTuple
 
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, SCENE, UNATTACKED, Condition, Outcome, by_condition, ordered
+from gspure.evaluation.names import GSPURE, UNATTACKED
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, Outcome, by_condition, ordered
 
 PLANTED: Final = "planted"
 

@@ -11,7 +11,8 @@ from gspure.errors import InputError, reading
 from gspure.evaluation.contest import Contest
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.matched import Matched, reached_names
-from gspure.evaluation.outcomes import GSPURE, Outcome, by_model
+from gspure.evaluation.names import GSPURE
+from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.model.suspicious import REASONS
 from gspure.report.audit import ALLOWED, EQUAL, SIGNIFICANT, Audit, audits

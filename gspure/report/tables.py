@@ -12,18 +12,8 @@ from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import Matched, reached_names
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
-from gspure.evaluation.outcomes import (
-    MESSAGE,
-    SCENE,
-    UNATTACKED,
-    Condition,
-    Outcome,
-    by_model,
-    condition_of,
-    is_picture,
-    ordered,
-)
+from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, Outcome, by_model, condition_of, is_picture, ordered
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival

@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.evaluation.controls import BLACK, MEAN_COLOUR, WRONG_KEY
-from gspure.evaluation.detection import Threshold, share_correct
+from gspure.evaluation.detection import Threshold, as_bits, share_correct
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
@@ -75,7 +75,8 @@ def bit_readability(
     images = [read_back(scene(camera)) for camera in views[:VIEWS]]
 
     def correct(of: Key) -> float:
-        return share_correct(np.concatenate([of.read_bits(image) for image in images]), np.tile(of.bits, len(images)))
+        read = [as_bits(of.read_bits(image), len(of.bits)) for image in images]
+        return share_correct(np.concatenate(read), np.tile(of.bits, len(images)))
 
     threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0

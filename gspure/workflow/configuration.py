@@ -25,8 +25,8 @@ from gspure.datasets import SCENES
 from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.detector import words_of
-from gspure.evaluation.names import variant_at
-from gspure.evaluation.outcomes import BITS, GSPURE, MESSAGE, SCENE, UNATTACKED, is_picture
+from gspure.evaluation.names import GSPURE, UNATTACKED, variant_at
+from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.model import Gaussians
 from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.staging import NAMES, scene_builder

@@ -5,7 +5,7 @@ from itertools import takewhile
 from typing import Any, Final
 
 from gspure.attacks import find_attack
-from gspure.evaluation.outcomes import GSPURE
+from gspure.evaluation.names import GSPURE
 from gspure.method.features import PARTS
 
 Settings = Mapping[str, Any]

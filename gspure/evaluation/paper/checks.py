@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.outcomes import GSPURE, UNATTACKED
+from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.paper.cells import ATTACKS, DATA, PSNR, SCHEMES, SCORE, TARGETS, Cell
 from gspure.evaluation.paper.quantities import QUANTITIES, Means, ablations, printed_scores, table_1
 

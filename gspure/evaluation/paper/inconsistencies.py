@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import Final
 
-from gspure.evaluation.names import display_name
-from gspure.evaluation.outcomes import GSPURE, MESSAGE, UNATTACKED
+from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
+from gspure.evaluation.outcomes import MESSAGE
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS, Cell
 from gspure.evaluation.paper.quantities import by_scene
 from gspure.numerals import decimal

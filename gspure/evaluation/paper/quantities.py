@@ -7,7 +7,8 @@ import numpy as np
 
 from gspure.evaluation.intervals import Interval, mean_interval
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.outcomes import MESSAGE, SCENE, UNATTACKED
+from gspure.evaluation.names import UNATTACKED
+from gspure.evaluation.outcomes import MESSAGE, SCENE
 from gspure.evaluation.paper.cells import ATTACKS, PSNR, SCORE, TARGETS, Cell
 
 Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
