@@ -9,6 +9,7 @@ from gspure.attacks import Evidence, find_attack
 from gspure.attacks.geometry import radius
 from gspure.errors import InputError
 from gspure.model import Gaussians
+from gspure.public_model import PublicModel
 from tests.attack_cases import KINDS, anchors, changed, features, public, unhurried
 from tests.models import blobs
 
@@ -114,6 +115,14 @@ def test_opacity_noise_is_relative_and_has_the_given_deviation() -> None:
     middle = (before.opacities > 0.01) & (before.opacities < 0.7)  # nothing of these is clipped
     np.testing.assert_allclose((after.opacities / before.opacities)[middle].std(), 0.05, rtol=0.05)
     assert np.isfinite(after.table["opacity"]).all()
+
+
+@pytest.mark.parametrize("attack", ["position_noise", "rigid_transform"])
+@pytest.mark.parametrize(("offset", "warns"), [(0.0, False), (100.0, False), (4e5, True)])
+def test_moves_that_float32_rounds_far_from_the_origin_are_warned_of(attack: str, offset: float, warns: bool, capsys):
+    public = PublicModel(blobs(50).with_columns({"y": blobs(50).means[:, 1] + np.float32(offset)}))
+    find_attack(attack).apply(public, Evidence())
+    assert ("subtract an offset" in capsys.readouterr().err) == warns
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -170,8 +170,11 @@ def test_the_results_of_another_model_are_not_replaced(folder, words, capsys):
 def test_an_audit_that_is_refused_writes_nothing(folder, words, capsys):
     Path("my model.ply").rename("my {model}.ply")
     assert main(["audit", "my {model}.ply", "--cameras", "orbit"]) == 2
-    assert "expected a path without braces" in capsys.readouterr().err
-    Path("my {model}.ply").rename("my model.ply")
+    assert "expected a path without { } < >" in capsys.readouterr().err
+    Path("my {model}.ply").rename("<model>.ply")
+    assert main(["audit", "<model>.ply", "--cameras", "orbit"]) == 2
+    assert "expected a path without { } < >" in capsys.readouterr().err
+    Path("<model>.ply").rename("my model.ply")
     assert main(["audit", "my model.ply", "--cameras", "none.json"]) == 2
     assert "cameras: expected an existing file or folder" in capsys.readouterr().err
     assert not Path("results").exists()

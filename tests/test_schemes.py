@@ -326,6 +326,24 @@ def test_a_faulty_plug_in_is_named(monkeypatch, loaded, line):
         schemes()
 
 
+@pytest.mark.parametrize(
+    ("result", "line"),
+    [
+        ((None, None), "result of embed: .* found NoneType, NoneType"),
+        (blobs(3), "result of embed: .* found Gaussians"),
+        ((blobs(3), None), "result of embed: .* found Gaussians, NoneType"),
+        ((PublicModel(blobs(3)), None), "key: expected one, since a message is embedded, found none"),
+    ],
+)
+def test_what_a_plug_in_embeds_is_a_model_and_a_key(pair_folder, result, line):
+    def embed(pair, seed, device, *, message_weight=1.0):
+        return result
+
+    scheme = Scheme("odd", embed, PublicModel.read, PublicModel.read, {})
+    with pytest.raises(InputError, match=f"scheme odd: {line}"):
+        hide(scheme, read_pair(pair_folder))
+
+
 def test_an_unknown_scheme_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match=f"expected one of {', '.join(schemes())}, found 'sis'"):
         find_scheme("sis")

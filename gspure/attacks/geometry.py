@@ -10,12 +10,15 @@ from gspure.bounds import Range, Share
 from gspure.dtypes import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved, rotation
+from gspure.progress import warn
 from gspure.public_model import Columns
 
 CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
 FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours
 INNER: Final = 0.9  # fraction of the rows within the radius; ours
 FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds centres to a thousandth of the radius; ours
+
+COARSE: Final = 1e-3  # steps of float32 in radii, from which on moved centres are too coarse; ours
 
 ANGLE: Final = 30.0
 DEGREES: Final = Range(-3600.0, 3600.0)
@@ -62,7 +65,17 @@ def rigid_transform(
     transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
+    warn_of_coarse_centres("rigid_transform", model)
     return Attacked(moved(model, rotvec, shift), np.arange(len(model)), len(model), transform)
+
+
+def warn_of_coarse_centres(attack: str, model: Gaussians) -> None:
+    """Warn of a model so far from the origin that float32 rounds its moved centres by a thousandth of its radius."""
+    farthest = np.abs(np.median(model.means, axis=0)).max(initial=0.0) if len(model) else 0.0
+    step, size = float(np.spacing(np.float32(farthest))), radius(model)
+    if step > COARSE * size > 0:
+        text = f"centres lie at {farthest:.3g}, where float32 has steps of {step:.2g}, {step / size:.2g} radii"
+        warn(f"{attack}: {text}: moves are rounded to these; subtract an offset from model and cameras first")
 
 
 def radius(model: Gaussians) -> float:

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, select_columns
-from gspure.attacks.geometry import radius
+from gspure.attacks.geometry import radius, warn_of_coarse_centres
 from gspure.attacks.strength import Strength
 from gspure.bounds import Amount
 from gspure.model.activations import LEAST_OPACITY, logit
@@ -39,6 +39,7 @@ def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount
 
 def position_noise(model: Gaussians, rng: Rng, *, sigma: Amount = POSITION_SIGMA) -> Attacked:
     """Move every centre by independent Gaussian noise of `sigma` times the model's radius along each axis."""
+    warn_of_coarse_centres("position_noise", model)
     moved = model.means + sigma * radius(model) * rng.standard_normal((len(model), 3))
     return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
 

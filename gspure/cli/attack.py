@@ -142,7 +142,7 @@ def run(args: Arguments) -> None:
         _print_damage(args, search)
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
-        hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack")
+        hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack" and value != "")
         raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
     written = public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:

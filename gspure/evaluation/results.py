@@ -62,6 +62,8 @@ def read_results(path: Path) -> list[Outcome]:
     keys = Counter((*condition_of(row), row.scene, row.seed, row.variant, row.target) for row in rows)
     for key in (key for key, count in keys.items() if count > 1):
         raise InputError(path, "rows", expected="one for every target of every variant", found=f"{keys[key]} of {key}")
+    for row in (row for row in rows if row.values and "psnr" not in row.values):
+        raise InputError(path, "psnr", expected="a number beside other metrics", found=f"none for {row.variant}")
     for (scheme, scene), of_model in grouped(rows, lambda row: (row.scheme, row.scene)).items():
         if len(conditions := {condition_of(row) for row in of_model}) > 1:
             found = " and ".join(sorted(" ".join(condition[1:]) for condition in conditions))

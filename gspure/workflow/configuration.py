@@ -251,9 +251,9 @@ def _photographs(data: str) -> list[str]:
 
 
 def _require_no_braces(path: str, source: str | Path, place: str) -> None:
-    if {*path} & {*"{}"}:
-        hint = "Snakemake takes braces for wildcards"
-        raise InputError(source, place, expected="a path without braces", found=path, hint=hint)
+    if {*path} & {*"{}<>"}:
+        hint = "Snakemake takes these for wildcards and variables"
+        raise InputError(source, place, expected="a path without { } < >", found=path, hint=hint)
 
 
 def _check_settings(

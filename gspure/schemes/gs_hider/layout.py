@@ -31,7 +31,9 @@ def read_rows(path: Path) -> Gaussians:
     model = read_model(path)
     channels = len(model.columns_named("semantic_"))
     if channels != CHANNELS:
-        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
+        hint = "the column semantic_0 marks a model of GS-Hider"
+        found = f"{channels} properties"
+        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=found, hint=hint)
     return model
 
 
