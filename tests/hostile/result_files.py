@@ -51,7 +51,7 @@ from gspure.images import (
     require_all_images,
     require_comparable,
 )
-from gspure.method.clustering.store import Clusters, read_clusters, read_tree, write_clusters
+from gspure.method.clustering.store import Clusters, read_clusters, read_labels, read_tree, write_clusters
 from gspure.method.contributions import Measurement, Stage, read_index, read_stage, write_index
 from gspure.model import read_model, write_model
 from gspure.renderer import CONTRIBUTION
@@ -122,6 +122,16 @@ def _read_tree(folder: Path) -> None:
 def _clusters(folder: Path) -> None:
     labels = np.array([0, 0, 1, 1, -1, 2], np.int32)
     write_clusters(folder / "clusters.npz", Clusters(labels, 1), {"min_cluster_size": 5, "selection": "leaf"})
+
+
+def _labels(folder: Path) -> None:
+    save_array(folder / "labels.npy", np.array([0, 0, 1, -1, 1, 2], np.int32))
+
+
+def _read_labels(folder: Path) -> None:
+    labels = read_labels(folder / "labels.npy")
+    assert labels.dtype == np.int32
+    assert labels.min(initial=-1) >= -1
 
 
 def _read_clusters(folder: Path) -> None:
@@ -315,6 +325,7 @@ READERS = (
         {"tree.npy": "npy"},
     ),
     Reader("clusters", _clusters, _read_clusters, {"clusters.npz": "npz"}),
+    Reader("labels", _labels, _read_labels, {"labels.npy": "npy"}),
     Reader(
         "records and statuses",
         _records,
