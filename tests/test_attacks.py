@@ -241,6 +241,14 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
         (lambda model: model, "result: expected Attacked, found Gaussians"),
         (lambda model: Attacked(model, np.arange(5), 5), r"rows: expected \[40\] indices of 40 rows"),
         (lambda model: Attacked(model[:], np.arange(40.0), 40), "rows: .* found float64"),
+        (
+            lambda model: Attacked(model, np.zeros(40, int), 40),
+            "rows: expected each row's own index, since no row changed",
+        ),
+        (
+            lambda model: Attacked.changed(Gaussians(model.table.astype([(n, "<f8") for n in model.names])), {}),
+            "f_dc_0: expected float32, found float64",
+        ),
         (lambda model: Attacked(model, list(range(40)), 40), "rows: expected an array of numpy, found list"),
         (
             lambda model: Attacked.changed(model, {}, [[1, 0], [0, 1]]),

@@ -14,6 +14,7 @@ from gspure.artifacts import known_digest, write_record
 from gspure.cli import main
 from gspure.evaluation.comparison import RENDER
 from gspure.evaluation.contest import contest
+from gspure.evaluation.controls import MESSAGE_FREE
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import Outcome
@@ -103,14 +104,30 @@ def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_messa
     assert cost(row._replace(survived=0, only_retrieved=1)).endswith("; 1 of 2 scenes)")
 
 
-def test_an_attack_that_was_measured_in_fewer_scenes_is_named_and_not_judged() -> None:
-    weak, strong = {"weak": (1.0, 3.0)}, {"weak": (1.0, 3.0), "strong": (1.0, 25.0)}
-    found = benchmark({"a": strong, "b": weak, "c": weak})
+@pytest.mark.parametrize(("drop", "strongest"), [(2.0, "weak"), (25.0, "other")])
+def test_an_attack_that_was_measured_in_fewer_scenes_counts_only_if_the_message_did_not_survive_it(
+    drop: float, strongest: str
+) -> None:
+    weak, other = {"weak": (1.0, 3.0)}, {"weak": (1.0, 3.0), "other": (1.0, drop)}
+    found = benchmark({"a": other, "b": weak, "c": weak})
     audit = audit_of(found)
-    assert (named(audit.attacks), named(audit.incomplete)) == (["weak"], ["strong"])
-    assert audit.strongest.variant == "weak"
-    points = told(found)[1]
-    assert [text for label, text in points.items() if "fewer scenes" in label] == ["strong (1)."]
+    assert (named(audit.attacks), named(audit.incomplete)) == (["weak"], ["other"])
+    assert audit.strongest.variant == strongest
+    verdict, points = told(found)
+    assert [text for label, text in points.items() if "fewer scenes" in label] == ["other (1)."]
+    lost = "did not survive other (1 of 3 scenes)"
+    for text in (verdict, sentence(found)):
+        assert (lost in text) == (strongest == "other")
+
+
+def test_survival_of_a_picture_whose_key_was_tried_on_no_model_without_it_is_qualified() -> None:
+    found = of_scenes(3, gspure=(0.5, 2.0))
+    bare = [o for o in found if o.variant not in MESSAGE_FREE]
+    some = [o for o in found if o.variant not in MESSAGE_FREE or o.scene != found[0].scene]
+    for outcomes, where in ((found, None), (bare, "message: a key"), (some, "message in 1 of 3 scenes: a key")):
+        for text in (told(outcomes)[0], sentence(outcomes)):
+            assert ("was tried on no model" in text) == bool(where)
+            assert (where or "") in text
 
 
 def test_attacks_are_sorted_by_damage_and_split_by_survival() -> None:

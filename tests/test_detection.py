@@ -30,6 +30,7 @@ from gspure.report.tables import conditions_markdown, results_markdown
 from gspure.report.templates import say
 from gspure.schemes.readability import bit_readability
 from tests.contest_cases import attacked
+from tests.test_audit import told
 
 # --- thresholds -------------------------------------------------------------------------------------------------------
 
@@ -249,12 +250,18 @@ def test_a_users_model_is_judged_without_photographs_and_controls():
     assert [row.variant for row in audit.where(True)] == ["gspure"]
 
 
+def test_a_wrong_key_is_reported_without_a_clean_model(outcomes):
+    known = [o for o in outcomes if o.variant != "clean"]
+    points = told(with_references([*known, outcome("wrong_key", 50.0)]))[1]
+    assert "share of correct bits is" in points["With a wrong key"]
+
+
 @pytest.mark.parametrize("clean", [True, False])
 def test_survival_of_a_mark_that_no_clean_model_was_searched_for_is_qualified(outcomes, clean):
     known = [o for o in outcomes if clean or o.variant != "clean"]
     (audit,) = audits(known, survival(known), [])
     assert audit.verdict == "judged"
-    assert audit.unchecked == (0 if clean else audit.scenes)
+    assert audit.unchecked == {"mark": 0 if clean else audit.scenes}
     for text in (say("verdict.html.j2", "verdict", audit), say("verdict.html.j2", "answer", audit, 2.0)):
         assert ("No clean model was read" in text) == (not clean)
 

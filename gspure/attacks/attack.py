@@ -219,10 +219,10 @@ class Attack:
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
             attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
         self._check_result(attacked, len(model))
-        if attacked.model is model:
-            return attacked
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
         self._check_numbers(attacked, model, listed)
+        if attacked.model is model:
+            return attacked
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
     def matching(
@@ -277,8 +277,19 @@ class Attack:
             require_rigid(source, "transform", attacked.transform)
 
     def _check_numbers(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
-        """Refuse an attacked model with infinities and not-a-numbers where the model `before` has finite numbers."""
-        names = {*before.names} & {*attacked.model.names}
+        """Refuse columns of another type, and infinities and not-a-numbers where the model `before` has finite numbers.
+
+        The same goes for the unchanged model, if `rows` says that its rows are others.
+        """
+        names, table = {*before.names} & {*attacked.model.names}, attacked.model.table
+        for name in sorted(names):
+            if (kind := table.dtype[name]) != (known := before.table.dtype[name]):
+                raise InputError(f"attack {self.name}", name, expected=str(known), found=str(kind))
+        count, own = len(before), np.arange(len(before))
+        moved = attacked.rows[attacked.rows != own] if len(table) == count else attacked.rows[:0]
+        if len(moved) and _alike(table, before.table) and not _alike(table, before.table[attacked.rows]):
+            expected, found = "each row's own index, since no row changed", "others"
+            raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
         for name, changed in non_finite_rows(attacked.model, sorted(names)).items():
             if len(rows := changed[np.isfinite(before.table[name][attacked.rows[changed]])]):
                 found = f"infinity or not-a-number in {len(rows)} of {len(attacked.model)} rows, first in row {rows[0]}"
@@ -297,6 +308,11 @@ class Attack:
         if np.isnan(array).any():
             raise InputError(f"attack {self.name}", name, expected="numbers", found="NaN")
         return array
+
+
+def _alike(table: NDArray[np.void], other: NDArray[np.void]) -> bool:
+    """Return whether two tables hold the same bytes; of different ones, few columns are compared."""
+    return table.dtype == other.dtype and all(table[n].tobytes() == other[n].tobytes() for n in table.dtype.names or ())
 
 
 def named(functions: Mapping[Callable[..., Attacked], Strength | None]) -> tuple[Attack, ...]:

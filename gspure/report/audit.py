@@ -9,7 +9,7 @@ from math import inf, isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.controls import CLEAN
+from gspure.evaluation.controls import CLEAN, MESSAGE_FREE
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.names import GSPURE, UNATTACKED
@@ -79,7 +79,7 @@ class Audit:
     extraction: str  # the extraction that is judged: the scheme's own or, without one, a detector
     scenes: int
     unknown: int  # number of these in which presence of the mark is unknown: too few views, or no clean model
-    unchecked: int  # number of these in which a detector read no clean model
+    unchecked: dict[str, int]  # by extraction, the number of scenes in which it read no model without the message
     in_clean: int  # number of these in which a detector also detects the mark in the clean model
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
@@ -119,14 +119,20 @@ class Audit:
         return [row for row in self.attacks if row.only_retrieved and not row.survived]
 
     @property
-    def strongest(self) -> Survival | None:
-        """The attack within `ALLOWED` that leaves the message in the fewest scenes.
+    def lost_in_fewer(self) -> list[Survival]:
+        """The attacks that were measured in fewer scenes than others, and that the message did not survive in some."""
+        return [row for row in self.incomplete if row.survived < row.present]
 
-        Ties go to the largest drop of the message.
+    @property
+    def strongest(self) -> Survival | None:
+        """The attack within `ALLOWED` that leaves the message in the smallest share of the scenes.
+
+        Ties go to the largest drop of the message. An attack that was measured in fewer scenes than others counts if
+        the message did not survive it there.
         """
         within = [
             ((-(row.survived + row.only_retrieved) / row.present, row.message_drop.mean), row)
-            for row in self.attacks
+            for row in (*self.attacks, *self.lost_in_fewer)
             if self.verdict == "judged" and row.message_drop and row.scene_drop and row.scene_drop.mean <= ALLOWED
         ]
         return max(within, key=lambda ranked: ranked[0])[1] if within else None
@@ -163,7 +169,9 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         extraction=judged_by,
         scenes=len(scenes),
         unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)}),
-        unchecked=0 if is_picture(judged_by) else len(scenes - {o.scene for o in known if o.variant == CLEAN}),
+        unchecked={
+            name: _unchecked(outcomes, name) for name in dict.fromkeys(name for o in known for name in o.messages)
+        },
         in_clean=len({o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
@@ -191,6 +199,13 @@ def _judged_by(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survi
     finding = [name for name in names if (row := left.get((name, UNATTACKED))) and row.present]
     own = [name for name in names if is_picture(name) or name == BITS]
     return next(iter([*own, *finding, *names]), MESSAGE)
+
+
+def _unchecked(outcomes: Sequence[Outcome], extraction: str) -> int:
+    known = [o for o in outcomes if not o.failure and extraction in o.messages]
+    controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
+    checked = {o.scene for o in known if o.variant in controls}
+    return len({o.scene for o in known if o.variant == UNATTACKED} - checked)
 
 
 def _is_detected(o: Outcome, extraction: str) -> bool:
