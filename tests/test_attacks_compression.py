@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Evidence, find_attack
+from gspure.attacks.compression import CHUNK, curve_order
 from gspure.errors import InputError
+from gspure.model import write_model
 from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
 from tests.attack_cases import KINDS, public
@@ -43,6 +45,36 @@ def test_images_change_a_little_and_the_same_way_each_time(gsply, codec: str) ->
     assert one.table.tobytes() == other.table.tobytes()
     images = [render(model, camera(), "ewa").channels for model in (one, blobs(COUNT))]
     assert 0 < np.abs(images[0] - images[1]).mean() < 0.02
+
+
+@pytest.mark.parametrize("farthest", [30.0, 1e4, 1e12])
+def test_far_rows_do_not_spoil_the_chunks_of_others(farthest: float) -> None:
+    rng = np.random.default_rng(0)
+    means = rng.normal(size=(20_000, 3))
+    far = rng.choice(len(means), 200, replace=False)
+    means[far] *= np.exp(rng.uniform(np.log(3), np.log(farthest), (200, 1)))
+    order = curve_order(means)
+    assert sorted(order.tolist()) == list(range(len(means)))
+    spans = [np.ptp(means[order[i : i + CHUNK]], axis=0).max() for i in range(0, len(means), CHUNK)]
+    assert np.mean(np.array(spans) > 8) < 0.1  # 0.16 to 0.27 along the curve of the renderer's storage
+
+
+@pytest.mark.parametrize(
+    "means", [np.zeros((600, 3)), np.full((600, 3), 1e-40), np.tile([[0.0, 0, 0], [1e9, 0, 0]], (300, 1))]
+)
+def test_coincident_centres_have_an_order(means: np.ndarray) -> None:
+    assert sorted(curve_order(means).tolist()) == list(range(600))
+
+
+def test_chunks_that_span_too_much_are_warned_of(gsply, tmp_path, capsys) -> None:
+    model = blobs(COUNT)
+    write_model(tmp_path / "near.compressed.ply", model)
+    assert "rounded to steps" not in capsys.readouterr().err
+    write_model(
+        tmp_path / "far.compressed.ply",
+        model.with_columns({"x": np.where(np.arange(COUNT) == 7, 5000, model.means[:, 0])}),
+    )
+    assert "positions of 256 of 300 rows are rounded to steps" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["features", "anchors"])

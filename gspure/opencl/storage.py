@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32, UInt32
+from gspure.dtypes import Float32, Float64, UInt32
 from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine
@@ -123,10 +123,14 @@ def morton_order(means: Float32) -> UInt32:
         return np.zeros(0, np.uint32)
     finite = np.nan_to_num(means, posinf=0.0, neginf=0.0)
     low, high = np.quantile(finite[:: max(1, len(means) // _SAMPLE)], [0.01, 0.99], axis=0)
-    cells = (finite - low) / np.maximum(high - low, np.finfo(np.float32).tiny)
-    cells = np.clip(cells * (1 << _BITS), 0, (1 << _BITS) - 1).astype(np.uint32)
-    codes = sum(_spread(cells[:, axis]) << np.uint32(axis) for axis in range(3))
-    return np.argsort(codes, kind="stable").astype(np.uint32)
+    return np.argsort(morton_codes(finite, low, high), kind="stable").astype(np.uint32)
+
+
+def morton_codes(means: Float32 | Float64, low: Float64, high: Float64) -> UInt32:
+    """Return the places of finite `means` [K,3] on a Morton curve through the box from `low` to `high` [3]."""
+    shares = (means - low) / np.maximum(high - low, np.finfo(np.float32).tiny)
+    cells = np.clip(shares * (1 << _BITS), 0, (1 << _BITS) - 1).astype(np.uint32)
+    return np.asarray(sum(_spread(cells[:, axis]) << np.uint32(axis) for axis in range(3)), np.uint32)
 
 
 def _spread(cells: UInt32) -> UInt32:

@@ -21,6 +21,8 @@ SPZ: Final = ".spz"
 
 _CERTAIN: Final = 20.0  # logit of an opacity that 8 bits round to 1
 _FRACTION_BITS: Final = 12  # of positions in SPZ, as usual
+CHUNK: Final = 256  # rows of a compressed PLY that share a range of values
+_CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # between its ends: 11, 10 and 11 bits
 _FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
 
 
@@ -55,6 +57,7 @@ def writer(path: Path) -> Callable[[Path, Gaussians], None]:
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
     _warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
+    _warn_of_coarse_chunks(model)
     data = gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model))
     magic, encoding, rest = data.split(b"\n", 2)
     path.write_bytes(b"\n".join([magic, encoding, *(b"comment " + line for line in _comments(model)), rest]))
@@ -75,6 +78,16 @@ def _warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
         values = model.columns(*model.columns_named(prefix))
         if rows := int(((values < least) | (values > largest)).any(axis=1).sum()):
             warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the format's {least:.3g} to {largest:.3g}")
+
+
+def _warn_of_coarse_chunks(model: Gaussians) -> None:
+    """Warn of rows whose chunk of a compressed PLY spans so much that its positions are coarser than the Gaussians."""
+    size, starts = float(np.median(model.scales.max(axis=1))), np.arange(0, len(model), CHUNK)
+    spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
+    steps = (spans / _CHUNK_STEPS).max(axis=1)
+    if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
+        text = f"positions of {rows} of {len(model)} rows are rounded to steps of up to {steps.max():.3g}"
+        warn(f"{text}, more than the median Gaussian ({size:.3g}), since their chunks hold rows that are far apart")
 
 
 def _fraction_bits(path: Path, model: Gaussians) -> int:
