@@ -303,6 +303,22 @@ def test_a_comment_that_names_no_background_is_refused(tmp_path, shades):
     assert refusal(tmp_path / "m.ply").field == "comment"
 
 
+def test_two_backgrounds_are_refused(tmp_path):
+    model = blobs(1).with_comment("gspure background 1.0000 1.0000 1.0000")
+    write_model(tmp_path / "m.ply", model.with_comment("gspure background 1.0000 1.0000 1.0000"))
+    assert read_model(tmp_path / "m.ply").background == (1, 1, 1)
+    write_model(tmp_path / "m.ply", model.with_comment("gspure background 0.0000 0.5000 0.0000"))
+    assert refusal(tmp_path / "m.ply").expected == "one background"
+
+
+@pytest.mark.parametrize("comment", ["höhe".encode(), "höhe".encode("latin-1")])
+def test_a_comment_that_is_not_ascii_is_named(tmp_path, comment):
+    write_model(tmp_path / "m.ply", blobs(1).with_comment("here"))
+    content = (tmp_path / "m.ply").read_bytes().replace(b"comment here", b"comment " + comment)
+    error = refusal(save(tmp_path / "m.ply", content))
+    assert error.expected == "a comment in ASCII in line 3"
+
+
 # --- fuzzing: a file gives a model or an `InputError`, whatever is in it ----------------------------------------------
 
 

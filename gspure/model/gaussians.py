@@ -203,11 +203,14 @@ class Gaussians(Described):
         return next((tuple(map(float, shade.groups())) for shade in shades if shade), (0.0, 0.0, 0.0))
 
     def require_background(self, source: Path) -> None:
-        """Raise `InputError` for a comment that should name a background, but does not."""
-        for comment in self.comments:
-            if comment.startswith("gspure background") and not _BACKGROUND.fullmatch(comment):
+        """Raise `InputError` for a comment that should name a background, but does not, and for two backgrounds."""
+        named = [comment for comment in self.comments if comment.startswith("gspure background")]
+        for comment in named:
+            if not _BACKGROUND.fullmatch(comment):
                 expected = "gspure background R G B, each from 0.0000 to 1.0000"
                 raise InputError(source, "comment", expected=expected, found=comment)
+        if len(different := dict.fromkeys(named)) > 1:
+            raise InputError(source, "comment", expected="one background", found=" and ".join(different))
 
     @property
     def render_mode(self) -> str:

@@ -126,5 +126,9 @@ def read_header(path: Path, content: str) -> tuple[PlyData, int]:
     verify(path)
     with reading(path, content), path.open("rb") as stream:
         head = io.BytesIO(stream.read(_HEADER_LIMIT))
+        for number, line in enumerate(head.getvalue().partition(b"end_header")[0].splitlines(), start=1):
+            if not line.isascii() and line.startswith((b"comment", b"obj_info")):
+                found = line.decode(errors="replace")
+                raise InputError(path, "file", expected=f"a comment in ASCII in line {number}", found=found)
         # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
         return PlyData._parse_header(head), head.tell()  # noqa: SLF001
