@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Evidence, find_attack
-from gspure.attacks.compression import CHUNK, curve_order
+from gspure.attacks.compression import curve_order
 from gspure.errors import InputError
 from gspure.model import write_model
+from gspure.model.compressed.packed_ply import CHUNK
 from gspure.model.rotations import rotation_matrices
 from gspure.reference.blending import render
 from tests.attack_cases import KINDS, public

@@ -126,7 +126,7 @@ def test_survival_of_a_picture_whose_key_was_tried_on_no_model_without_it_is_qua
     some = [o for o in found if o.variant not in MESSAGE_FREE or o.scene != found[0].scene]
     for outcomes, where in ((found, None), (bare, "message: a key"), (some, "message in 1 of 3 scenes: a key")):
         for text in (told(outcomes)[0], sentence(outcomes)):
-            assert ("was tried on no model" in text) == bool(where)
+            assert ("was not tried on any model" in text) == bool(where)
             assert (where or "") in text
 
 

@@ -160,7 +160,13 @@ def test_the_results_of_another_model_are_not_replaced(folder, words, capsys):
         assert main(["audit", model, "--cameras", "orbit"]) == 2
         assert "audit in another folder" in capsys.readouterr().err
         assert Path("results/audit.yaml").read_text() == first
-    for edited in (f"{first}variants: {{unattacked: {{}}}}\n", "assets: {}\n", "7\n", "["):
+    for edited in (
+        f"{first}variants: {{unattacked: {{}}}}\n",
+        f"{first}method: {{tau_c: 2}}\n",
+        "assets: {}\n",
+        "7\n",
+        "[",
+    ):
         Path("results/audit.yaml").write_text(edited)
         assert main(audit) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1

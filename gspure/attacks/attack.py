@@ -220,7 +220,7 @@ class Attack:
             attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
         self._check_result(attacked, len(model))
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
-        self._check_numbers(attacked, model, listed)
+        self._check_table(attacked, model, listed)
         if attacked.model is model:
             return attacked
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
@@ -276,7 +276,7 @@ class Attack:
                 raise InputError(source, "transform", expected="[4, 4]", found=f"{list(attacked.transform.shape)}")
             require_rigid(source, "transform", attacked.transform)
 
-    def _check_numbers(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
+    def _check_table(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
         """Refuse columns of another type, and infinities and not-a-numbers where the model `before` has finite numbers.
 
         The same goes for the unchanged model, if `rows` says that its rows are others.

@@ -7,7 +7,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -137,7 +137,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = _CONFIGURATION.read_text(encoding="utf-8")
-            if not _is_audit_of(scene, asset, yaml.safe_load(last)):
+            if not _is_audit_of(configuration, yaml.safe_load(last)):
                 hint = f"audit in another folder, or delete {_CONFIGURATION} to replace the results"
                 found = "that of another model, or further settings"
                 raise InputError(_CONFIGURATION, "assets", expected=f"the audit of {model}", found=found, hint=hint)
@@ -160,10 +160,11 @@ def _method(model: Path) -> dict[str, Any]:
     return {"method": {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}}
 
 
-def _is_audit_of(scene: str, asset: Mapping[str, Any], configuration: Any) -> bool:
-    """Return whether a configuration is an audit of the same model, with these or other views."""
-    match configuration:
-        case {"assets": {**assets}, **others} if others.keys() <= {"method"} and [*assets] == [scene]:
+def _is_audit_of(configuration: dict[str, Any], last: Any) -> bool:
+    """Return whether the `last` configuration is an audit of the same model, with these or other views."""
+    ((scene, asset),) = configuration["assets"].items()
+    match last:
+        case {"assets": {**assets}} if last | {"assets": 0} == configuration | {"assets": 0} and [*assets] == [scene]:
             match assets[scene]:
                 case {"model": str(model), **views} if views.keys() <= {"cameras", "generated"}:
                     return Path(model).resolve() == Path(asset["model"]).resolve()

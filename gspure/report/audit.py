@@ -121,7 +121,7 @@ class Audit:
     @property
     def lost_in_fewer(self) -> list[Survival]:
         """The attacks that were measured in fewer scenes than others, and that the message did not survive in some."""
-        return [row for row in self.incomplete if row.survived < row.present]
+        return [row for row in self.incomplete if row.survived < row.present and row.reached is not False]
 
     @property
     def strongest(self) -> Survival | None:

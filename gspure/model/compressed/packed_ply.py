@@ -21,7 +21,7 @@ from gspure.model.gaussians import Gaussians
 
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
-_CHUNK: Final = 256
+CHUNK: Final = 256  # rows that share a range of values
 _THREE: Final = ((21, 11), (11, 10), (0, 11))
 _ROTATION: Final = ((20, 10), (10, 10), (0, 10))
 _COLOUR: Final = ((24, 8), (16, 8), (8, 8))
@@ -41,8 +41,8 @@ def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
         require_room(path, size, rows, COEFFICIENTS[-1] if "sh" in header else 0)
         tables = _tables(path, header, offset)
         chunks, packed = tables["chunk"], tables["vertex"]
-        if len(chunks) != -(-rows // _CHUNK):
-            raise InputError(path, "element chunk", expected=f"{-(-rows // _CHUNK)} rows", found=f"{len(chunks)} rows")
+        if len(chunks) != -(-rows // CHUNK):
+            raise InputError(path, "element chunk", expected=f"{-(-rows // CHUNK)} rows", found=f"{len(chunks)} rows")
         colours = _numbers(packed["packed_color"], _COLOUR)
         if "min_r" in header["chunk"]:
             colours = _placed(chunks, ("r", "g", "b"), colours)
@@ -94,6 +94,6 @@ def _harmonics(path: Path, rows: int, stored: NDArray[np.void] | None) -> Float3
 
 def _placed(chunks: NDArray[np.void], names: tuple[str, ...], shares: Float32) -> Float32:
     """Return the values that shares from 0 to 1 stand for, in the range of each row's chunk."""
-    chunk = np.arange(len(shares)) // _CHUNK
+    chunk = np.arange(len(shares)) // CHUNK
     least, largest = (np.stack([chunks[f"{end}_{name}"] for name in names], 1)[chunk] for end in ("min", "max"))
     return np.asarray(least * (1 - shares) + largest * shares, np.float32)

@@ -10,6 +10,7 @@ import numpy as np
 
 from gspure.artifacts import replacing
 from gspure.errors import InputError
+from gspure.model.compressed.packed_ply import CHUNK
 from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
 from gspure.model.finite import drawable
 from gspure.model.gaussians import Gaussians
@@ -21,8 +22,7 @@ SPZ: Final = ".spz"
 
 _CERTAIN: Final = 20.0  # logit of an opacity that 8 bits round to 1
 _FRACTION_BITS: Final = 12  # of positions in SPZ, as usual
-CHUNK: Final = 256  # rows of a compressed PLY that share a range of values
-_CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # between its ends: 11, 10 and 11 bits
+_CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # of a coordinate in a chunk: 11, 10 and 11 bits
 _FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
 
 
@@ -87,7 +87,7 @@ def _warn_of_coarse_chunks(model: Gaussians) -> None:
     steps = (spans / _CHUNK_STEPS).max(axis=1)
     if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
         text = f"positions of {rows} of {len(model)} rows are rounded to steps of up to {steps.max():.3g}"
-        warn(f"{text}, more than the median Gaussian ({size:.3g}), since their chunks hold rows that are far apart")
+        warn(f"{text}, larger than the median Gaussian ({size:.3g}), since their chunks hold rows that are far apart")
 
 
 def _fraction_bits(path: Path, model: Gaussians) -> int:
