@@ -120,6 +120,16 @@ def test_an_attack_that_was_measured_in_fewer_scenes_counts_only_if_the_message_
         assert (lost in text) == (strongest == "other")
 
 
+def test_attacks_that_miss_a_seed_are_named_with_the_number_of_models_they_were_measured_on() -> None:
+    whole = benchmark({"a": {"weak": (1.0, 3.0), "gspure": (1.0, 20.0)}, "b": {"weak": (1.0, 3.0)}}, seeds=2)
+    cut = [o for o in whole if (o.variant, o.scene, o.seed) != ("weak", "a", 1)]
+    no_control = [o for o in whole if (o.variant, o.seed) != ("clean", 1)]
+    label = "Measured with fewer seeds"
+    assert told(cut)[1][label] == "weak (on 3 of 4 models)."
+    assert label not in told(whole)[1]  # GSPure lacks a whole scene, which is said elsewhere
+    assert label not in told(no_control)[1]
+
+
 def test_survival_of_a_picture_whose_key_was_tried_on_no_model_without_it_is_qualified() -> None:
     found = of_scenes(3, gspure=(0.5, 2.0))
     bare = [o for o in found if o.variant not in MESSAGE_FREE]

@@ -19,7 +19,7 @@ from gspure.surface.meshing import extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera
-from tests.surface_cases import DEVIATION, RADIUS, around, ball, populated
+from tests.surface_cases import DEVIATION, RADIUS, around, ball, directions, populated
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,8 @@ def test_the_same_model_gives_the_same_mesh(mesh, views):
     ("model", "line"),
     [
         (ball(20, opacity=0.05), "an opacity above 0.1 in the views, found 0 points"),
-        (ball(20, opacity=0.2), "an opacity of 0.5 somewhere, found none in any view"),
+        (ball(20, opacity=0.2), "both sides of 0.5, found only lower ones"),
+        (gaussians(means=0.1 * directions(20), scales=1.0, opacities=0.98), "both sides of 0.5, found only higher ones"),
     ],
 )
 def test_a_model_without_a_surface_is_refused(model, line, views):

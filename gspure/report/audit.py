@@ -9,7 +9,8 @@ from math import inf, isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.controls import CLEAN, MESSAGE_FREE
+from gspure.evaluation.controls import CLEAN, CONTROLS, MESSAGE_FREE
+from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.names import GSPURE, UNATTACKED
@@ -86,6 +87,7 @@ class Audit:
     verdict: Verdict
     attacks: list[Survival]  # attacks that can be judged, the gentlest first; if none can, all of them
     incomplete: list[Survival]  # attacks that were measured in fewer scenes than others, and are not judged
+    fewer_seeds: dict[str, tuple[int, int]]  # by attack that misses seeds of its scenes: models measured, and of these
     before: Survival | None
     gspure: Survival | None
     other_extractions: list[Survival]  # survival of the other extractions after GSPure
@@ -178,6 +180,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant, judged_by),
         attacks=judged or attacks,
         incomplete=[row for row in attacks if judged and row.scenes < most],
+        fewer_seeds=_fewer_seeds(known),
         before=by_variant.get(UNATTACKED),
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
@@ -206,6 +209,17 @@ def _unchecked(outcomes: Sequence[Outcome], extraction: str) -> int:
     controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
     checked = {o.scene for o in known if o.variant in controls}
     return len({o.scene for o in known if o.variant == UNATTACKED} - checked)
+
+
+def _fewer_seeds(known: Sequence[Outcome]) -> dict[str, tuple[int, int]]:
+    cells = {v: {(o.scene, o.seed) for o in alike} for v, alike in grouped(known, lambda o: o.variant).items()}
+    counts = {}
+    for variant, measured in cells.items():
+        scenes = {scene for scene, _ in measured}
+        marked = {(scene, seed) for scene, seed in cells.get(UNATTACKED, ()) if scene in scenes}
+        if variant not in CONTROLS and marked - measured:
+            counts[variant] = len(marked & measured), len(marked)
+    return counts
 
 
 def _is_detected(o: Outcome, extraction: str) -> bool:

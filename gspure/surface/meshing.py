@@ -67,7 +67,7 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
     The model has its 3-D filter applied (`smoothed`). Raise `InputError` if the views show too few Gaussians for a
-    tetrahedron, or none that is half opaque.
+    tetrahedron, or the opacity is below 1/2 at all of their points, or above it.
     """
     points = box_points(model[opaque(model)])
     points = points[shown(points, cameras)]
@@ -80,7 +80,8 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     inside = opacity_field(renderer, track(cameras, "opacity field"), points, outside=LEVEL) >= LEVEL
     edges, faces = march(points, cells, inside)
     if not len(faces):
-        raise InputError("model", "surface", expected=f"an opacity of {LEVEL} somewhere", found="none in any view")
+        found = f"only {'higher' if inside.any() else 'lower'} ones"
+        raise InputError("model", "surface", expected=f"opacities on both sides of {LEVEL}", found=found)
     inner, outer = points[edges].transpose(1, 0, 2)
     for _ in track(range(HALVINGS), "bisection"):
         middle = (inner + outer) / 2
