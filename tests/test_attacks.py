@@ -243,16 +243,16 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
         (lambda model: Attacked(model[:], np.arange(40.0), 40), "rows: .* found float64"),
         (
             lambda model: Attacked(model, np.zeros(40, int), 40),
-            "rows: expected each row's own index, since no row changed",
+            "rows: expected 0, 1, 2, .* since the attacked table equals the public one",
         ),
         (
             lambda model: Attacked.changed(Gaussians(model.table.astype([(n, "<f8") for n in model.names])), {}),
             "f_dc_0: expected float32, found float64",
         ),
-        (lambda model: Attacked(model, list(range(40)), 40), "rows: expected an array of numpy, found list"),
+        (lambda model: Attacked(model, list(range(40)), 40), "rows: expected a NumPy array, found list"),
         (
             lambda model: Attacked.changed(model, {}, [[1, 0], [0, 1]]),
-            "transform: expected an array of numpy, found list",
+            "transform: expected a NumPy array, found list",
         ),
         (lambda model: Attacked.changed(model, {}, np.eye(3)), r"transform: expected \[4, 4\]"),
         (lambda model: Attacked.changed(model, {}, 2 * np.eye(4)), "transform: expected a rotation"),

@@ -58,7 +58,7 @@ def test_the_verdict_is_about_the_strongest_attack_within_the_allowed_damage() -
     assert audit_of(lost).strongest.variant == "gof"
     assert sentence(lost).startswith("The message did not survive GOF, which lowers the PSNR of the message by 20.5 dB")
     kept = of_scenes(2, gspure=(0.5, 2.0), gof=(1.9, 1.0), harsh=(2.5, 25.0))
-    assert sentence(kept).startswith("The message survived every attack that lowers")
+    assert sentence(kept).startswith("The message survived every tested attack that lowers")
     assert "The strongest, GSPure," in sentence(kept)
     harsh = of_scenes(2, harsh=(2.5, 25.0))
     assert audit_of(harsh).strongest is None
@@ -80,7 +80,9 @@ def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_attacks_are_
 
 def test_a_mark_that_was_not_detected_before_the_attacks_is_said_not_to_be_judged() -> None:
     points = told([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])[1]
-    assert points["Mark (alpha)"].startswith("Survival cannot be judged: the mark (alpha) was present in no scene")
+    assert points["Mark (alpha)"].startswith(
+        "Survival cannot be judged: before any attack, the mark (alpha) is not present"
+    )
     points = told([detected(name, alpha=True, zeta=True) for name in ("unattacked", "gspure")])[1]
     assert "cannot be judged" not in points["Mark (zeta)"]
 
@@ -114,10 +116,10 @@ def test_an_attack_that_was_measured_in_fewer_scenes_counts_only_if_the_message_
     assert (named(audit.attacks), named(audit.incomplete)) == (["weak"], ["other"])
     assert audit.strongest.variant == strongest
     verdict, points = told(found)
-    assert [text for label, text in points.items() if "fewer scenes" in label] == ["other (1)."]
-    lost = "did not survive other (1 of 3 scenes)"
-    for text in (verdict, sentence(found)):
-        assert (lost in text) == (strongest == "other")
+    (listed_apart,) = [text for label, text in points.items() if "fewer scenes" in label]
+    assert listed_apart.startswith("other (1 of 3 scenes).")
+    assert ("Other was measured in only 1 of 3 scenes: the message did not survive it." in verdict) == (drop == 25.0)
+    assert ("did not survive other (measured in only 1 of 3 scenes)" in sentence(found)) == (drop == 25.0)
 
 
 def test_attacks_that_miss_a_seed_are_named_with_the_number_of_models_they_were_measured_on() -> None:
@@ -134,7 +136,7 @@ def test_survival_of_a_picture_whose_key_was_tried_on_no_model_without_it_is_qua
     found = of_scenes(3, gspure=(0.5, 2.0))
     bare = [o for o in found if o.variant not in MESSAGE_FREE]
     some = [o for o in found if o.variant not in MESSAGE_FREE or o.scene != found[0].scene]
-    for outcomes, where in ((found, None), (bare, "message: a key"), (some, "message in 1 of 3 scenes: a key")):
+    for outcomes, where in ((found, None), (bare, "message. A key"), (some, "message in 1 of 3 scenes. A key")):
         for text in (told(outcomes)[0], sentence(outcomes)):
             assert ("was not tried on any model" in text) == bool(where)
             assert (where or "") in text

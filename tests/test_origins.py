@@ -429,7 +429,7 @@ def test_a_control_that_shows_the_marked_model_is_warned_of(control, fact, capsy
     assert not capsys.readouterr().err
     record_views(images, {"view": []}, **{fact: EMBEDDING})
     require_one_origin([ROOM / control, ROOM / UNATTACKED], {}, {})
-    assert f"{control}/renders/scene: expected a model without the message" in capsys.readouterr().err
+    assert f"{control}/renders/scene: expected renders of a model without the message" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,10 @@ def test_the_same_model_gives_the_same_mesh(mesh, views):
     [
         (ball(20, opacity=0.05), "an opacity above 0.1 in the views, found 0 points"),
         (ball(20, opacity=0.2), "both sides of 0.5, found only lower ones"),
-        (gaussians(means=0.1 * directions(20), scales=1.0, opacities=0.98), "both sides of 0.5, found only higher ones"),
+        (
+            gaussians(means=0.1 * directions(20), scales=1.0, opacities=0.98),
+            "both sides of 0.5, found only higher ones",
+        ),
     ],
 )
 def test_a_model_without_a_surface_is_refused(model, line, views):

@@ -264,7 +264,7 @@ class Attack:
             raise InputError(source, "result", expected=Attacked.__name__, found=type(attacked).__name__)
         for name in ("rows",) if attacked.transform is None else ("rows", "transform"):
             if not isinstance(found := getattr(attacked, name), np.ndarray):
-                raise InputError(source, name, expected="an array of numpy", found=type(found).__name__)
+                raise InputError(source, name, expected="a NumPy array", found=type(found).__name__)
         rows = attacked.rows
         fits = rows.dtype.kind in "iu" and rows.shape == (len(attacked.model),) and attacked.count == count
         if not (fits and ((rows >= -1) & (rows < count)).all()):
@@ -288,7 +288,7 @@ class Attack:
         count, own = len(before), np.arange(len(before))
         moved = attacked.rows[attacked.rows != own] if len(table) == count else attacked.rows[:0]
         if len(moved) and _alike(table, before.table) and not _alike(table, before.table[attacked.rows]):
-            expected, found = "each row's own index, since no row changed", "others"
+            expected, found = "0, 1, 2, ..., since the attacked table equals the public one", "another order"
             raise InputError(f"attack {self.name}", "rows", expected=expected, found=found)
         for name, changed in non_finite_rows(attacked.model, sorted(names)).items():
             if len(rows := changed[np.isfinite(before.table[name][attacked.rows[changed]])]):

@@ -74,8 +74,8 @@ def warn_of_coarse_centres(attack: str, model: Gaussians) -> None:
     farthest = np.abs(np.median(model.means, axis=0)).max(initial=0.0) if len(model) else 0.0
     step, size = float(np.spacing(np.float32(farthest))), radius(model)
     if step > COARSE * size > 0:
-        steps = f"steps of {step:.2g} ({step / size:.2g} radii)"
-        text = f"centres lie {farthest:.3g} from the origin, where float32 has {steps}, so moves are rounded to these"
+        apart = f"{step:.2g} ({step / size:.2g} radii) apart, so moved centres are rounded to this step"
+        text = f"the model is centred at a coordinate of {farthest:.3g}, where neighbouring float32 numbers are {apart}"
         warn(f"{attack}: {text}; subtract an offset from model and cameras first")
 
 

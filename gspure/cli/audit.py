@@ -138,8 +138,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = _CONFIGURATION.read_text(encoding="utf-8")
             if not _is_audit_of(configuration, yaml.safe_load(last)):
-                hint = f"audit in another folder, or delete {_CONFIGURATION} to replace the results"
-                found = "that of another model, or further settings"
+                hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
+                found = "that of another model, or an edited one"
                 raise InputError(_CONFIGURATION, "assets", expected=f"the audit of {model}", found=found, hint=hint)
         if last == text:
             return _CONFIGURATION

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Sequence
 from math import comb
 from pathlib import Path
@@ -87,7 +88,8 @@ def as_bits(read: object, count: int) -> Bools:
     """Return what a key has read from an image as bits [count]; raise `InputError` if it is anything else."""
     bits = read if isinstance(read, np.ndarray) else np.empty(0, object)
     if bits.shape != (count,) or bits.dtype.kind not in "biu" or not np.isin(bits, (0, 1)).all():
-        found = f"{bits.dtype} {list(bits.shape)}" if bits is read else type(read).__name__
+        values = reprlib.repr(bits.tolist())
+        found = f"{bits.dtype} {list(bits.shape)}: {values}" if bits is read else type(read).__name__
         expected = f"an array of {count} bits, 0 or 1 each"
         raise InputError("key", "bits read from an image", expected=expected, found=found)
     return bits.astype(np.bool_)
@@ -177,7 +179,8 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
             raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
         if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
             names = ", ".join(sorted(views)[:3])
-            raise InputError(path, "views", expected=f"those in {first}", found=f"others; in only one of them: {names}")
+            found = f"others; in only one of the tables: {names}"
+            raise InputError(path, "views", expected=f"those in {first}", found=found)
 
 
 def _detector_of(table: Path) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
         if not file.is_file() or file_digest(file) != digest:
             raise InputError(file, "content", expected="the image as before", found="one that the detector changed")
     for view in sorted(views.symmetric_difference(answer)):
-        found = "no entry" if view in views else "an entry of no image"
+        found = "no entry" if view in views else "an entry without an image"
         raise InputError("detector", view, expected="an entry for every image", found=found)
     return [_reading(view, answer[view], message) for view in sorted(views)]
 
@@ -146,7 +146,7 @@ def _reading(view: str, value: object, message: str) -> Reading:
         decoded, truth = (np.array([*bits]) == "1" for bits in (value, message))
         return Reading(view, share_correct(decoded, truth), len(message))
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
-        hint = "bits need the embedded `message`" if isinstance(value, str) else None
+        hint = "if the detector returns bits, set `message` to the embedded bits" if isinstance(value, str) else None
         raise InputError(
             "detector", view, expected=f"a score within ±{LARGEST:g}", found=reprlib.repr(value), hint=hint
         )

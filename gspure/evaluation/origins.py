@@ -224,7 +224,8 @@ def _require_one_embedding(variants: Iterable[Path]) -> None:
         for images in sorted(variant.glob("renders/*")) if name in MESSAGE_FREE else ():
             first, marked = first_of.get((scheme, folder), (variant, ""))
             if marked and marked in (origin_of(images, "embedding"), origin_of(images, "model")):
-                warn(f"{images}: expected a model without the message, found one of the embedding of {first}")
+                found = f"those of the watermarked model ({first})"
+                warn(f"{images}: expected renders of a model without the message, found {found}")
 
 
 def _require_one_pair(variants: Iterable[Path]) -> None:

@@ -217,7 +217,7 @@ def _fewer_seeds(known: Sequence[Outcome]) -> dict[str, tuple[int, int]]:
     for variant, measured in cells.items():
         scenes = {scene for scene, _ in measured}
         marked = {(scene, seed) for scene, seed in cells.get(UNATTACKED, ()) if scene in scenes}
-        if variant not in CONTROLS and marked - measured:
+        if variant not in CONTROLS and 0 < len(marked & measured) < len(marked):
             counts[variant] = len(marked & measured), len(marked)
     return counts
 

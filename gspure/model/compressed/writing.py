@@ -77,7 +77,8 @@ def _warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
     for prefix, (least, largest) in ranges.items():
         values = model.columns(*model.columns_named(prefix))
         if rows := int(((values < least) | (values > largest)).any(axis=1).sum()):
-            warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the format's {least:.3g} to {largest:.3g}")
+            limits = f"{least:.3g} to {largest:.3g}"
+            warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the range of the format, {limits}")
 
 
 def _warn_of_coarse_chunks(model: Gaussians) -> None:
@@ -86,8 +87,9 @@ def _warn_of_coarse_chunks(model: Gaussians) -> None:
     spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
     steps = (spans / _CHUNK_STEPS).max(axis=1)
     if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
-        text = f"positions of {rows} of {len(model)} rows are rounded to steps of up to {steps.max():.3g}"
-        warn(f"{text}, larger than the median Gaussian ({size:.3g}), since their chunks hold rows that are far apart")
+        larger = f"larger than the median Gaussian ({size:.3g}), up to {steps.max():.3g}"
+        reason = f"the format stores them relative to the boxes of {CHUNK} consecutive rows, which are too large"
+        warn(f"positions of {rows} of {len(model)} rows are rounded to steps {larger}: {reason}")
 
 
 def _fraction_bits(path: Path, model: Gaussians) -> int:
@@ -96,11 +98,13 @@ def _fraction_bits(path: Path, model: Gaussians) -> int:
     farthest, size = float(distances.max()), float(np.median(model.scales.max(axis=1)))
     bits = min(_FRACTION_BITS, math.floor(math.log2(_FIXED_POINT / max(farthest, 1))))
     if bits < 1 or 2.0**-bits > size:
-        found, hint = f"{2.0**-bits:.3g}, for coordinates up to {farthest:.3g}", "`gspure info` names rows that are far"
+        found = f"{2.0**-bits:.3g}, for coordinates up to {farthest:.3g}"
+        hint = "`gspure info` lists far rows; remove them"
         raise InputError(path, "x, y, z", expected=f"steps of at most {size:.3g}", found=found, hint=hint)
     if bits < _FRACTION_BITS:
         far = int((distances > _FIXED_POINT / 2**_FRACTION_BITS).sum())
-        warn(f"{far} of {len(model)} rows are beyond 2048: all positions are rounded to 1/{2**bits}, not to 1/4096")
+        text = f"{far} of {len(model)} rows have coordinates beyond ±2048"
+        warn(f"{text}, so all positions are rounded to 1/{2**bits}, not to 1/4096")
     return bits
 
 
