@@ -1,6 +1,7 @@
 """PSNR, SSIM, folders of images, and agreement with a known truth."""
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from hypothesis.extra import numpy as hnp
 from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.evaluation import metrics
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import (
     METRICS,
@@ -411,3 +413,25 @@ def test_transparent_photographs_are_compared_on_the_background_of_the_renders(t
         for folders in ((tmp_path / "photographs", tmp_path / name), (tmp_path / name, tmp_path / "photographs")):
             (pair,), _ = pair_images(*folders)
             assert compare(pair).psnr > 50
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (5, 40, 3), (12, 11, 1), (47, 23, 3), (200, 61, 3)])
+@pytest.mark.parametrize("values", [1, 700, 5000])
+def test_metrics_do_not_depend_on_the_strips_they_are_computed_in(shape, values, monkeypatch) -> None:
+    rng = np.random.default_rng(4)
+    a, b = rng.random((2, *shape), np.float32)
+    named = METRICS if shape[2] == 3 else {name: m for name, m in METRICS.items() if name != "region"}
+    whole = [metric.compute(a, b) for metric in named.values()]
+    monkeypatch.setattr(metrics, "_STRIP", values)
+    np.testing.assert_allclose([metric.compute(a, b) for metric in named.values()], whole, rtol=1e-12, atol=1e-15)
+
+
+def test_metrics_of_a_large_image_take_little_memory_beside_it(monkeypatch) -> None:
+    monkeypatch.setattr(metrics, "_STRIP", 1 << 14)
+    a, b = np.random.default_rng(0).random((2, 1500, 500, 3), np.float32)
+    tracemalloc.start()
+    for metric in METRICS.values():
+        metric.compute(a, b)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak / (1500 * 500) < 40  # bytes for each pixel: the images have 24

@@ -4,7 +4,7 @@ To add a metric: a function, and a line in `METRICS`.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -19,6 +19,8 @@ from gspure.numerals import decimal
 PEAK_RATIO: Final = Range(0.0, 200.0)  # dB; one step of 16 bits in one value of the largest image has 197 dB
 CORRELATION: Final = Range(-1.0, 1.0)
 
+_STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself
+
 
 def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     r"""Return the peak signal-to-noise ratio in dB.
@@ -28,8 +30,7 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     with the mean over all pixels and channels (not a mean of three channels' PSNRs); infinite for equal images.
     """
     _check_same_shape(a, b)
-    error = float(np.mean(np.square(np.subtract(a, b, dtype=np.float64))))
-    return -10.0 * float(np.log10(error)) if error else float("inf")
+    return _decibels(sum(float(np.sum(np.square(x - y))) for x, y in _strips(a, b)), a.size)
 
 
 def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -43,8 +44,7 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     zeros beyond the border. scikit-image's defaults differ in all three.
     """
     _check_same_shape(a, b)
-    luminance, contrast = _similarity(np.asarray(a, np.float64), np.asarray(b, np.float64))
-    return float(np.mean(luminance * contrast))
+    return float(np.mean(_mean_similarity(a, b)[0]))
 
 
 def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -57,16 +57,14 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     has the first M of `MS_SSIM_WEIGHTS` that its shorter side allows, divided by their sum; M is at least 1.
     """
     _check_same_shape(a, b)
-    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     scales = int(np.log2(max(min(a.shape[:2]) / SSIM_WINDOW, 1.0))) + 1
     weights = MS_SSIM_WEIGHTS[:scales]
     index = np.ones(a.shape[2])
     for scale, weight in enumerate(weights, start=1):
         if scale > 1:
             a, b = _halved(a), _halved(b)
-        luminance, contrast = (_inside(terms) for terms in _similarity(a, b))
-        mean = np.mean(luminance * contrast if scale == len(weights) else contrast, axis=(0, 1))
-        index *= np.maximum(0.0, mean) ** (weight / sum(weights))
+        whole, contrast = _mean_similarity(a, b, inside=True)
+        index *= np.maximum(0.0, whole if scale == len(weights) else contrast) ** (weight / sum(weights))
     return float(np.mean(index))
 
 
@@ -77,11 +75,13 @@ def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
     pixels count.
     """
     _check_same_shape(reference, image)
-    red, green, blue = np.moveaxis(np.rint(255 * reference).astype(np.uint32), -1, 0)
-    colours = red << 16 | green << 8 | blue
+    colours = np.concatenate([_colours(rows) for (rows,) in _strips(reference)])
     distinct, counts = np.unique(colours, return_counts=True)
     region = colours != distinct[np.argmax(counts)]
-    return psnr(reference[region], image[region]) if region.any() else psnr(reference, image)
+    if not region.any():
+        return psnr(reference, image)
+    total = sum(float(np.sum(np.square((x - y)[inner]))) for x, y, inner in _strips(reference, image, region))
+    return _decibels(total, int(region.sum()) * reference.shape[2])
 
 
 def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -93,7 +93,7 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     do not count, only structure: a faded or tinted message correlates as well as a faithful one.
     """
     _check_same_shape(a, b)
-    return _correlation(*(_gradients(np.asarray(image, np.float64)) for image in (a, b)))
+    return _correlation(zip(_gradients(a), _gradients(b), strict=True))
 
 
 def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -105,7 +105,8 @@ def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     pairs of photographs would be near 1.
     """
     _check_same_shape(a, b)
-    return _correlation(*(image - np.mean(image, axis=(0, 1), dtype=np.float64) for image in (a, b)))
+    means = [np.mean(image, axis=(0, 1), dtype=np.float64) for image in (a, b)]
+    return _correlation((x - means[0], y - means[1]) for x, y in _strips(a, b))
 
 
 def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
@@ -122,6 +123,39 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
     return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan
 
 
+def _decibels(squares: float, count: int) -> float:
+    return -10.0 * float(np.log10(squares / count)) if squares else math.inf
+
+
+def _strips(*images: NDArray[Any]) -> Iterator[list[NDArray[Any]]]:
+    """Yield the same rows of images as float64, and of masks, strip by strip."""
+    for rows in _rows_of_strips(images[0]):
+        yield [image[rows] if image.dtype == np.bool_ else np.asarray(image[rows], np.float64) for image in images]
+
+
+def _rows_of_strips(image: NDArray[Any]) -> Iterator[slice]:
+    step = max(1, _STRIP // max(1, image[0].size)) if len(image) else 1
+    return (slice(start, min(start + step, len(image))) for start in range(0, len(image), step))
+
+
+def _mean_similarity(a: NDArray[Any], b: NDArray[Any], *, inside: bool = False) -> tuple[Float64, Float64]:
+    """Return the means [C] of SSIM, and of its factor contrast and structure.
+
+    `inside`: over those pixels whose window lies in the image; along a side that is too short for one, all.
+    """
+    reach = SSIM_WINDOW // 2
+    top, left = (reach if inside and side >= SSIM_WINDOW else 0 for side in a.shape[:2])
+    bottom, right = a.shape[0] - top, a.shape[1] - left
+    total = np.zeros((2, a.shape[2]))
+    for rows in _rows_of_strips(a):
+        seen = slice(max(rows.start - reach, 0), rows.stop + reach)  # by the windows of these rows
+        luminance, contrast = _similarity(*(np.asarray(image[seen], np.float64) for image in (a, b)))
+        inner = slice(max(rows.start, top) - seen.start, max(min(rows.stop, bottom) - seen.start, 0))
+        total += [np.sum(terms[inner, left:right], axis=(0, 1)) for terms in (luminance * contrast, contrast)]
+    whole, structure = total / ((bottom - top) * (right - left))
+    return whole, structure
+
+
 def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
     """Return the two factors of SSIM of every pixel and channel: luminance, and contrast with structure."""
     mean_a, mean_b = _blur(a), _blur(b)
@@ -131,27 +165,32 @@ def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
     return luminance, (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
 
 
-def _inside(terms: Float64) -> Float64:
-    """Return the pixels whose window lies in the image; along a side that is too short for one, all."""
-    margins = [SSIM_WINDOW // 2 if side >= SSIM_WINDOW else 0 for side in terms.shape[:2]]
-    rows, columns = (slice(margin, side - margin) for margin, side in zip(margins, terms.shape, strict=False))
-    return terms[rows, columns]
-
-
-def _halved(image: Float64) -> Float64:
+def _halved(image: NDArray[Any]) -> Float64:
     """Return the means of 2 x 2 pixels; an odd last row or column is left out."""
     height, width = (side // 2 for side in image.shape[:2])
-    return np.asarray(image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1).mean(axis=(1, 3)))
+    squares = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1)
+    return np.asarray(squares.mean(axis=(1, 3), dtype=np.float64))
 
 
-def _correlation(first: Float64, second: Float64) -> float:
-    norm = float(np.sqrt(np.sum(first**2) * np.sum(second**2)))
-    return float(np.sum(first * second)) / norm if norm else 0.0
+def _correlation(strips: Iterable[tuple[Float64, Float64]]) -> float:
+    """Return the correlation of two arrays of mean 0, from their strips."""
+    total = np.zeros(3)
+    for a, b in strips:
+        total += [np.sum(a**2), np.sum(b**2), np.sum(a * b)]
+    norm = float(np.sqrt(total[0] * total[1]))
+    return float(total[2]) / norm if norm else 0.0
 
 
-def _gradients(image: Float64) -> Float64:
-    """Return the forward differences of an image [H,W,C] down and across, as one flat array."""
-    return np.concatenate([np.diff(image, axis=axis).ravel() for axis in (0, 1)])
+def _gradients(image: NDArray[Any]) -> Iterator[Float64]:
+    """Yield the forward differences of an image [H,W,C], down and across, of each strip."""
+    for rows in _rows_of_strips(image):
+        down = np.diff(np.asarray(image[rows.start : rows.stop + 1], np.float64), axis=0)
+        yield np.concatenate([down.ravel(), np.diff(np.asarray(image[rows], np.float64), axis=1).ravel()])
+
+
+def _colours(reference: Float64) -> NDArray[np.uint32]:
+    red, green, blue = np.moveaxis(np.rint(255 * reference).astype(np.uint32), -1, 0)
+    return np.asarray(red << 16 | green << 8 | blue)
 
 
 def _check_same_shape(a: NDArray[Any], b: NDArray[Any]) -> None:
