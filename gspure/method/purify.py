@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Weights = Float32
 
-_MEMORY = 500e6, 1150
-"""Bytes that purification needs besides the stored rows: of Python and the driver, and per Gaussian. Measured with up
-to six million Gaussians and 1600 px (benchmarks/results.md)."""
+_MEMORY = 500e6, 1150, 120
+"""Bytes that purification needs besides the stored rows: of Python and the driver, per Gaussian, and per pixel of the
+largest view, for its metrics. Measured with up to six million Gaussians and 32 million pixels (benchmarks/bench_purify.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -137,7 +137,7 @@ def purify(
     device = device or choose_device()
     say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
     if public.rows_are_gaussians:
-        say(f"memory: at most about {decimal(peak_memory(rows) / 1e9, 1)} GB")
+        say(f"memory: at most about {decimal(peak_memory(rows, cameras) / 1e9, 1)} GB")
     views = sorted(cameras, key=lambda camera: camera.name)
     stages = map(public.contributions(device, energy), track(views, "contributions"))
     weights = accumulate(stages, len(rows), reduction)
@@ -157,7 +157,8 @@ def purify(
     )
 
 
-def peak_memory(model: Gaussians) -> float:
-    """Return an upper estimate of the memory in bytes that `purify` needs, including the rows of a mapped file."""
-    fixed, each = _MEMORY
-    return fixed + model.table.nbytes + each * len(model)
+def peak_memory(model: Gaussians, cameras: Sequence[Camera]) -> float:
+    """Return an upper estimate of the memory in bytes that `gspure purify` needs, with the rows of a mapped file."""
+    fixed, each, pixel = _MEMORY
+    largest = max((camera.width * camera.height for camera in cameras), default=0)
+    return fixed + model.table.nbytes + each * len(model) + pixel * largest
