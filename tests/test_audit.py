@@ -301,9 +301,30 @@ def test_significance_is_claimed_only_where_it_is_possible(scenes: int, signific
 
 def test_scenes_and_seeds_are_counted() -> None:
     outcomes = benchmark({"a": {"gspure": (0.5, 9.0)}, "b": {"gspure": (0.5, 9.0)}}, seeds=3)
-    assert told(outcomes)[1]["Evidence"] == "2 scenes, 3 random seeds per scene."
+    assert told(outcomes)[1]["Evidence"].startswith("2 scenes, 3 random seeds per scene.")
     fewer = [o for o in outcomes if (o.scene, o.seed) != ("a", 2)]
     assert "2 to 3 random seeds" in told(fewer)[1]["Evidence"]
+
+
+def test_seeds_without_any_effect_on_a_model_are_named() -> None:
+    outcomes = benchmark({"a": {"gspure": (0.5, 9.0)}, "b": {"gspure": (0.5, 9.0)}}, seeds=3)
+    assert audit_of(outcomes).repeated == 4
+    assert "4 models have the same metrics as another seed" in told(outcomes)[1]["Evidence"]
+    distinct = [
+        replace(o, targets={**o.targets, "scene": measured("scene", 30 + o.seed)}) if o.variant == "unattacked" else o
+        for o in outcomes
+    ]
+    assert "same metrics" not in told(distinct)[1]["Evidence"]
+
+
+@pytest.mark.parametrize("lost", [20.0, 0.01])
+def test_an_attack_that_changes_the_message_counts_whatever_carrier_is_declared(lost: float) -> None:
+    outcomes = of_scenes(2, weak=(0.5, 2.0))
+    outcomes += [attacked("reorder", 0.0, lost, f"s{i}", reached={"message": False}) for i in range(2)]
+    audit, points = audit_of(outcomes), told(outcomes)[1]
+    assert named(audit.not_reached) == ([] if lost > 1 else ["reorder"])
+    assert ("did not survive reorder" in sentence(outcomes)) == (lost > 1)
+    assert points.get("Incomplete carrier", "").startswith("Reorder") == (lost > 1)
 
 
 def test_attacks_that_did_not_reach_the_carrier_are_not_judged() -> None:

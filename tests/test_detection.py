@@ -190,8 +190,30 @@ def test_a_mark_that_the_clean_model_shows_too_is_not_judged(tmp_path):
     assert audit.verdict == "not present"
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
     page = (tmp_path / "report.html").read_text()
-    assert "or it is also detected in the clean model" in page
+    assert "or it is also detected in a clean model" in page
     assert "survived" not in page.partition("Findings")[0]
+
+
+def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark_in_another_clean_model():
+    readings = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
+    outcomes = [outcome(name, level) for name, level in readings.items()]
+    outcomes += [outcome(name, readings[name], asset="hall") for name in ("unattacked", "gspure")]
+    outcomes = with_references(outcomes)
+    rows = survival(outcomes)
+    assert {row.present for row in rows} == {0}
+    (audit,) = audits(outcomes, rows, [])
+    assert (audit.verdict, audit.in_clean, audit.unknown) == ("not present", 1, 1)
+
+
+def test_another_scenes_model_with_the_same_mark_is_no_control(outcomes):
+    alone = survival(outcomes)
+    other = [replace(o, variant="other_scene") for o in outcomes if o.variant == "unattacked"]
+    both = with_references([*outcomes, *other])
+    assert survival(both) == alone
+    (audit,) = audits(both, survival(both), [])
+    assert audit.same_mark == audit.scenes
+    unmarked = [replace(o, detections={n: d._replace(present=False) for n, d in o.detections.items()}) for o in other]
+    assert survival(with_references([*outcomes, *unmarked])) != alone
 
 
 def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes):

@@ -227,7 +227,7 @@ def test_the_audit_names_attacks_after_which_the_message_is_still_retrieved() ->
     assert [row.variant for row in audit.where(False)] == ["gof"]
     assert audit.where(None) == []
     assert audit.strongest.variant == "gof"
-    assert "retrieval still identifies it" in say("verdict.html.j2", "verdict", audit)
+    assert "retrieval still identifies the message" in say("verdict.html.j2", "verdict", audit)
     assert "retrieval" not in say("verdict.html.j2", "verdict", audit_of(FADED))
     both = audit_of(with_retrieval(FADED, unattacked=NEAREST, gspure=NEAREST, gof=NEAREST))
     assert "retrieval still identifies it" in say("verdict.html.j2", "answer", both, 2.0)

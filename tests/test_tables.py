@@ -279,7 +279,7 @@ def test_tables_name_the_reference(tmp_path: Path) -> None:
     assert "photographs" in model_table(planted).note
 
 
-def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -> None:
+def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path, capsys) -> None:
     metrics, masks, truth = results(tmp_path)
     out, text = tmp_path / "results.csv", tmp_path / "results.md"
     verdicts = []
@@ -322,8 +322,9 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path) -
     cells = shown(read_results(out))
     pruning = {"strength": "tau=4", "pruned": "40.0%", "precision": "50.0%", "recall": "50.0%"}
     assert cells["GSPure"].items() >= {"message PSNR": "10.00 (−14.00)", "Score message": "+13.00", **pruning}.items()
-    noise = {"message PSNR": "23.00 † (−1.00)", "pruned": "0.0%", "precision": "–"}
+    noise = {"message PSNR": "23.00 (−1.00)", "pruned": "0.0%", "precision": "–"}  # reached, whatever the verdict says
     assert cells["Gaussian noise"].items() >= noise.items()
+    assert capsys.readouterr().err.count("gaussian_noise: message changed, but not the carrier") == 1
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
@@ -358,6 +359,8 @@ def judged(metrics: list[Path]) -> list[Path]:
 
 def test_an_attack_that_did_not_reach_the_carrier_is_marked(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
+    rows = [row for path in metrics if path.parent.name == "unattacked" for row in read_metrics(path)]
+    write_metrics(next(path for path in metrics if path.parent.name == "gaussian_noise"), rows)
     outcomes = collect(metrics, verdicts=judged(metrics))
     marked = [name for name, cells in shown(outcomes).items() if "†" in "".join(cells.values())]
     assert marked == ["Gaussian noise"]

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
+from typing import Any
 
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
@@ -67,7 +68,13 @@ def run(args: Arguments) -> None:
     settings |= {"attacks": recorded_attacks(args.metrics), "models": recorded_models(args.metrics)}
     write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
-    _warn_of_repeated_scenes(images)
+    _warn_of_repeated_scenes(images, settings["models"], args.condition)
+    for o in outcomes:
+        for extraction in filter(o.contradicts, o.reached):
+            warn(
+                f"{model_name(o.scheme, o.folder)}, {o.variant}: {extraction} changed, but not the carrier that the "
+                "scheme declares for it; the attack counts as having reached it. Complete the declaration."
+            )
     for scheme, folder in not_embedded(outcomes):
         warn(
             f"{model_name(scheme, folder)}: the message is not embedded, or the key does not fit: even before attacks, "
@@ -81,12 +88,27 @@ def run(args: Arguments) -> None:
         write_text(args.latex, summary_table(outcomes).latex(), checksum=True)
 
 
-def _warn_of_repeated_scenes(images: Mapping[str, Sequence[str]]) -> None:
-    """Warn of models with the same images before any attack."""
+def _warn_of_repeated_scenes(
+    images: Mapping[str, Sequence[str]],
+    models: Mapping[str, Mapping[str, Any]],
+    conditions: Mapping[str, tuple[str, str]],
+) -> None:
+    """Warn of models with the same images before any attack, and of scenes of the same photographs."""
     from gspure.evaluation.names import UNATTACKED
 
     first: dict[tuple[str, ...], str] = {}
     for name, digests in images.items():
         scheme, folder, variant = name.rsplit("/", 2)
         if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
-            warn(f"{model_name(scheme, folder)}: the same images as {twin}; intervals and tests count them twice")
+            counted = "intervals and tests count them twice"
+            if folder.partition("@")[0] == twin.partition("@")[0]:
+                counted = "the repetition adds nothing; does the scheme use its seed?"
+            warn(f"{model_name(scheme, folder)}: the same images as {twin}; {counted}")
+    scene_of: dict[tuple[str, ...], str] = {}
+    for name, facts in models.items():
+        scheme, _, folder = name.rpartition("/")
+        scene, pair = folder.partition("@")[0], [facts.get(part, "") for part in ("scene", "message")]
+        alike = (scheme, *conditions.get(name, ()), *pair)
+        if all(pair) and (twin := scene_of.setdefault(alike, scene)) != scene:
+            hint = f"name repetitions {twin}@1, {twin}@2, ..."
+            warn(f"{model_name(scheme, folder)}: the same photographs as {twin}, counted as another scene; {hint}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.failures import read_failure
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
+
+UNCHANGED: Final = 0.05
+"""Largest change of an extraction, dB or points, due to rounding, as of reordered rows. Ours."""
 
 
 class Condition(NamedTuple):
@@ -117,6 +120,18 @@ class Outcome:
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
         return self.drops(target)["psnr"]
+
+    def reaches(self, extraction: str) -> bool | None:
+        """Return whether the attack reached an extraction, by its declared carrier or its result; None if unknown.
+
+        A result that changed shows that the declared carrier is incomplete (`contradicts`).
+        """
+        return self.contradicts(extraction) or self.reached.get(extraction)
+
+    def contradicts(self, extraction: str) -> bool:
+        """Return whether the extraction changed, although nothing in its declared carrier did."""
+        before = replace(self, targets=self.reference, detections=self.detections_before).level(extraction)
+        return self.reached.get(extraction) is False and abs(before - self.level(extraction)) > UNCHANGED
 
     @property
     def against_truth(self) -> bool:
@@ -223,6 +238,8 @@ def collect(
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.parent.resolve().parts[-2:]: read_table(path, Retrieved) for path in retrievals}
+    for scheme, folder in retrieved.keys() - {(o.scheme, o.folder) for o in outcomes} if not failures else ():
+        raise InputError("table", "--retrievals", expected="models with metrics", found=f"{scheme}/{folder}")
     if len(retrieved) < len(retrievals):
         found = f"{len(retrievals)} files of {len(retrieved)} models"
         raise InputError("table", "retrievals", expected="one file for every model", found=found)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, WRONG_KEY
+from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
@@ -29,7 +29,7 @@ class Survival(NamedTuple):
     present: int  # number of scenes in which the message of the unattacked model is present
     survived: int  # number of these in which it is present after the attack
     only_retrieved: int  # number of these in which it is not present, but retrieved, unlike from control models
-    reached: bool | None  # whether the attack changed the extraction's carrier in any scene
+    reached: bool | None  # whether the attack changed the extraction's carrier, or its result, in any scene
     message_drop: Interval | None  # like all means below, over the `present` scenes, or without any, over all
     scene_drop: Interval | None
     region_drop: Interval | None  # of the message's PSNR without its background (`region_psnr`)
@@ -75,17 +75,19 @@ class Survival(NamedTuple):
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.
 
-    Conditions and variants keep the order of `outcomes`. Seeds are averaged within scenes. Kinds of controls are
+    Conditions and variants keep the order of `outcomes`. Seeds are averaged within scenes. Another scene's model in
+    which the mark is detected holds the same mark, and is no control. Kinds of controls are
     compared separately: those of one scene share its photographs, so they are not independent.
     """
     rows = []
     for alike in by_condition(outcomes).values():
         for extraction in ordered({target for o in alike for target in o.messages}):
-            levels, scene_psnr = _levels(alike, extraction), _levels(alike, SCENE)
-            region = _levels(alike, extraction, "region")
-            attacked = [o for o in alike if not o.is_control and extraction in o.messages]
+            known = [o for o in alike if not (o.variant == OTHER_SCENE and _detected([o], extraction))]
+            levels, scene_psnr = _levels(known, extraction), _levels(known, SCENE)
+            region = _levels(known, extraction, "region")
+            attacked = [o for o in known if not o.is_control and extraction in o.messages]
             rows += [
-                _survival(alike, variant, extraction, levels, region, scene_psnr)
+                _survival(known, variant, extraction, levels, region, scene_psnr)
                 for variant in dict.fromkeys(o.variant for o in attacked)
             ]
     return rows
@@ -143,15 +145,14 @@ def _survival(
         present_before = _present(before, scene_floor) - (tried - _retrieved(unattacked, extraction))
         survived = present_before & _present(after, scene_floor)
     else:
-        clean = [o for o in known if o.variant == CLEAN]  # a mark that the clean model shows, too, tells nothing
-        present_before = _detected(unattacked, extraction) - _detected(clean, extraction)
+        present_before = _detected(unattacked, extraction) - doubtful_scenes(known, extraction)
         survived = present_before & _detected(attacked, extraction)
     lost = present_before & {scene for scene, _ in after} - survived
     message_free = [o for o in known if o.variant in MESSAGE_FREE]  # whose key may hold what retrieval identifies
     only_retrieved = lost & _retrieved(attacked, extraction) - _retrieved(message_free, extraction)
     attacked = [o for o in attacked if o.scene in present_before or not present_before]
     after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
-    reached = [o.reached[extraction] for o in attacked if extraction in o.reached]
+    reached = [changed for o in attacked if (changed := o.reaches(extraction)) is not None]
     groups = {kind: _scene_levels(after, levels.get(kind, {}), extraction) for kind in MESSAGE_FREE}
     auc = {kind: detectability(*both) for kind, both in groups.items() if all(both)}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
@@ -228,6 +229,17 @@ def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
 def _retrieved(outcomes: Iterable[Outcome], extraction: str) -> set[str]:
     """Return the scenes in which retrieval identifies the message with some seed."""
     return {o.scene for o in outcomes if extraction in o.retrieval and o.retrieval[extraction].succeeds}
+
+
+def doubtful_scenes(outcomes: Sequence[Outcome], detector: str) -> set[str]:
+    """Return the scenes in which detection tells nothing, since the detector also detects the mark in a clean model.
+
+    If it does so in any scene, it may do so in those without a clean model, too.
+    """
+    clean = [o for o in outcomes if o.variant == CLEAN and detector in o.detections]
+    detected = _detected(clean, detector)
+    unchecked = {o.scene for o in outcomes} - {o.scene for o in clean} if detected else set()
+    return detected | unchecked
 
 
 def _detected(outcomes: Sequence[Outcome], detector: str) -> set[str]:

@@ -35,7 +35,7 @@ Weights = Float32
 
 _MEMORY = 500e6, 1150, 120
 """Bytes that purification needs besides the stored rows: of Python and the driver, per Gaussian, and per pixel of the
-largest view, for its metrics. Measured with up to six million Gaussians and 32 million pixels (benchmarks/bench_purify.py)."""
+largest view. Measured with up to six million Gaussians and 32 million pixels (benchmarks/bench_purify.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

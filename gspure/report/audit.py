@@ -9,7 +9,7 @@ from math import inf, isfinite, isnan
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.contest import SCORE, Contest
-from gspure.evaluation.controls import CLEAN, CONTROLS, MESSAGE_FREE
+from gspure.evaluation.controls import CLEAN, CONTROLS, MESSAGE_FREE, OTHER_SCENE
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval, by_scene, known_interval, mean_interval
 from gspure.evaluation.matched import reached_names
@@ -26,7 +26,7 @@ from gspure.evaluation.outcomes import (
     ordered,
 )
 from gspure.evaluation.summary import Summary, summarize
-from gspure.evaluation.survival import Survival
+from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.evaluation.tradeoff import MATCHED_DAMAGES
 
 RANDOM: Final = "random_matched"
@@ -92,6 +92,9 @@ class Audit:
     gspure: Survival | None
     other_extractions: list[Survival]  # survival of the other extractions after GSPure
     not_reached: list[Survival]  # attacks that did not change the carrier of the extraction
+    contradicted: list[str]  # attacks that changed what the extraction shows, but not its declared carrier
+    same_mark: int  # number of scenes whose other scene's model shows the mark, and so is no control
+    repeated: int  # number of models that equal another seed of their scene in all metrics
     names: dict[str, str]  # the display name of every variant, with the damage that the search for its strength reached
     scene_psnr: list[Summary]  # after each attack, the gentlest first; empty if the drops are known
     pruned: Interval | None  # the share of the rows that GSPure removed
@@ -165,16 +168,18 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     with_message = [o for o in outcomes if o.folder in folders]
     cells = {(o.scene, o.seed) for o in known if o.variant == UNATTACKED}
     scenes = {scene for scene, _ in cells}
+    in_clean = {o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}
+    doubtful = doubtful_scenes(known, judged_by) - in_clean
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
         condition=outcomes[0].condition,
         extraction=judged_by,
         scenes=len(scenes),
-        unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)}),
+        unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)} | doubtful),
         unchecked={
             name: _unchecked(outcomes, name) for name in dict.fromkeys(name for o in known for name in o.messages)
         },
-        in_clean=len({o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}),
+        in_clean=len(in_clean),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
         verdict="judged" if judged else _why_not_judged(outcomes, by_variant, judged_by),
@@ -185,6 +190,9 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         gspure=by_variant.get(GSPURE),
         other_extractions=[row for (name, variant), row in left.items() if variant == GSPURE and name != judged_by],
         not_reached=[row for row in attacks if row.reached is False],
+        contradicted=[*dict.fromkeys(o.variant for o in known if o.contradicts(judged_by))],
+        same_mark=len({o.scene for o in known if o.variant == OTHER_SCENE and _is_detected(o, judged_by)}),
+        repeated=_repeated([o for o in known if o.variant == UNATTACKED]),
         names=reached_names(with_message),
         scene_psnr=[] if any(row.scene_drop for row in attacks) else _scene_psnr(with_message),
         pruned=known_interval({(o.scene, o.seed): o.pruned_share for o in with_message if o.variant == GSPURE}),
@@ -220,6 +228,17 @@ def _fewer_seeds(known: Sequence[Outcome]) -> dict[str, tuple[int, int]]:
         if variant not in CONTROLS and 0 < len(marked & measured) < len(marked):
             counts[variant] = len(marked & measured), len(marked)
     return counts
+
+
+def _repeated(unattacked: Sequence[Outcome]) -> int:
+    """Return how many models repeat another one of their scene: a scheme may ignore its seed."""
+    measured = [o for o in unattacked if any(isfinite(mean.psnr) for mean in o.targets.values())]
+    return sum(
+        any(
+            o.scene == other.scene and o.targets == other.targets and o.detections == other.detections for other in past
+        )
+        for past, o in ((measured[:i], o) for i, o in enumerate(measured))
+    )
 
 
 def _is_detected(o: Outcome, extraction: str) -> bool:

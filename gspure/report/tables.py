@@ -280,7 +280,7 @@ def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
         cell = metric(o.targets[target].values[name], name)
         drop = o.psnr_drop(target)
         if name == "psnr":
-            missed = o.variant != UNATTACKED and not o.reached.get(target, True)
+            missed = o.variant != UNATTACKED and o.reaches(target) is False
             changed = isfinite(drop) and drop != 0
             cell = Cell(cell.text + " †" * missed, f"({signed(-drop)})" if changed else "")
         yield cell
