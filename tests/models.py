@@ -227,3 +227,12 @@ AWKWARD: dict[str, Callable[[], Case]] = {
         geographic,
     )
 }
+
+
+def with_column(model: Gaussians, name: str, values) -> Gaussians:
+    """The same rows with one more column."""
+    table = np.empty(len(model), [*model.table.dtype.descr, (name, "<f4")])
+    for column in model.table.dtype.names:
+        table[column] = model.table[column]
+    table[name] = values
+    return Gaussians(table, model.comments)

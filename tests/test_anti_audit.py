@@ -14,8 +14,9 @@ from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import drawable
 from gspure.model.suspicious import PILE, lines, suspicious_rows
 from gspure.renderer import Renderer
+from gspure.schemes.registry import read_public_model
 from tests.anti_audit import HIDDEN, NOT_FINITE, WALL, honest, planted, views
-from tests.models import blobs, gaussians, joined
+from tests.models import blobs, gaussians, joined, with_column
 
 SETTINGS = ["--min-cluster-size", "20", "--min-samples", "5", "--selection", "leaf"]
 
@@ -42,6 +43,18 @@ def test_honest_rows_are_not_suspicious() -> None:
     assert suspicious_rows(honest()[np.zeros(WALL + HIDDEN, bool)]) == {}
     flat = gaussians(means=honest().means, scales=[0.2, 0.2, 1e-9])
     assert suspicious_rows(flat) == {}
+
+
+def test_a_filter_that_fades_rows_is_warned_of_and_part_of_their_scales(tmp_path: Path, capsys) -> None:
+    model = honest()
+    sizes = np.zeros(len(model), np.float32)
+    write_model(tmp_path / "none.ply", with_column(model, "filter_3D", sizes))
+    sizes[[3, 8]] = 1e4
+    write_model(tmp_path / "faded.ply", with_column(model, "filter_3D", sizes))
+    assert not suspicious_rows(read_public_model(tmp_path / "none.ply").model)
+    assert not capsys.readouterr().err
+    assert suspicious_rows(read_public_model(tmp_path / "faded.ply").model)["oversized"].tolist() == [3, 8]
+    assert capsys.readouterr().err.count("filter_3D") == 1
 
 
 @pytest.mark.parametrize("count", [PILE - 1, PILE])

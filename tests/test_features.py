@@ -83,6 +83,16 @@ def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     assert (np.abs(found[:3, :3]).max(axis=1) > 20 * np.abs(alone[:, :3]).max()).all()
 
 
+@pytest.mark.parametrize(("share", "warned"), [(0.02, "left out"), (0.13, "too many to leave out"), (0.13, "")])
+def test_far_rows_are_left_out_or_named(share: float, warned: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(0)
+    far = rng.normal(0, 1000 if warned else 5, (int(1000 * share), 3))
+    means = np.concatenate([rng.normal(0, 1, (1000 - len(far), 3)), far])
+    features(means, rng.uniform(0, 1, 1000), rng.lognormal(0, 2, 1000))
+    text = capsys.readouterr().err
+    assert warned in text if warned else not text
+
+
 @pytest.mark.parametrize(
     ("count", "distance", "warned"), [(200, 100, False), (20_000, 300, True), (100_000, 300, False)]
 )

@@ -12,19 +12,10 @@ from gspure.model.filtered import FILTER, filtered
 from gspure.model.finite import drawable, undrawable_rows
 from gspure.model.rotations import rotation_matrices
 from gspure.renderer import Renderer
-from tests.models import blobs, camera
+from tests.models import blobs, camera, with_column
 
 ROWS = 60
 SIZES = np.linspace(0, 0.3, ROWS)
-
-
-def with_column(model: Gaussians, name: str, values) -> Gaussians:
-    """The same rows with one more column."""
-    table = np.empty(len(model), [*model.table.dtype.descr, (name, "<f4")])
-    for column in model.table.dtype.names:
-        table[column] = model.table[column]
-    table[name] = values
-    return Gaussians(table, model.comments)
 
 
 def covariances(of: Gaussians) -> np.ndarray:

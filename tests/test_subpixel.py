@@ -4,7 +4,7 @@ import numpy as np
 
 from gspure.cameras import write_cameras
 from gspure.cli import main
-from gspure.method.subpixel import subpixel_rows
+from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import accumulate
 from gspure.model import write_model
 from gspure.reference.footprint import extents
@@ -51,6 +51,21 @@ def test_invisible_gaussians_have_no_weight():
     faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
     model = joined(wall, hidden, faint)
     assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None
+
+
+def test_rows_nearer_than_the_near_plane_in_all_views_are_counted_if_they_are_many():
+    means = [[0, 0, z] for z in np.linspace(0.11, 0.19, 9)]
+    model = gaussians(means=[*means, [0, 0, 3.0], [9, 0, 0.1], [0, 0, -1.0]], scales=0.01)
+    weights = np.zeros(len(model))
+    (line,) = near_lines(model, weights, [camera()])
+    assert line.startswith(f"9 of {len(model)} Gaussians")
+    back = np.eye(4)
+    back[2, 3] = 1
+    assert not near_lines(model, weights, [camera(), camera(viewmat=back)])
+    assert not near_lines(model, weights + 1, [camera()])
+    assert not near_lines(
+        joined(model, gaussians(means=[[0, 0, 5]] * 900, scales=0.01)), np.zeros(len(model) + 900), [camera()]
+    )
 
 
 def test_purify_reports_rows_smaller_than_a_pixel(tmp_path, capsys):

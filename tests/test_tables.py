@@ -190,6 +190,13 @@ def test_two_masks_or_retrievals_of_one_model_are_refused(tmp_path: Path) -> Non
         collect(metrics, retrievals=retrievals)
 
 
+def test_retrieval_of_a_model_without_metrics_is_refused(tmp_path: Path) -> None:
+    metrics, _, _ = results(tmp_path)
+    write_table(other := tmp_path / "planted" / "vault" / "retrieval.csv", Retrieved, [])
+    with pytest.raises(InputError, match="expected models with metrics, found planted/vault"):
+        collect(metrics, retrievals=[other])
+
+
 def test_metrics_and_retrieval_of_different_renders_are_refused(tmp_path: Path) -> None:
     folder, image = tmp_path / "planted" / "room", tmp_path / "view.png"
     metrics, retrieval = folder / "gspure" / "metrics.csv", folder / "retrieval.csv"

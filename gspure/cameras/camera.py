@@ -140,15 +140,17 @@ def spread(cameras: Sequence[Camera]) -> float:
     return float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
 
-def points_shown(camera: Camera, points: NDArray[Any], margin: float = 0.0) -> tuple[Indices, Float64]:
-    """Return the rows [S] of world `points` [P,3] in the image and behind the near plane, and their positions [S,3].
+def points_shown(
+    camera: Camera, points: NDArray[Any], margin: float = 0.0, near: float = NEAR_PLANE
+) -> tuple[Indices, Float64]:
+    """Return the rows [S] of world `points` [P,3] in the image and deeper than `near`, and their positions [S,3].
 
     Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
     a share of its size. A point that is not finite is not shown.
     """
     with np.errstate(invalid="ignore"):
         view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
-        behind = np.flatnonzero(view[:, 2] > NEAR_PLANE)
+        behind = np.flatnonzero(view[:, 2] > near)
         x, y, z = view[behind].T
         u = camera.K[0, 0] * x / z + camera.K[0, 2]
         v = camera.K[1, 1] * y / z + camera.K[1, 2]

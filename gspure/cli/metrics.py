@@ -17,8 +17,8 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B", type=Unrelated)
-    parser.reads("other", "DIR_B", "images to compare, with the same names, sizes and subfolders", type=Unrelated)
+    parser.reads("images", "DIR_A", "reference images, PNG; may hold more views than DIR_B", type=Unrelated)
+    parser.reads("other", "DIR_B", "images to compare, PNG, with the same names, sizes and subfolders", type=Unrelated)
     parser.choice(
         "--reference",
         REFERENCES,

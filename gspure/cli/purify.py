@@ -39,7 +39,7 @@ from gspure.figures.panels import write_panels
 from gspure.figures.splats import splats
 from gspure.images import read_image, record_views, require_no_other_images, write_image
 from gspure.method.purify import Purification, purify
-from gspure.method.subpixel import subpixel_rows
+from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.model import Gaussians, model_file, suspicious
 from gspure.model.signature import Signature
 from gspure.opencl.device import Device, choose_device
@@ -134,7 +134,12 @@ def run(args: Arguments) -> None:
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))
-    print("\n".join([*_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]))
+    near = near_lines(public.model, purification.weights, train) if public.rows_are_gaussians else []
+    print(
+        "\n".join(
+            [*near, *_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]
+        )
+    )
 
 
 def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[str, Any]) -> None:

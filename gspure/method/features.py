@@ -22,6 +22,10 @@ STRETCH: Final = 2.0  # largest factor of a standard deviation due to outlying r
 
 _STRETCH_WARNED: Final = 1.1
 
+_MIDDLE: Final = (0.25, 0.75)  # quantiles of the centres, whose box is the extent of the middle half
+_REMOTE: Final = 20.0  # distance from the median centre, in extents of the middle half, beyond which a row is remote
+_REMOTE_SHARE: Final = 0.05  # of the rows, above which a warning is printed: so many rows stretch the extent itself
+
 LARGEST: Final = 1e6
 """Largest feature of rows that are left out; those of others are at most the square root of their number. Ours."""
 
@@ -70,6 +74,10 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
 def _counted(means: Float64) -> Bools | slice:
     """Return the rows that count towards means and standard deviations; warn of outlying ones that change them."""
     inner = extent_and_distances(means)[1] <= OUTLYING
+    remote = inner & (extent_and_distances(means, _MIDDLE)[1] > _REMOTE)
+    if remote.sum() > _REMOTE_SHARE * len(remote):
+        found = f"{remote.sum()} of {len(remote)} rows are farther away than {_REMOTE:g} extents of the middle half"
+        warn(f"features: {found}: too many to leave out of the standardization, so they compress the other positions")
     if inner.all():
         return slice(None)
     total, bulk = (np.sort(rows, axis=0).std(axis=0) for rows in (means, means[inner]))

@@ -1,17 +1,19 @@
-"""Gaussians without weight because they are smaller than a pixel in every view."""
+"""Gaussians without weight because they are smaller than a pixel in every view, or nearer than the near plane."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
-from gspure.constants import ALPHA_MIN
+from gspure.constants import ALPHA_MIN, NEAR_PLANE
 from gspure.dtypes import Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes
+
+NEAR_SHARE: Final = 0.01  # of all rows: how many may be nearer than the near plane without a word; ours
 
 
 @dataclass(frozen=True)
@@ -54,3 +56,23 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
         largest[shown] = np.maximum(largest[shown], areas)
     small = (largest > 0) & (largest < 1)
     return Subpixel(rows[small], float(1 / np.sqrt(np.median(largest[small])))) if small.any() else None
+
+
+def near_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
+    """Return the rows of weight 0 that views show only in front of the near plane, where Gaussians are not drawn."""
+    rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
+    means = model.means[rows].astype(np.float64)
+    near, drawn = (np.zeros(len(rows), np.bool_) for _ in range(2))
+    for camera in cameras:
+        near[points_shown(camera, means, near=0.0)[0]] = True
+        drawn[points_shown(camera, means)[0]] = True
+    return rows[near & ~drawn]
+
+
+def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> list[str]:
+    """Return a line of text about the `near_rows`, if they are more than `NEAR_SHARE` of all."""
+    rows, count = near_rows(model, weights, cameras), len(model)
+    if len(rows) <= NEAR_SHARE * count:
+        return []
+    text = f"{len(rows)} of {count} Gaussians have weight 0 and lie within {NEAR_PLANE} of a camera"
+    return [f"{text}, where nothing is drawn; enlarge model and cameras alike if their unit is larger than usual"]

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from gspure.dtypes import Float32, Float64, Indices
+from gspure.model.filtered import filtered
 from gspure.model.finite import listed, undrawable_rows
 from gspure.model.gaussians import Gaussians
 
@@ -31,12 +32,18 @@ REASONS: Final = {
 
 
 def suspicious_rows(model: Gaussians) -> dict[str, Rows]:
-    """Return the suspicious rows, sorted, for each of `REASONS` that applies; a row may have several."""
+    """Return the suspicious rows, sorted, for each of `REASONS` that applies; a row may have several.
+
+    Scales include the 3-D filter.
+    """
     undrawable = undrawable_rows(model)
     drawn = np.ones(len(model), bool)
     drawn[undrawable] = False
     rows = np.flatnonzero(drawn)
-    means, scales = model.means[rows].astype(np.float64), np.sort(model.scales[rows].astype(np.float64), axis=1)
+    means, scales = (
+        model.means[rows].astype(np.float64),
+        np.sort(filtered(model).scales[rows].astype(np.float64), axis=1),
+    )
     extent, distances = extent_and_distances(means)
     pile, repeated = coincident_rows(model.means[rows])
     by_reason = {
@@ -73,11 +80,11 @@ def coincident_rows(means: Float32) -> tuple[Rows, Rows]:
     return order[size_of >= PILE], order[size_of > 1]
 
 
-def extent_and_distances(means: Float64) -> tuple[float, Float64]:
+def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tuple[float, Float64]:
     """Return the extent of finite centres [K,3], and their distances [K] from the median, in extents."""
     if not len(means):
         return 0.0, np.zeros(0)
-    low, high = np.quantile(means, BULK, axis=0)
+    low, high = np.quantile(means, bulk, axis=0)
     extent = float(np.linalg.norm(high - low))
     return extent, np.linalg.norm(means - np.median(means, axis=0), axis=1) / (extent or np.inf)
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
+from gspure.model.filtered import FILTER
 from gspure.model.finite import listed
 from gspure.plugins import registered
 from gspure.progress import warn
@@ -38,11 +39,13 @@ def find_scheme(name: str) -> Scheme:
 def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
 
-    Warn of unused columns and of render modes, which may make other programs draw another image.
+    Warn of unused columns, 3-D filters and render modes, which may make other programs draw another image.
     """
     public = _read(path, scheme)
     if unused := public.unused_columns:
         warn(f"{path}: columns that are kept, but have no effect on renders: {listed(unused)}")
+    if FILTER in public.model.names and public.model.table[FILTER].any():
+        warn(f"{path}: gspure applies the 3-D filter ({FILTER}); programs that ignore this column draw another image")
     if mode := public.model.render_mode:
         warn(
             f"{path}: trained in the render mode {mode}, which gspure does not apply: renders differ from its trainer's"
