@@ -69,6 +69,25 @@ def test_a_terminal_has_a_bar_with_the_jobs_that_are_done(monkeypatch):
     assert "Building" not in text
 
 
+@pytest.mark.parametrize("quiet", [False, True])
+def test_each_warning_in_the_logs_of_jobs_is_shown_once(monkeypatch, tmp_path, quiet):
+    warnings = [
+        "a/m.ply: mode mip",
+        "b/m.ply: mode mip",
+        "features: 3 of 9 rows stretch",
+        "features: 4 of 9 rows stretch",
+    ]
+    records = []
+    for i, warning in enumerate(warnings):
+        log = tmp_path / f"{i}.log"
+        log.write_text(f"progress\nwarning: {warning}\nthe last line, no warning: \n")
+        job = {"event": "job_info", "jobid": i, "rule_msg": "Work", "rule_name": "work", "log": [str(log)]}
+        records += [(logging.INFO, "", job), (logging.INFO, "", {"event": "job_finished", "job_id": i})]
+    text = shown(monkeypatch, io.StringIO(), quiet=quiet, records=records)
+    found = [line for line in text.splitlines() if "warning: " in line]
+    assert found == [f"warning: {warnings[i]}" for i in (0, 2, 3)]
+
+
 def test_quiet_shows_problems_only(monkeypatch):
     for stream in (io.StringIO(), Terminal()):
         assert shown(monkeypatch, stream, quiet=True).splitlines() == PROBLEMS

@@ -21,6 +21,7 @@ SHOWN: Final = "GSPURE_SHOWN"
 
 COMMAND: Final = "GSPURE_COMMAND"  # environment variable: the command line of `gspure audit`, to try again
 
+_WARNING: Final = re.compile(r"^warning: (?:\S*/\S*: )?(.+)$", re.MULTILINE)  # a path at its start, and the rest
 _PROGRESS: Final = re.compile(r"^.*: \d+ of \d+$", re.MULTILINE)
 _TOLD_BY_FAILURES: Final = ("Exiting because a job execution failed", "WorkflowError:\nAt least one job did not")
 _ALWAYS: Final = ("Nothing to be done", "Terminating processes")
@@ -34,17 +35,24 @@ class Job(NamedTuple):
 
     def __str__(self) -> str:
         """Return the last line of progress in the job's logs, if there is one, and what it does."""
-        texts = (path.read_text(errors="replace") for path in map(Path, self.logs) if path.is_file())
-        lines = [line for text in texts for line in _PROGRESS.findall(text)]
+        lines = _PROGRESS.findall(self.logged())
         return f"{lines[-1]} ({self.message})" if lines else self.message
+
+    def logged(self) -> str:
+        """Return the text of its logs."""
+        return "\n".join(path.read_text(errors="replace") for path in map(Path, self.logs) if path.is_file())
 
 
 class JobProgress(logging.Handler):
-    """Shows number and meaning of jobs, failures as they happen, and the warnings and errors of Snakemake's logger."""
+    """Shows number and meaning of jobs, failures and warnings of jobs, and those of Snakemake's logger.
+
+    The same warning by several jobs, also of several files, is shown once.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self._running: dict[int, Job] = {}
+        self._warned: set[str] = set()
         self._started = self._done = self._total = 0
         self._began = time.monotonic()
         self._bar: Progress | None = None
@@ -61,7 +69,7 @@ class JobProgress(logging.Handler):
                 self._running[fields["jobid"]] = Job(fields["rule_msg"] or fields["rule_name"], fields["log"])
                 self._show_newest()
             case "job_finished":
-                self._running.pop(fields["job_id"], None)
+                self._warn_of(self._running.pop(fields["job_id"], Job("", ())))
             case "progress":
                 self._done, self._total = fields["done"], fields["total"]
                 self._show_newest(line=False)
@@ -90,6 +98,12 @@ class JobProgress(logging.Handler):
         elif line and newest:
             elapsed = timedelta(seconds=round(time.monotonic() - self._began))
             say(f"job {self._started} of {self._total}, {elapsed}: {newest.message}")
+
+    def _warn_of(self, job: Job) -> None:
+        for warning in _WARNING.finditer(job.logged()):
+            if warning[1] not in self._warned:
+                self._warned.add(warning[1])
+                self._print(warning[0])
 
     def _print(self, text: str) -> None:
         if self._bar:
