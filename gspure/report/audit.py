@@ -169,13 +169,14 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
     cells = {(o.scene, o.seed) for o in known if o.variant == UNATTACKED}
     scenes = {scene for scene, _ in cells}
     in_clean = {o.scene for o in known if o.variant == CLEAN and _is_detected(o, judged_by)}
-    doubtful = doubtful_scenes(known, judged_by) - in_clean
+    unchecked = doubtful_scenes(known, judged_by) - in_clean
+    decided = {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)} - unchecked
     as_run = [c for c in contests if isnan(c.damage)]
     return Audit(
         condition=outcomes[0].condition,
         extraction=judged_by,
         scenes=len(scenes),
-        unknown=len(scenes - {o.scene for o in known if o.variant == UNATTACKED and o.is_judged(judged_by)} | doubtful),
+        unknown=len(scenes - decided),
         unchecked={
             name: _unchecked(outcomes, name) for name in dict.fromkeys(name for o in known for name in o.messages)
         },
