@@ -89,8 +89,10 @@ def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known,
 )
 def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correct, wrong, readable):
     message, image = np.ones(bits, bool), np.zeros((4, 4, 3), np.float32)
-    wrong_key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < wrong)
-    key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < correct, wrong=lambda _: wrong_key)
+    write = {"write": lambda _: None}
+    wrong_key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < wrong, **write)
+    read = {"read_bits": lambda _: np.arange(bits) < correct}
+    key = SimpleNamespace(bits=message, wrong=lambda _: wrong_key, **read, **write)
     public = SimpleNamespace(scene=lambda _: lambda _: image)
     assert bit_readability([None] * 4, public, key).readable == readable
 
@@ -203,6 +205,22 @@ def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark
     assert {row.present for row in rows} == {0}
     (audit,) = audits(outcomes, rows, [])
     assert (audit.verdict, audit.in_clean, audit.unknown) == ("not present", 1, 1)
+
+
+def test_survival_of_a_score_is_qualified_since_the_clean_model_was_not_attacked(outcomes):
+    def scored(o):
+        detections = {name: read._replace(bits=0) for name, read in o.detections.items()}
+        return replace(o, detections=detections)
+
+    raised = outcome("gaussian_noise", 99.0, 29.0)
+    found = [o for o in outcomes if o.variant != "gaussian_noise"]
+    for last, higher in ((outcomes[2], False), (raised, True)):
+        of_scores = with_references(map(scored, [*found, last]))
+        for of, qualified in ((of_scores, True), (with_references([*found, last]), False)):
+            (audit,) = audits(of, survival(of), [])
+            for text in (say("verdict.html.j2", "verdict", audit), say("verdict.html.j2", "answer", audit, 2.0)):
+                assert ("read only before attacks" in text) == qualified
+                assert ("the score is higher after Gaussian noise" in " ".join(text.split())) == (qualified and higher)
 
 
 def test_another_scenes_model_with_the_same_mark_is_no_control(outcomes):

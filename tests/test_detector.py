@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gspure.artifacts import file_digest, read_json
+from gspure.artifacts import file_digest, read_json, write_record
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation import detector
@@ -180,6 +180,19 @@ def test_the_command_reads_bits_with_a_key(renders, tmp_path, monkeypatch):
     assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 0
     assert read_table(tmp_path / "bits.csv", Reading) == [Reading("a", 50.0, 2), Reading("b", 50.0, 2)]
     assert read_json(tmp_path / "bits.csv.json")["settings"] == {"scheme": "bits"}
+
+
+@pytest.mark.parametrize(("option", "recorded"), [(["--control"], "run 1"), (["--wrong-key", "5"], "wrong_key")])
+def test_readings_name_the_key(renders, tmp_path, monkeypatch, option, recorded):
+    (tmp_path / "key").mkdir()
+    (tmp_path / "key" / "bits").write_text("01")
+    write_record(tmp_path / "key" / "bits", inputs={}, settings={}, embedding="run 1")
+    bits = {"bits": np.array([False, True]), "read_bits": lambda image: np.array([True, True]), "write": lambda _: None}
+    key = SimpleNamespace(wrong=lambda _: SimpleNamespace(**bits), **bits)
+    monkeypatch.setattr("gspure.schemes.registry.find_scheme", lambda name: SimpleNamespace(read_key=lambda path: key))
+    words = ["detect", str(renders), "--scheme", "bits", "--key", str(tmp_path / "key"), *option]
+    assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 0
+    assert read_json(tmp_path / "bits.csv.json")["settings"][f"shown in {renders.name}"] == {"key": recorded}
 
 
 @pytest.mark.parametrize(

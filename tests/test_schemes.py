@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -23,8 +24,15 @@ from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider, secure_gs, splats_in_splats
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
-from gspure.schemes.registry import find_scheme, geometry_of, read_public_model, schemes
-from gspure.schemes.scheme import Scheme, hide
+from gspure.schemes.registry import (
+    find_scheme,
+    geometry_of,
+    read_of,
+    read_public_model,
+    require_own_files,
+    schemes,
+)
+from gspure.schemes.scheme import Key, Scheme, hide, wrong_key
 from tests.documentation import blocks
 from tests.models import blobs, without
 
@@ -342,6 +350,48 @@ def test_what_a_plug_in_embeds_is_a_model_and_a_key(pair_folder, result, line):
     scheme = Scheme("odd", embed, PublicModel.read, PublicModel.read, {})
     with pytest.raises(InputError, match=f"scheme odd: {line}"):
         hide(scheme, read_pair(pair_folder))
+
+
+class ShuffledKey(Key):
+    """A permutation, drawn as an embedding may draw it, too; without `draws`, a wrong key is the same one."""
+
+    def __init__(self, order, *, draws=True):
+        self.order, self.draws = order, draws
+
+    def write(self, folder):
+        save_array(folder / "order.npy", self.order)
+
+    def wrong(self, rng):
+        return ShuffledKey(rng.permutation(len(self.order)) if self.draws else self.order)
+
+
+def test_a_wrong_key_is_not_the_key_of_the_same_seed():
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(9)
+        assert (wrong_key(ShuffledKey(order), seed).order != order).any()
+        assert wrong_key(ShuffledKey(order), 7).order.tolist() == np.random.default_rng(7).permutation(9).tolist()
+    with pytest.raises(InputError, match="expected an unrelated key"):
+        wrong_key(ShuffledKey(order, draws=False), 0)
+
+
+def test_public_files_beside_another_model_are_refused(tmp_path, monkeypatch):
+    scheme = Scheme("beside", lambda: None, PublicModel.read, lambda _: None, {}, beside=("hidden*",))
+    monkeypatch.setattr("gspure.cli.attack.find_scheme", lambda _: scheme)
+    for name in ("a", "b"):
+        write_model(tmp_path / name / "model.ply", blobs(3))
+        (tmp_path / name / "hidden.txt").write_text(name)
+        for file in ("model.ply", "hidden.txt"):
+            write_record(tmp_path / name / file, inputs={}, settings={}, embedding=name)
+    read_of(scheme, tmp_path / "a" / "model.ply")
+    command = ["attack", "reorder", "--scheme", "beside", "--model", str(tmp_path / "a" / "model.ply")]
+    with pytest.raises(InputError, match=r"b.hidden\.txt: embedding: expected a, as .*, found b"):
+        require_own_files(scheme, tmp_path / "b", tmp_path / "a" / "model.ply")
+    assert main([*command, "--out", str(tmp_path / "b" / "other.ply")]) == 2
+    shutil.copy(tmp_path / "b" / "hidden.txt", tmp_path / "a")
+    read_of(scheme, tmp_path / "a" / "model.ply")  # a file without the record of another embedding passes
+    shutil.copy(tmp_path / "b" / "hidden.txt.json", tmp_path / "a")
+    with pytest.raises(InputError, match="expected a, as"):
+        read_of(scheme, tmp_path / "a" / "model.ply")
 
 
 def test_an_unknown_scheme_is_refused_with_the_known_ones():

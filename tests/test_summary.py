@@ -66,6 +66,17 @@ def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
     assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
 
 
+def test_a_clean_asset_beside_marked_ones_is_no_scene():
+    read = Detection(90.0, 1.0, 1.0, 1.0, present=True, views=9, bits=16)
+    marked = [outcome("vanilla", place, "gspure", scene=30.0) for place in "ab"]
+    marked = [replace(o, detections={"mark": read}) for o in marked]
+    clean, failed = outcome("vanilla", "c", "gspure", scene=99.0), replace(marked[0], scene="d", failure="no disk")
+    (row,) = summarize([*marked, clean])
+    assert (row.scene.mean, row.scene.scenes) == (30.0, 2)
+    assert summarize([*marked, replace(failed, detections={})])[0].scene.scenes == 3
+    assert summarize([clean])[0].scene.scenes == 1
+
+
 def test_scenes_that_do_not_know_a_number_are_not_counted():
     rows = [outcome("a", "1", "gof", scene=math.inf, message=9.0), outcome("a", "2", "gof", scene=20.0)]
     (row,) = summarize(rows)

@@ -190,6 +190,16 @@ def test_two_masks_or_retrievals_of_one_model_are_refused(tmp_path: Path) -> Non
         collect(metrics, retrievals=retrievals)
 
 
+@pytest.mark.parametrize(("place", "photographs", "warned"), [("b", "x", 1), ("b", "y", 0), ("a@1", "x", 0)])
+def test_two_scenes_of_the_same_photographs_are_warned_of(tmp_path: Path, capsys, place, photographs, warned) -> None:
+    metrics = [next(m for m in results(tmp_path, name)[0] if "unattacked" in str(m)) for name in ("a", place)]
+    for path, digest in zip(metrics, ("x", photographs), strict=True):
+        write_record(path, inputs={}, settings={"references": {"scene/0": digest}})
+    outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
+    assert main(["table", "--metrics", *map(str, metrics), *outputs]) == 0
+    assert capsys.readouterr().err.count("the same photographs as a") == warned
+
+
 def test_retrieval_of_a_model_without_metrics_is_refused(tmp_path: Path) -> None:
     metrics, _, _ = results(tmp_path)
     write_table(other := tmp_path / "planted" / "vault" / "retrieval.csv", Retrieved, [])

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from gspure.cameras import read_cameras
 from gspure.cli import main
 from gspure.evaluation.comparison import read_metrics
 from gspure.images import read_image
@@ -51,6 +52,13 @@ def trained(project, tmp_path_factory):
 
 def ply(out):
     return (out / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply").read_bytes()
+
+
+def test_cameras_name_the_photographs(trained, project):
+    cameras = read_cameras(trained)
+    assert len(cameras) == 16
+    assert {camera.image.resolve().parent for camera in cameras} == {(project / "images").resolve()}
+    assert all(camera.image.is_file() for camera in cameras)
 
 
 def test_held_out_views_look_like_their_photographs(trained):

@@ -18,7 +18,7 @@ POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
 def written(tmp_path):
     dataset = read_dataset(colmap_project(tmp_path / "project", ring(17), POINTS), "16px")
     folder = tmp_path / "trained"
-    return folder, dataset, write_output(folder, dataset, parameters(30), 70, (1.0, 1.0, 1.0), model_path=folder)
+    return folder, dataset, write_output(folder, dataset, parameters(30), 70, (1.0, 1.0, 1.0), place=folder)
 
 
 def test_the_table_holds_raw_parameters_bit_for_bit():

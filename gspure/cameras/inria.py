@@ -32,11 +32,14 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     return distinct([_camera(entry, source.parent) for entry in entries], source)
 
 
-def write_cameras(path: str | Path, cameras: Sequence[Camera]) -> None:
-    """Write cameras as cameras.json, one view per line, with every digit of their float64 values."""
+def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | None = None) -> None:
+    """Write cameras as cameras.json, one view per line, with every digit of their float64 values.
+
+    Photographs are named relative to `place`, the folder that the file is for, by default its own.
+    """
     path = Path(path)
     distinct(cameras, path)
-    lines = (json.dumps(_values(i, camera, path)) for i, camera in enumerate(cameras))
+    lines = (json.dumps(_values(i, camera, place or path.parent)) for i, camera in enumerate(cameras))
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 
 
@@ -58,7 +61,7 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     )
 
 
-def _values(index: int, camera: Camera, path: Path) -> dict[str, Any]:
+def _values(index: int, camera: Camera, place: Path) -> dict[str, Any]:
     fx, fy, cx, cy = (float(camera.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
     values: dict[str, Any] = {
         "id": index,
@@ -73,5 +76,5 @@ def _values(index: int, camera: Camera, path: Path) -> dict[str, Any]:
     if (cx, cy) != (camera.width / 2, camera.height / 2):
         values |= {"cx": cx, "cy": cy}
     if camera.image is not None:
-        values["image"] = os.path.relpath(camera.image.absolute(), path.parent.resolve())
+        values["image"] = os.path.relpath(camera.image.absolute(), place.resolve())
     return values

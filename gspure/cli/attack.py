@@ -48,7 +48,7 @@ from gspure.method.clustering.store import read_labels
 from gspure.model import model_file, require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
-from gspure.schemes.registry import find_scheme, schemes
+from gspure.schemes.registry import find_scheme, recognized, require_own_files, schemes
 from gspure.settings import parsed_settings
 
 EXAMPLES = """\
@@ -122,6 +122,8 @@ def run(args: Arguments) -> None:
     files = {name: getattr(args, name) for name in sorted(attack.needs) if getattr(args, name)}
     public, evidence = _read(args, files)
     public.require_place(args.out)
+    if scheme := find_scheme(args.scheme) if args.scheme else recognized(public.model):
+        require_own_files(scheme, args.out.parent, model_file(args.model))
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
     sources = {"model": model_file(args.model), **files} | ({"cameras": args.cameras} if args.cameras else {})

@@ -60,7 +60,7 @@ def run(args: Arguments) -> None:
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
     after = _files_of(args.command)
     files = {name: digest for name, digest in before.items() if after.get(name) == digest}  # no logs
-    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images))
+    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images, _owner(args)))
     unit = "% of the bits are correct" if readings[0].bits else "score"
     print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
 
@@ -96,6 +96,16 @@ def _read_bits(args: Arguments) -> list[Reading]:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
     key = read_key(args, origin_of(args.images, "embedding"))
     return read_bits(key.read_bits, key.bits, args.images)
+
+
+def _owner(args: Arguments) -> str:
+    """Return the embedding of the key, as records name it; empty without a key."""
+    from gspure.artifacts import embedding_of
+    from gspure.evaluation.controls import WRONG_KEY
+
+    if args.wrong_key is not None:
+        return WRONG_KEY
+    return embedding_of(args.key) if args.key else ""
 
 
 def _bits(text: str) -> str:

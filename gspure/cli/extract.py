@@ -66,13 +66,13 @@ def run(args: Arguments) -> None:
     from gspure.model import model_file
     from gspure.progress import track, warn
     from gspure.schemes.matching import registered
-    from gspure.schemes.registry import find_scheme
+    from gspure.schemes.registry import find_scheme, read_of
     from gspure.schemes.scheme import ADAPTIVE, MESSAGE
 
     scheme = find_scheme(args.scheme)
     views = read_views(args)
     require_no_other_images(args.out, (camera.name for camera in views))
-    public = scheme.read_public(args.model).drawn(args.model)
+    public = read_of(scheme, args.model).drawn(args.model)
     key = read_key(args, embedding_of(model_file(args.model)))
     extraction = args.extraction or next(iter(scheme.extractions))
     if extraction not in scheme.extractions:
@@ -82,7 +82,7 @@ def run(args: Arguments) -> None:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
         _require_published(model_file(args.original), embedding_of(args.key))
-        public = registered(public, scheme.read_public(args.original).drawn(args.original).model)
+        public = registered(public, read_of(scheme, args.original).drawn(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
     view, is_flat = key.message(public, extraction, read_device(args)), True

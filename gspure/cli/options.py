@@ -67,15 +67,14 @@ def read_key(args: Arguments, embedding: str) -> Key:
     Unless ``--control`` is set, refuse the key if `embedding`, that of the model or images
     (`gspure.artifacts.embedding_of`), is not that of all its files.
     """
-    import numpy as np
-
     from gspure.artifacts import embedding_of, require_embedding
     from gspure.schemes.registry import find_scheme
+    from gspure.schemes.scheme import wrong_key
 
     embedding_of(args.key)
     key = find_scheme(args.scheme).read_key(args.key)
     if args.wrong_key is not None:
-        return key.wrong(np.random.default_rng(args.wrong_key))
+        return wrong_key(key, args.wrong_key)
     if not args.control:
         hint = "copy a key with its .json files; --control accepts the key of another model, a negative control"
         require_embedding(embedding, args.key, hint=hint)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import Any
+from pathlib import Path
 
 from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser
@@ -68,7 +68,7 @@ def run(args: Arguments) -> None:
     settings |= {"attacks": recorded_attacks(args.metrics), "models": recorded_models(args.metrics)}
     write_record(args.out, inputs=inputs, settings=settings, kind="table")
     write_text(args.markdown, results_markdown(outcomes), checksum=True)
-    _warn_of_repeated_scenes(images, settings["models"], args.condition)
+    _warn_of_repeated_scenes(images, args.metrics, args.condition)
     for o in outcomes:
         for extraction in filter(o.contradicts, o.reached):
             warn(
@@ -90,10 +90,11 @@ def run(args: Arguments) -> None:
 
 def _warn_of_repeated_scenes(
     images: Mapping[str, Sequence[str]],
-    models: Mapping[str, Mapping[str, Any]],
+    metrics: Sequence[Path],
     conditions: Mapping[str, tuple[str, str]],
 ) -> None:
     """Warn of models with the same images before any attack, and of scenes of the same photographs."""
+    from gspure.artifacts import settings_of
     from gspure.evaluation.names import UNATTACKED
 
     first: dict[tuple[str, ...], str] = {}
@@ -105,10 +106,10 @@ def _warn_of_repeated_scenes(
                 counted = "the repetition adds nothing; does the scheme use its seed?"
             warn(f"{model_name(scheme, folder)}: the same images as {twin}; {counted}")
     scene_of: dict[tuple[str, ...], str] = {}
-    for name, facts in models.items():
-        scheme, _, folder = name.rpartition("/")
-        scene, pair = folder.partition("@")[0], [facts.get(part, "") for part in ("scene", "message")]
-        alike = (scheme, *conditions.get(name, ()), *pair)
-        if all(pair) and (twin := scene_of.setdefault(alike, scene)) != scene:
+    for table in (path for path in metrics if path.resolve().parent.name == UNATTACKED):
+        scheme, folder = table.resolve().parts[-4:-2]
+        scene, photographs = folder.partition("@")[0], settings_of(table).get("references", {})
+        alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(photographs.items())))
+        if photographs and (twin := scene_of.setdefault(alike, scene)) != scene:
             hint = f"name repetitions {twin}@1, {twin}@2, ..."
             warn(f"{model_name(scheme, folder)}: the same photographs as {twin}, counted as another scene; {hint}")

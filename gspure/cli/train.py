@@ -181,7 +181,7 @@ def _write(
     from gspure.evaluation.comparison import write_metrics
     from gspure.training.output import write_output
 
-    model = write_output(folder, dataset, parameters, args.iterations, args.background, model_path=args.out)
+    model = write_output(folder, dataset, parameters, args.iterations, args.background, place=args.out)
     files = [model, *(folder / name for name in ("cameras.json", "input.ply", "cfg_args"))]
     rows = _compare(folder, args, dataset, model, device) if dataset.test else []
     if rows:

@@ -100,18 +100,23 @@ def require_equal_renders(metrics: Iterable[Path]) -> None:
 
 
 def require_one_owner(tables: Iterable[Path]) -> None:
-    """Raise `InputError` if variants of a model, controls aside, show models or keys of several embeddings, by records.
+    """Raise `InputError` if variants of a model, controls aside, show models of several embeddings, by records.
 
-    The same goes for a variant named `unattacked` or `gspure` that shows a model after another attack.
+    The same goes for keys, also of controls but `wrong_key`, and for variants named `unattacked` or `gspure` that
+    show a model after another attack.
     """
     first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
     for table in map(place, tables):
         variant = table.parents[table.parent.name == DETECTIONS]
         shown = [origin for name, origin in settings_of(table).items() if name.startswith(SHOWN)]
-        for origin in shown if variant.name not in CONTROLS else ():
-            for embedding in filter(None, (origin.get("embedding"), origin.get("key"))):
+        for origin in shown:
+            embeddings = [origin.get("embedding")] * (variant.name not in CONTROLS)
+            embeddings += [origin.get("key")] * (variant.name != WRONG_KEY)
+            for embedding in filter(None, embeddings):
                 first, expected = first_of.setdefault(variant.parts[-3:-1], (table, embedding))
                 require_agreement(first, table, {"embedding": expected}, {"embedding": embedding})
+            if variant.name in CONTROLS:
+                continue
             is_public = origin.get("model") == origin.get("embedding", "unknown")
             attack = origin.get("attack") or (UNATTACKED if is_public else variant.name)
             if variant.name in {UNATTACKED, GSPURE} and attack != variant.name:

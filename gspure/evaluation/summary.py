@@ -43,7 +43,8 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
     cells = read_cells()
     scores, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
     rows = []
-    for condition, alike in by_condition(outcomes).items():
+    for condition, of_all in by_condition(outcomes).items():
+        alike = _without_clean_assets(of_all)
         extractions = ordered({target for o in alike for target in o.messages}) or [MESSAGE]
         for variant in dict.fromkeys(o.variant for o in alike):
             scenes = [o for o in alike if o.variant == variant]
@@ -55,6 +56,12 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
                 means = (*_means(scenes, extraction), known_interval(top1), *_means(off_path, extraction))
                 rows.append(Summary(*condition, variant, extraction, *means, *printed * is_picture(extraction)))
     return rows
+
+
+def _without_clean_assets(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Leave out the models that no detector reads beside others that one reads: they are controls, not scenes."""
+    read = {o.folder for o in outcomes if o.messages or o.failures}
+    return [o for o in outcomes if o.folder in read or not any(other.detections for other in outcomes)]
 
 
 def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:

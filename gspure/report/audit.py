@@ -81,6 +81,7 @@ class Audit:
     scenes: int
     unknown: int  # number of these in which presence of the mark is unknown: too few views, or no clean model
     unchecked: dict[str, int]  # by extraction, the number of scenes in which it read no model without the message
+    scored: dict[str, list[str]]  # by detector of scores, the attacks after which its mean is higher than before
     in_clean: int  # number of these in which a detector also detects the mark in the clean model
     seeds: list[int]  # the distinct numbers of seeds per scene, in ascending order
     models: int
@@ -180,6 +181,7 @@ def _audit(outcomes: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]
         unchecked={
             name: _unchecked(outcomes, name) for name in dict.fromkeys(name for o in known for name in o.messages)
         },
+        scored=_scored(known, left),
         in_clean=len(in_clean),
         seeds=sorted({sum(scene == other for other, _ in cells) for scene in scenes}),
         models=len({o.folder for o in outcomes}),
@@ -218,6 +220,12 @@ def _unchecked(outcomes: Sequence[Outcome], extraction: str) -> int:
     controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
     checked = {o.scene for o in known if o.variant in controls}
     return len({o.scene for o in known if o.variant == UNATTACKED} - checked)
+
+
+def _scored(known: Sequence[Outcome], left: Mapping[tuple[str, str], Survival]) -> dict[str, list[str]]:
+    scores = dict.fromkeys(name for o in known for name, read in o.detections.items() if not read.bits)
+    raised = [key for key, row in left.items() if row.message_drop and row.message_drop.mean < 0]
+    return {name: [variant for extraction, variant in raised if extraction == name] for name in scores}
 
 
 def _fewer_seeds(known: Sequence[Outcome]) -> dict[str, tuple[int, int]]:

@@ -19,7 +19,7 @@ from gspure.opencl.device import Device
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
-from gspure.schemes.scheme import MESSAGE, Key
+from gspure.schemes.scheme import MESSAGE, Key, wrong_key
 
 VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours
 
@@ -80,7 +80,7 @@ def bit_readability(
 
     threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
-    return BitReadability(correct(key), {"chance": chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))})
+    return BitReadability(correct(key), {"chance": chance, WRONG_KEY: correct(wrong_key(key, 0))})
 
 
 def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:
@@ -96,6 +96,6 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
     controls = {
         BLACK: psnr(np.zeros_like(truth), truth),
         MEAN_COLOUR: psnr(mean_colour(truth), truth),
-        WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
+        WRONG_KEY: quality(wrong_key(key, 0)),
     }
     return Readability(quality(key), controls)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, cast
 
 import numpy as np
@@ -27,6 +28,8 @@ from gspure.training.initialization import gaussians_at, thinned
 MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
 REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
+
+_STREAMS: Final = 3  # of random numbers, tried for a wrong key
 
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
@@ -59,6 +62,25 @@ class Key(ABC):
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
         """Return an unrelated key of the same form, a negative control."""
+
+
+def wrong_key(key: Key, seed: int) -> Key:
+    """Return an unrelated key, drawn with a random seed.
+
+    A scheme may draw its keys in the same way, so that one of the same seed is the `key` itself; then another is drawn.
+    Raise `InputError` if all are.
+    """
+    for stream in range(_STREAMS):
+        wrong = key.wrong(np.random.default_rng([seed, stream] if stream else seed))
+        if not (files := _files(key)) or _files(wrong) != files:
+            return wrong
+    raise InputError("key", "wrong", expected="an unrelated key", found="the same key for every seed")
+
+
+def _files(key: Key) -> dict[Path, bytes]:
+    with TemporaryDirectory() as name:
+        key.write(folder := Path(name) / "key")
+        return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @dataclass(frozen=True)

@@ -36,16 +36,16 @@ def write_output(
     iteration: int,
     background: Sequence[float],
     *,
-    model_path: Path,
+    place: Path,
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
-    Cameras have their size in training and name their photographs. `model_path` is the name of the folder in cfg_args.
+    Cameras have their size in training and name their photographs. `place` is the folder that `folder` will become.
     """
     model = point_cloud(folder, iteration)
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)
-    write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train])
-    write_text(folder / "cfg_args", _arguments(model_path, dataset, parameters, background))
+    write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train], place)
+    write_text(folder / "cfg_args", _arguments(place, dataset, parameters, background))
     write_model(model, as_gaussians(parameters).with_background(background))
     return model
 
