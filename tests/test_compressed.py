@@ -15,6 +15,7 @@ from PIL import Image
 from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
 from gspure.model import model_file, read_model, write_model
+from gspure.model.compressed.ksplat import _HEADER, _SECTION
 from gspure.model.finite import undrawable_rows
 from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh
@@ -286,6 +287,18 @@ def test_room_of_an_empty_section_of_a_ksplat_file_is_skipped(tmp_path, level):
     found = read_model(tmp_path / "m.ksplat").table
     assert all(np.array_equal(found[name], expected[name]) for name in found.dtype.names)
     assert len(found) == 5
+
+
+@pytest.mark.parametrize("level", range(3))
+def test_a_reserved_section_of_a_ksplat_file_is_skipped(tmp_path, level):
+    content = ksplat(model(), level)
+    (tmp_path / "m.ksplat").write_bytes(content)
+    expected = read_model(tmp_path / "m.ksplat").table
+    begin = _HEADER.itemsize + 2 * _SECTION.itemsize
+    content = bytearray(content[:begin] + bytes(_SECTION.itemsize) + content[begin:])
+    struct.pack_into("<I", content, _HEADER.fields["sections"][1], 3)
+    (tmp_path / "m.ksplat").write_bytes(content)
+    assert read_model(tmp_path / "m.ksplat").table.tobytes() == expected.tobytes()
 
 
 def test_buckets_of_another_size_are_refused(tmp_path):

@@ -354,6 +354,20 @@ def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:
     assert "nan" not in results_markdown(outcomes)
 
 
+def test_a_table_of_ones_own_may_have_no_metric_but_psnr(tmp_path: Path) -> None:
+    write_results(table := tmp_path / "t.csv", collect(results(tmp_path)[0]))
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    others = {name for name in rows[0] if name.removesuffix("_drop") in METRICS.keys() - {"psnr"}}
+    with (own := tmp_path / "own.csv").open("w") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows([row | dict.fromkeys(others, "") for row in rows])
+    outputs = [f"--{name}={tmp_path}/{name}.csv" for name in ("out", "survival", "matched")]
+    assert main(["contest", "--table", str(own), *outputs, f"--markdown={tmp_path}/c.md"]) == 0
+    assert main(["report", "--table", str(own), f"--out={tmp_path}/r.html"]) == 0
+    assert [o.score for o in read_results(own)] == [o.score for o in read_results(table)]
+
+
 def test_masks_of_different_models_are_refused(tmp_path: Path) -> None:
     metrics, masks, truth = results(tmp_path)
     np.save(truth, np.zeros(6, bool))

@@ -93,7 +93,7 @@ def run(args: Arguments) -> None:
     views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
     say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")
     used = ("iterations", "resolution", "background", "max_gaussians", "seed")
-    settings = {name: getattr(args, name) for name in used} | {"data": fingerprint(dataset, images)}
+    settings = {name: getattr(args, name) for name in used} | {"photographs and cameras": fingerprint(dataset, images)}
     device = read_device(args)
     with filling(args.out, *names(args.out, dataset, args.iterations)) as folder:
         trainer = _train(args, dataset, images, settings, device)

@@ -12,6 +12,7 @@ from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.csv_tables import PerMetric, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import Detection
+from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval
 
@@ -133,4 +134,5 @@ def _outcome(rows: list[Result]) -> Outcome:
 
 
 def _mean(row: Result, values: Values) -> ViewMetrics:
-    return ViewMetrics(row.target, "mean", row.reference or RENDER, values)
+    complete = dict.fromkeys(METRICS, math.nan) | dict(values)  # a table of one's own may have PSNR only
+    return ViewMetrics(row.target, "mean", row.reference or RENDER, complete)

@@ -97,8 +97,8 @@ def _rows(data: UInt8, at: int, section: np.void, level: int) -> tuple[NDArray[n
     if len(rows) < count:
         raise ValueError(f"a section of {count} rows with room for {stored}")
     end = begin + stored * row.itemsize
-    if not level:
-        return rows, rows["mean"], end
+    if not (level and count):  # reserved sections hold no row
+        return rows, rows["mean"].astype(np.float32), end
     if section["bytes"] != _CENTRE.itemsize:
         raise ValueError(f"buckets of {section['bytes']} bytes, not {_CENTRE.itemsize}")
     if full + partial > buckets or capacity * full + int(lengths.sum(dtype=np.int64)) < count:
