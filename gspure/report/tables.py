@@ -229,7 +229,12 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
             numbers = [*means, interval(row.score, scenes), Cell(decimal(row.paper_score))]
             body.append(Row([*shown, Cell(f"{scenes}"), *numbers], begins=not i))
     has_marks = not all(is_picture(row.extraction) for row in rows)
-    return Table("Means over scenes", columns, body, say(NOTES, "summary", has_marks))
+    return Table(
+        "Means over scenes",
+        columns,
+        body,
+        say(NOTES, "summary", has_marks, sorted({o.against_truth for o in outcomes if o.targets})),
+    )
 
 
 def beside_table(rows: Sequence[Beside]) -> Table:
