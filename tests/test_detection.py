@@ -192,7 +192,7 @@ def test_a_mark_that_the_clean_model_shows_too_is_not_judged(tmp_path):
     assert audit.verdict == "not present"
     write_report(tmp_path / "report.html", outcomes, survivals=rows)
     page = (tmp_path / "report.html").read_text()
-    assert "or it is also detected in a clean model" in page
+    assert "is also detected in the clean model" in page
     assert "survived" not in page.partition("Findings")[0]
 
 
@@ -219,8 +219,8 @@ def test_survival_of_a_score_is_qualified_since_the_clean_model_was_not_attacked
         for of, qualified in ((of_scores, True), (with_references([*found, last]), False)):
             (audit,) = audits(of, survival(of), [])
             for text in (say("verdict.html.j2", "verdict", audit), say("verdict.html.j2", "answer", audit, 2.0)):
-                assert ("read only before attacks" in text) == qualified
-                assert ("the score is higher after Gaussian noise" in " ".join(text.split())) == (qualified and higher)
+                assert ("those of the unattacked clean model" in text) == qualified
+                assert ("The score rose after Gaussian noise" in " ".join(text.split())) == (qualified and higher)
 
 
 def test_another_scenes_model_with_the_same_mark_is_no_control(outcomes):

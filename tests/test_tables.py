@@ -341,7 +341,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path, c
     assert cells["GSPure"].items() >= {"message PSNR": "10.00 (−14.00)", "Score message": "+13.00", **pruning}.items()
     noise = {"message PSNR": "23.00 (−1.00)", "pruned": "0.0%", "precision": "–"}  # reached, whatever the verdict says
     assert cells["Gaussian noise"].items() >= noise.items()
-    assert capsys.readouterr().err.count("gaussian_noise: message changed, but not the carrier") == 1
+    assert capsys.readouterr().err.count("gaussian_noise: message changed, but no column") == 1
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:

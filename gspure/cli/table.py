@@ -72,8 +72,8 @@ def run(args: Arguments) -> None:
     for o in outcomes:
         for extraction in filter(o.contradicts, o.reached):
             warn(
-                f"{model_name(o.scheme, o.folder)}, {o.variant}: {extraction} changed, but not the carrier that the "
-                "scheme declares for it; the attack counts as having reached it. Complete the declaration."
+                f"{model_name(o.scheme, o.folder)}, {o.variant}: {extraction} changed, but no column that the scheme "
+                "declares for it (its carrier), so that is incomplete; the attack counts as having reached it"
             )
     for scheme, folder in not_embedded(outcomes):
         warn(
@@ -101,15 +101,17 @@ def _warn_of_repeated_scenes(
     for name, digests in images.items():
         scheme, folder, variant = name.rsplit("/", 2)
         if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
-            counted = "intervals and tests count them twice"
+            counted = "intervals and tests count both"
             if folder.partition("@")[0] == twin.partition("@")[0]:
-                counted = "the repetition adds nothing; does the scheme use its seed?"
-            warn(f"{model_name(scheme, folder)}: the same images as {twin}; {counted}")
+                counted = "it adds no evidence, and the scheme may ignore its seed"
+            warn(f"{model_name(scheme, folder)} has the same images as {twin}; {counted}")
     scene_of: dict[tuple[str, ...], str] = {}
     for table in (path for path in metrics if path.resolve().parent.name == UNATTACKED):
         scheme, folder = table.resolve().parts[-4:-2]
         scene, photographs = folder.partition("@")[0], settings_of(table).get("references", {})
         alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(photographs.items())))
         if photographs and (twin := scene_of.setdefault(alike, scene)) != scene:
-            hint = f"name repetitions {twin}@1, {twin}@2, ..."
-            warn(f"{model_name(scheme, folder)}: the same photographs as {twin}, counted as another scene; {hint}")
+            hint = f"if it is a repetition, name its folder {twin}@1"
+            warn(
+                f"{model_name(scheme, folder)} has the same photographs as {twin}, but counts as another scene; {hint}"
+            )

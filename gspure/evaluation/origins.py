@@ -100,10 +100,10 @@ def require_equal_renders(metrics: Iterable[Path]) -> None:
 
 
 def require_one_owner(tables: Iterable[Path]) -> None:
-    """Raise `InputError` if variants of a model, controls aside, show models of several embeddings, by records.
+    """Raise `InputError` if, by the records, variants of a model are of several embeddings, or use keys of several.
 
-    The same goes for keys, also of controls but `wrong_key`, and for variants named `unattacked` or `gspure` that
-    show a model after another attack.
+    Controls may be of another embedding, and only `wrong_key` may use another key. A variant named `unattacked` or
+    `gspure` must not show a model after another attack.
     """
     first_of: dict[tuple[str, ...], tuple[Path, str]] = {}
     for table in map(place, tables):

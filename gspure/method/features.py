@@ -76,8 +76,11 @@ def _counted(means: Float64) -> Bools | slice:
     inner = extent_and_distances(means)[1] <= OUTLYING
     remote = inner & (extent_and_distances(means, _MIDDLE)[1] > _REMOTE)
     if remote.sum() > _REMOTE_SHARE * len(remote):
-        found = f"{remote.sum()} of {len(remote)} rows are farther away than {_REMOTE:g} extents of the middle half"
-        warn(f"features: {found}: too many to leave out of the standardization, so they compress the other positions")
+        far = f"more than {_REMOTE:g} times the extent of the central half of the centres"
+        found = f"{remote.sum()} of {len(remote)} rows lie {far} from the median"
+        warn(
+            f"features: {found}: too many to leave out, so they compress the positions of the others; remove them first"
+        )
     if inner.all():
         return slice(None)
     total, bulk = (np.sort(rows, axis=0).std(axis=0) for rows in (means, means[inner]))

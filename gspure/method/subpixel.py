@@ -59,7 +59,7 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
 
 
 def near_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
-    """Return the rows of weight 0 that views show only in front of the near plane, where Gaussians are not drawn."""
+    """Return the rows of weight 0 that lie between camera and near plane in every view that shows them."""
     rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
     means = model.means[rows].astype(np.float64)
     near, drawn = (np.zeros(len(rows), np.bool_) for _ in range(2))
@@ -74,5 +74,5 @@ def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera
     rows, count = near_rows(model, weights, cameras), len(model)
     if len(rows) <= NEAR_SHARE * count:
         return []
-    text = f"{len(rows)} of {count} Gaussians have weight 0 and lie within {NEAR_PLANE} of a camera"
-    return [f"{text}, where nothing is drawn; enlarge model and cameras alike if their unit is larger than usual"]
+    text = f"{len(rows)} of {count} Gaussians have weight 0 and lie nearer than the near plane (depth {NEAR_PLANE})"
+    return [f"{text}; if the scene is small in its units, scale model and cameras up by the same factor"]
