@@ -250,13 +250,9 @@ def origin_of(folder: Path, name: str) -> str:
     return str(_recorded(folder).get(name, ""))
 
 
-def shown_in(folder: Path, key: str = "") -> dict[str, dict[str, str]]:
-    """Return a setting of a table that measures a folder of images: what they show, as far as it is known.
-
-    `key` is the embedding of the key that reads bits from them.
-    """
+def shown_in(folder: Path) -> dict[str, dict[str, str]]:
+    """Return a setting of a table that measures a folder of images: what they show, as far as it is known."""
     origin = {name: origin_of(folder, name) for name in ("model", "embedding", "attack", "key")}
-    origin["key"] = key or origin["key"]
     return {f"{SHOWN}{folder.name}": known} if (known := {k: v for k, v in origin.items() if v}) else {}
 
 

@@ -271,6 +271,14 @@ def test_a_strength_that_cannot_be_searched_is_refused() -> None:
         Strength("sigma", 0.0, 1.0, "log")
 
 
+@pytest.mark.parametrize("name", ["seed", "damage", "decision", "evidence", "cameras"])
+def test_settings_with_reserved_names_are_refused(name: str) -> None:
+    names = {}
+    exec(f"def jolt(model, rng, *, {name}: float = 3.0): ...", names)  # noqa: S102
+    with pytest.raises(InputError, match=f"attack jolt: {name}: expected no setting of this reserved name"):
+        Attack("jolt", names["jolt"])
+
+
 def test_unknown_attack_is_refused_with_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"expected one of unattacked, plain_weight, .*, found 'prune'"):
         find_attack("prune")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pytest
 
 from gspure.artifacts import read_json, write_record
 from gspure.attacks import Evidence, Strength, find_attack
+from gspure.attacks.attack import Attack, Attacked
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
+from gspure.bounds import Range
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -102,6 +105,22 @@ def test_without_photographs_damage_is_that_of_independent_errors_of_a_nominal_m
     assert damage_of(public) == 0
     noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
     assert damage_of(noisy) > 1
+
+
+def test_views_move_with_the_model_whose_damage_is_searched() -> None:
+    public, shift = PublicModel(blobs(50)), np.eye(4)
+    shift[0, 3] = 0.5
+
+    def noise_and_turn(model, rng, *, sigma: Annotated[float, Range(0.0, 10.0)] = 0.1):
+        noisy = {"x": model.table["x"] + np.float32(0.5)}
+        noisy |= {n: model.table[n] + rng.normal(0, sigma, len(model)).astype(np.float32) for n in ("f_dc_0", "f_dc_1")}
+        return Attacked.changed(model, noisy, shift)
+
+    attack = Attack("noise_and_turn", noise_and_turn, strength=Strength("sigma", 0.001, 10.0, "log"))
+    found = attack.matching(public, Evidence(), 1.0, scene_damage(public, VIEWS))
+    assert found.damage == pytest.approx(1, abs=0.04)
+    in_place = scene_damage(public, VIEWS)(PublicModel(attack.apply(public, sigma=found.value).model))
+    assert in_place > 2  # what the search would have seen
 
 
 def test_an_unchanged_view_does_not_hide_the_damage_to_others() -> None:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gspure.attacks import find_attack
+from gspure.attacks.attack import Attack
 from gspure.evaluation.paper import read_cells
 from gspure.workflow.configuration import resolved, validated
 from gspure.workflow.decisions import ARTIFACTS, DEFAULT, decisions, factors_of, origin, sweeps
+from gspure.workflow.variants import Variant
 from tests.documentation import ROOT
 
 SUITED = {"tau_c": 3.0, "tau_n": 2.0}
@@ -142,6 +147,25 @@ def test_a_variant_at_several_damages_is_one_variant_each_and_one_sweep():
         "random_pruning seed 4": ["random@0.3dB", "random@1dB", "random@2dB"],
     }
     assert [*factors_of(config["variants"], among)] == ["gspure"]
+
+
+def test_a_sweep_is_not_named_after_a_variant_that_is_none_of_its_own():
+    swept = {f"rp_{share}": {"attack": "random_pruning", "fraction": share / 100} for share in (10, 50)}
+    for seed, name in ((1, "random_pruning sweep"), (0, "random_pruning")):
+        config = settled(variants={"unattacked": {}, "gspure": {}, "random_pruning": {"seed": seed}, **swept})
+        (found,) = sweeps(config["variants"], decisions(config, SUITED)).items()
+        assert found == (name, [*(["random_pruning"] if not seed else []), "rp_10", "rp_50"])
+
+
+def test_only_built_in_attacks_get_the_factors_of_a_decision():
+    def temper(model, rng, *, tau: float = 0.5): ...
+
+    found = {}
+    for attack in (find_attack("plain_weight"), Attack("temper", temper)):
+        decision = SimpleNamespace(settings={"tau_c": 3.0, "tau_n": 2.0})
+        variant = SimpleNamespace(decision=decision, attack=attack, settings={"seed": 0})
+        found[attack.name] = Variant.attack_settings.fget(variant)
+    assert found == {"plain_weight": {"tau": 2.0}, "temper": {}}
 
 
 def test_weights_by_another_energy_are_another_sweep():

@@ -30,7 +30,7 @@ from gspure.evaluation.origins import (
 )
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, collect
 from gspure.evaluation.retrieval import Retrieval, Retrieved
-from gspure.images import SHOWN, record_views, with_records, write_image
+from gspure.images import SHOWN, record_views, shown_in, with_records, write_image
 from gspure.schemes.registry import BUILT_IN
 from tests.contest_cases import measured
 
@@ -125,6 +125,30 @@ def tabulated() -> list[Outcome]:
 def test_artifacts_of_their_variants_are_fit():
     assert unfit() == set()
     tabulated()
+
+
+@pytest.mark.parametrize(
+    ("variant", "key", "fits"),
+    [
+        ("noise_1", EMBEDDING, True),
+        ("noise_1", "run 2", False),
+        ("noise_1", WRONG_KEY, False),
+        (WRONG_KEY, WRONG_KEY, True),
+        (WRONG_KEY, EMBEDDING, False),
+        (OTHER_SCENE, EMBEDDING, True),
+        (OTHER_SCENE, "run 2", False),
+    ],
+)
+def test_bits_of_a_variant_are_read_with_its_key(variant, key, fits):
+    """The readings of other variants are of no key; metrics beside them name none, either."""
+    readings, images = ROOM / variant / "detections/score.csv", ROOM / variant / "renders/scene"
+    record(readings, with_records([images / "view.png"]), key=key, **shown_in(images))
+    metrics = ROOM / variant / "metrics.csv"
+    shown = {f"{SHOWN}{name}": shown_in(images.with_name(name))[f"{SHOWN}{name}"] for name in (SCENE, MESSAGE)}
+    pictures = [images.with_name(name) / "view.png" for name in (SCENE, MESSAGE)]
+    record(metrics, with_records(pictures), baseline=None, **shown)
+    with nullcontext() if fits else pytest.raises(InputError, match=r"key: expected|embedding: expected"):
+        tabulated()
 
 
 def test_files_of_an_earlier_configuration_do_not_stop_a_table():

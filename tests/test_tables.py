@@ -197,7 +197,7 @@ def test_two_scenes_of_the_same_photographs_are_warned_of(tmp_path: Path, capsys
         write_record(path, inputs={}, settings={"references": {"scene/0": digest}})
     outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
     assert main(["table", "--metrics", *map(str, metrics), *outputs]) == 0
-    assert capsys.readouterr().err.count("the same photographs as a") == warned
+    assert capsys.readouterr().err.count("with the same images as a") == warned
 
 
 def test_retrieval_of_a_model_without_metrics_is_refused(tmp_path: Path) -> None:

@@ -59,6 +59,9 @@ PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
 (`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
 
+RESERVED: Final = PUBLIC | {"attack", "damage", "decision", "evidence", "seed"}
+"""Names that settings must not have: options of commands, configurations and `Attack.apply`."""
+
 NO_EVIDENCE: Final = Evidence()
 
 
@@ -143,7 +146,9 @@ class Attack:
     sweep: str = ""
 
     def __post_init__(self) -> None:
-        """Check that the strength is a setting."""
+        """Check that the strength is a setting, and that no setting has the name of something else."""
+        for name in sorted(RESERVED & self.settings.keys()):
+            raise InputError(f"attack {self.name}", name, expected="no setting of this reserved name", found="one")
         if self.strength and self.strength.setting not in self.settings:
             expected = " or ".join(self.settings) or "none"
             raise InputError(f"attack {self.name}", "strength", expected=expected, found=self.strength.setting)
@@ -253,7 +258,7 @@ class Attack:
         def damage_at(value: float) -> float:
             chosen = {**settings, strength.setting: value}
             attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
-            return damage_of(public.with_model(attacked.model)) if len(attacked.model) else math.inf
+            return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else math.inf
 
         return search(strength, damage_at, wanted)
 

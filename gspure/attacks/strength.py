@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
 Images = Sequence[Float32]
-Damage = Callable[[PublicModel], float]  # from an attacked model to its damage, dB
+Damage = Callable[..., float]  # of an attacked model and, if it has one, of its rigid transform: the damage, dB
 EVALUATIONS: Final = 10  # most models that a search renders, besides that at the weak end
 NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of the unattacked model without photographs, dB; ours
 
@@ -104,26 +104,33 @@ def scene_damage(
 
     with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
 
+    Views move with the model, by the transform of the attack.
+
     Raise `InputError` if every photograph is identical to the unattacked render, so there is no PSNR to drop from.
     """
 
-    def renders(model: PublicModel) -> list[Float32]:
+    def renders(model: PublicModel, transform: Float64 | None = None) -> list[Float32]:
         scene = model.scene(device, model.model.background)
-        return [read_back(scene(view)) for view in views]
+        return [read_back(scene(view if transform is None else view.moved(transform))) for view in views]
 
-    def psnrs(model: PublicModel, references: Images) -> Float64:
-        return np.array([psnr(a, b) for a, b in zip(references, renders(model), strict=True)])
+    def psnrs(model: PublicModel, references: Images, transform: Float64 | None = None) -> Float64:
+        return np.array([psnr(a, b) for a, b in zip(references, renders(model, transform), strict=True)])
 
     if photographs is None:
         unattacked = renders(public)
-        return lambda model: float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - psnrs(model, unattacked)) / 10))))
+
+        def estimate(model: PublicModel, transform: Float64 | None = None) -> float:
+            nearness = psnrs(model, unattacked, transform)
+            return float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - nearness) / 10))))
+
+        return estimate
     before = psnrs(public, photographs)
     if not np.isfinite(before).any():
         expected = "images that the model does not reproduce exactly"
         raise InputError("attack", "photographs", expected=expected, found="its renders")
 
-    def drop(model: PublicModel) -> float:
-        after = psnrs(model, photographs)
+    def drop(model: PublicModel, transform: Float64 | None = None) -> float:
+        after = psnrs(model, photographs, transform)
         compared = np.isfinite(before) & np.isfinite(after)
         return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
 

@@ -38,13 +38,14 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the table, and print the mean."""
+    """Write the table, and print the mean over the views on the camera path."""
     import numpy as np
 
     from gspure.artifacts import write_record
+    from gspure.cameras.off_path import PREFIX
     from gspure.errors import InputError
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.detection import Reading
+    from gspure.evaluation.detection import KEY, Reading
     from gspure.evaluation.detector import read_marks
     from gspure.evaluation.outcomes import SCENE
     from gspure.images import origin_of, shown_in, with_records
@@ -58,11 +59,13 @@ def run(args: Arguments) -> None:
     write_table(args.out, Reading, readings)
     images = with_records(args.images / f"{reading.view}.png" for reading in readings)
     settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
+    settings |= {KEY: owner} if (owner := _owner(args)) else {}
     after = _files_of(args.command)
     files = {name: digest for name, digest in before.items() if after.get(name) == digest}  # no logs
-    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images, _owner(args)))
+    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images))
     unit = "% of the bits are correct" if readings[0].bits else "score"
-    print(f"{np.mean([reading.level for reading in readings]):.4g} {unit}, mean over {len(readings)} images")
+    counted = [reading for reading in readings if not reading.view.startswith(PREFIX)] or readings
+    print(f"{np.mean([reading.level for reading in counted]):.4g} {unit}, mean over {len(counted)} images")
 
 
 def _files_of(command: str | None) -> dict[str, str]:

@@ -111,7 +111,5 @@ def _warn_of_repeated_scenes(
         scene, photographs = folder.partition("@")[0], settings_of(table).get("references", {})
         alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(photographs.items())))
         if photographs and (twin := scene_of.setdefault(alike, scene)) != scene:
-            hint = f"if it is a repetition, name its folder {twin}@1"
-            warn(
-                f"{model_name(scheme, folder)} has the same photographs as {twin}, but counts as another scene; {hint}"
-            )
+            name = model_name(scheme, folder)
+            warn(f"{name} is compared with the same images as {twin}, but counts as another scene")

@@ -23,6 +23,7 @@ from gspure.images import SHOWN
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 FILE: Final = "file "  # settings of readings: prefix of the files that the detector's command names, with their digests
+KEY: Final = "key"  # settings of readings: the embedding of the key that read bits, or `wrong_key`
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
 LARGEST: Final = 1e100  # the largest score, of which squares are finite
 
@@ -184,8 +185,8 @@ def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
 
 
 def _detector_of(table: Path) -> dict[str, Any]:
-    """Return the settings of readings, without what the images show."""
-    return {name: value for name, value in settings_of(table).items() if not name.startswith(SHOWN)}
+    """Return the settings of readings, without what the images show, and the key."""
+    return {name: value for name, value in settings_of(table).items() if not name.startswith(SHOWN) and name != KEY}
 
 
 def variant_of(path: Path) -> tuple[str, str, str]:

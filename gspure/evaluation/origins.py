@@ -21,7 +21,7 @@ from gspure.artifacts import (
 from gspure.cost import COSTS, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
-from gspure.evaluation.detection import DETECTIONS
+from gspure.evaluation.detection import DETECTIONS, KEY
 from gspure.evaluation.names import GSPURE, SCHEMES, UNATTACKED, wanted_damage
 from gspure.images import SHOWN, origin_of, photographs_of, require_comparable
 from gspure.progress import warn
@@ -109,9 +109,9 @@ def require_one_owner(tables: Iterable[Path]) -> None:
     for table in map(place, tables):
         variant = table.parents[table.parent.name == DETECTIONS]
         shown = [origin for name, origin in settings_of(table).items() if name.startswith(SHOWN)]
-        for origin in shown:
+        for origin in (*shown, {KEY: settings_of(table).get(KEY)}):
             embeddings = [origin.get("embedding")] * (variant.name not in CONTROLS)
-            embeddings += [origin.get("key")] * (variant.name != WRONG_KEY)
+            embeddings += [origin.get(KEY)] * (variant.name != WRONG_KEY)
             for embedding in filter(None, embeddings):
                 first, expected = first_of.setdefault(variant.parts[-3:-1], (table, embedding))
                 require_agreement(first, table, {"embedding": expected}, {"embedding": embedding})
@@ -350,6 +350,9 @@ def _require_measured_in(variant: Path, table: Path) -> None:
     if (measured := settings_of(table).get("baseline", baseline)) != baseline:
         names = [f"a comparison of {image or 'renders'}" for image in (baseline, measured)]
         raise InputError(table, "baseline", expected=f"{names[0]}, as for {variant.name}", found=names[1])
+    reader = {KEY: settings_of(table).get(KEY, "")}
+    hint = "the key is not the owner's, or not the wrong one in this control; read the bits again"
+    _require_shown(table, reader, {KEY: _shown_by(variant)[KEY]} if reader[KEY] else {}, hint)
     for setting, origin in settings_of(table).items():
         if setting.startswith(SHOWN) and variant.name not in BASELINES:
             hint = f"the images {setting} are of another variant, or of an earlier model; make the table again"

@@ -51,6 +51,7 @@ class OtherAttacks(NamedTuple):
     level: list[Contest]  # those with the same Score
     ahead_at_equal_damage: list[Contest]  # by damage, the best attack, if consistently better than GSPure
     damages: list[float]  # the damages at which GSPure and another attack were tested, dB
+    scenes_at_damages: int  # number of scenes in the largest comparison at such a damage
     significant: list[Contest]
     p_attainable: float  # the smallest p that any of the differences in Score could have
 
@@ -288,6 +289,7 @@ def _other_attacks(contests: Sequence[Contest]) -> OtherAttacks | None:
         [c for c in scores if abs(c.difference.mean) < EQUAL],
         strongest,
         damages,
+        max((c.difference.scenes for c in contests if not isnan(c.damage)), default=0),
         [c for c in scores if c.p_adjusted <= SIGNIFICANT],
         min(c.p_attainable for c in scores),
     )

@@ -53,7 +53,8 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     by_kind: dict[tuple[object, ...], list[str]] = {}
     for variant, settings in variants.items():
         by_kind.setdefault(_kind(settings, among), []).append(variant)
-    return {" ".join(map(str, kind)): names for kind, names in by_kind.items() if len(names) > 1}
+    swept = {" ".join(map(str, kind)): names for kind, names in by_kind.items() if len(names) > 1}
+    return {f"{name} sweep" if name in variants and name not in names else name: names for name, names in swept.items()}
 
 
 def factors_of(variants: Decisions, among: Decisions) -> dict[str, tuple[float, float]]:

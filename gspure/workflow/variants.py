@@ -6,6 +6,7 @@ from typing import Final
 
 from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
+from gspure.attacks.registry import BUILT_IN
 from gspure.cost import COSTS, cost_of
 from gspure.evaluation.controls import BASELINES, CLEAN, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.outcomes import BITS
@@ -134,9 +135,10 @@ class Variant:
 
     @property
     def attack_settings(self) -> Settings:
-        """Settings of its attack; factors that are not set are its decision's. No strength that is searched."""
+        """Settings of its attack without a searched strength; unset factors of a built-in one are its decision's."""
         factors = {name: self.decision.settings[name] for name in FACTORS}
-        values = {**factors, "tau": factors["tau_n"], **self.settings}
+        factors = {**factors, "tau": factors["tau_n"]} if self.attack in BUILT_IN else {}
+        values = {**factors, **self.settings}
         searched = self.attack.strength.setting if "damage" in self.settings and self.attack.strength else ""
         return {name: value for name, value in values.items() if name in {*self.attack.settings} - {searched}}
 
