@@ -151,6 +151,19 @@ def test_bits_of_a_variant_are_read_with_its_key(variant, key, fits):
         tabulated()
 
 
+@pytest.mark.parametrize(("read", "fits"), [("noisy", True), ("plain", False)])
+def test_a_detector_reads_the_images_that_are_measured_whatever_their_folder_is_called(tmp_path, read, fits):
+    for name, value in (("plain", 0.5), ("noisy", 0.25)):
+        write_image(tmp_path / "flat" / name / "view.png", np.full((2, 2, 3), value))
+    variant = tmp_path / "own/hall/noise"
+    write_metrics(variant / "metrics.csv", [measured(".", 20.0)])
+    record(variant / "metrics.csv", with_records([tmp_path / "flat" / name / "view.png" for name in ("noisy",)]))
+    write_table(variant / "detections/mark.csv", Reading, [Reading("view", 1.0, 0)])
+    record(variant / "detections/mark.csv", with_records([tmp_path / "flat" / read / "view.png"]))
+    with nullcontext() if fits else pytest.raises(InputError, match=r"view\.png differs"):
+        collect([variant / "metrics.csv"], detections=[variant / "detections/mark.csv"])
+
+
 def test_files_of_an_earlier_configuration_do_not_stop_a_table():
     """As those of a detector that was renamed, or of an extraction that is no longer made."""
     readings, images = ROOM / "noise_1/detections/old.csv", ROOM / "noise_1/renders/old/view.png"

@@ -75,6 +75,24 @@ def require_equal_images(of_variants: Iterable[Path], of_models: Iterable[Path])
                 raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
 
 
+def require_same_renders(metrics: Iterable[Path], detections: Iterable[Path]) -> None:
+    """Raise `InputError` if a detector read an image that no table of its variant measures, by records.
+
+    `metrics` measure renders of the scene, in folders of any name. An image without any measured one of its file name
+    passes.
+    """
+    measured: dict[tuple[str, ...], tuple[Path, set[str]]] = {}
+    for table in metrics:
+        for (*variant, _, name), digest in _images_of_variant(table):
+            measured.setdefault((*variant, name), (table, set()))[1].add(digest)
+    for table in detections:
+        for (*variant, folder, name), digest in _images_of_variant(table):
+            first, known = measured.get((*variant, name), (table, {digest}))
+            if digest not in known:
+                hint = f"{folder}/{name} differs; one of the tables is of another variant: make it again"
+                raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
+
+
 def require_equal_references(metrics: Iterable[Path]) -> None:
     """Raise `InputError` if two variants of a model are compared with different images of a view, by records."""
     first_of: dict[tuple[str, ...], tuple[Path, str]] = {}

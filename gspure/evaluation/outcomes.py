@@ -28,6 +28,7 @@ from gspure.evaluation.origins import (
     require_one_origin,
     require_one_owner,
     require_origins,
+    require_same_renders,
 )
 from gspure.evaluation.recall import recall
 from gspure.evaluation.retrieval import Retrieval, Retrieved
@@ -231,6 +232,7 @@ def collect(
     for variant in sorted(variants):
         require_origins(variant, (*metrics, *detections, *retrievals))
     require_equal_images((*metrics, *detections), retrievals)
+    require_same_renders([path for path in metrics if {SCENE, "."} & {row.target for row in rows[path]}], detections)
     require_equal_references(metrics)
     require_equal_renders(metrics)
     require_one_owner((*metrics, *detections))
