@@ -135,11 +135,8 @@ def run(args: Arguments) -> None:
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))
     near = near_lines(public.model, purification.weights, train) if public.rows_are_gaussians else []
-    print(
-        "\n".join(
-            [*near, *_repair_lines(diagnosis), f"results in {args.out}", *(as_text(rows) if rows else []), *captions]
-        )
-    )
+    place, table = f"results in {args.out}", as_text(rows) if rows else []
+    print("\n".join([*near, *_repair_lines(diagnosis), place, *table, *captions]))
 
 
 def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[str, Any]) -> None:

@@ -73,7 +73,7 @@ def run(args: Arguments) -> None:
         for extraction in filter(o.contradicts, o.reached):
             warn(
                 f"{model_name(o.scheme, o.folder)}, {o.variant}: {extraction} changed, but no column that the scheme "
-                "declares for it (its carrier), so that is incomplete; the attack counts as having reached it"
+                "declares for it (its carrier); complete the declaration. The attack counts as having reached it"
             )
     for scheme, folder in not_embedded(outcomes):
         warn(
@@ -93,7 +93,7 @@ def _warn_of_repeated_scenes(
     metrics: Sequence[Path],
     conditions: Mapping[str, tuple[str, str]],
 ) -> None:
-    """Warn of models with the same images before any attack, and of scenes of the same photographs."""
+    """Warn of models with the same images before any attack, and of scenes compared with the same images."""
     from gspure.artifacts import settings_of
     from gspure.evaluation.names import UNATTACKED
 
@@ -108,8 +108,8 @@ def _warn_of_repeated_scenes(
     scene_of: dict[tuple[str, ...], str] = {}
     for table in (path for path in metrics if path.resolve().parent.name == UNATTACKED):
         scheme, folder = table.resolve().parts[-4:-2]
-        scene, photographs = folder.partition("@")[0], settings_of(table).get("references", {})
-        alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(photographs.items())))
-        if photographs and (twin := scene_of.setdefault(alike, scene)) != scene:
+        scene, references = folder.partition("@")[0], settings_of(table).get("references", {})
+        alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(references.items())))
+        if references and (twin := scene_of.setdefault(alike, scene)) != scene:
             name = model_name(scheme, folder)
             warn(f"{name} is compared with the same images as {twin}, but counts as another scene")
