@@ -123,7 +123,7 @@ def run(args: Arguments) -> None:
     public, evidence = _read(args, files)
     public.require_place(args.out)
     if scheme := find_scheme(args.scheme) if args.scheme else recognized(public.model):
-        require_own_files(scheme, args.out.parent, model_file(args.model))
+        require_own_files(scheme, args.out.parent, model_file(args.model), public.names(args.out))
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = read_device(args) if views else None
     sources = {"model": model_file(args.model), **files} | ({"cameras": args.cameras} if args.cameras else {})

@@ -1,5 +1,6 @@
 """All schemes by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.schemes``)."""
 
+from collections.abc import Collection
 from itertools import chain
 from pathlib import Path
 
@@ -38,12 +39,12 @@ def find_scheme(name: str) -> Scheme:
     return known[name]
 
 
-def read_public_model(path: Path, scheme: str | None = None) -> PublicModel:
+def read_public_model(path: str | Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
 
     Warn of unused columns, 3-D filters and render modes, which may make other programs draw another image.
     """
-    public = _read(path, scheme)
+    public = _read(Path(path), scheme)
     if unused := public.unused_columns:
         warn(f"{path}: columns that are kept, but have no effect on renders: {listed(unused)}")
     if FILTER in public.model.names and public.model.table[FILTER].any():
@@ -71,12 +72,15 @@ def read_of(scheme: Scheme, path: Path) -> PublicModel:
     return scheme.read_public(path)
 
 
-def require_own_files(scheme: Scheme, folder: Path, model: Path) -> None:
-    """Raise `InputError` if the folder holds public files beside a .ply of another embedding than `model`."""
+def require_own_files(scheme: Scheme, folder: Path, model: Path, replaced: Collection[str] = ()) -> None:
+    """Raise `InputError` if the folder holds public files beside a .ply of another embedding than `model`.
+
+    Files with one of the names `replaced` may be of any embedding.
+    """
     embedding = embedding_of(model)
     for file in sorted(chain.from_iterable(map(folder.glob, scheme.beside))):
         found = embedding_of(file)
-        if embedding and found and found != embedding:
+        if embedding and found and found != embedding and file.name not in replaced:
             expected, hint = f"{embedding}, as {model}", "it belongs to another model; use one folder for each model"
             raise InputError(file, "embedding", expected=expected, found=found, hint=hint)
 
