@@ -275,7 +275,7 @@ def test_a_strength_that_cannot_be_searched_is_refused() -> None:
 def test_settings_with_reserved_names_are_refused(name: str) -> None:
     names = {}
     exec(f"def jolt(model, rng, *, {name}: float = 3.0): ...", names)  # noqa: S102
-    with pytest.raises(InputError, match=f"attack jolt: {name}: expected no setting of this reserved name"):
+    with pytest.raises(InputError, match=f"attack jolt: setting: expected a name that is not reserved, found {name}"):
         Attack("jolt", names["jolt"])
 
 

@@ -197,7 +197,7 @@ def test_two_scenes_of_the_same_photographs_are_warned_of(tmp_path: Path, capsys
         write_record(path, inputs={}, settings={"references": {"scene/0": digest}})
     outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
     assert main(["table", "--metrics", *map(str, metrics), *outputs]) == 0
-    assert capsys.readouterr().err.count("with the same images as a") == warned
+    assert capsys.readouterr().err.count("and a have the same reference images") == warned
 
 
 def test_retrieval_of_a_model_without_metrics_is_refused(tmp_path: Path) -> None:
@@ -341,7 +341,7 @@ def test_command_writes_one_row_per_target_and_a_table_to_read(tmp_path: Path, c
     assert cells["GSPure"].items() >= {"message PSNR": "10.00 (−14.00)", "Score message": "+13.00", **pruning}.items()
     noise = {"message PSNR": "23.00 (−1.00)", "pruned": "0.0%", "precision": "–"}  # reached, whatever the verdict says
     assert cells["Gaussian noise"].items() >= noise.items()
-    assert capsys.readouterr().err.count("gaussian_noise: message changed, but no column") == 1
+    assert capsys.readouterr().err.count("gaussian_noise: the extraction message changed, although no column") == 1
 
 
 def test_unknown_numbers_are_empty_cells(tmp_path: Path) -> None:

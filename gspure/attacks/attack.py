@@ -148,7 +148,8 @@ class Attack:
     def __post_init__(self) -> None:
         """Check that the strength is a setting, and that no setting has the name of something else."""
         for name in sorted(RESERVED & self.settings.keys()):
-            raise InputError(f"attack {self.name}", name, expected="no setting of this reserved name", found="one")
+            expected = "a name that is not reserved"
+            raise InputError(f"attack {self.name}", "setting", expected=expected, found=name, hint="rename it")
         if self.strength and self.strength.setting not in self.settings:
             expected = " or ".join(self.settings) or "none"
             raise InputError(f"attack {self.name}", "strength", expected=expected, found=self.strength.setting)

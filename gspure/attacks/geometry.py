@@ -74,9 +74,9 @@ def warn_of_coarse_centres(attack: str, model: Gaussians) -> None:
     farthest = np.abs(np.median(model.means, axis=0)).max(initial=0.0) if len(model) else 0.0
     step, size = float(np.spacing(np.float32(farthest))), radius(model)
     if step > COARSE * size > 0:
-        text = f"the model is far from the origin (coordinate {farthest:.3g}), where float32 resolves only {step:.2g}"
-        radii = f"({step / size:.2g} radii of the model), so moved centres are rounded"
-        warn(f"{attack}: {text} {radii}; subtract an offset from model and cameras first")
+        far = f"the model is far from the origin (coordinate {farthest:.3g})"
+        apart = f"where float32 values are {step:.2g} apart ({step / size:.2g} radii of the model)"
+        warn(f"{attack}: {far}, {apart}, so moved centres are rounded; first move model and cameras near the origin")
 
 
 def radius(model: Gaussians) -> float:

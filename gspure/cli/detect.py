@@ -63,9 +63,10 @@ def run(args: Arguments) -> None:
     after = _files_of(args.command)
     files = {name: digest for name, digest in before.items() if after.get(name) == digest}  # no logs
     write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images))
-    unit = "% of the bits are correct" if readings[0].bits else "score"
     counted = [reading for reading in readings if not reading.view.startswith(PREFIX)] or readings
-    print(f"{np.mean([reading.level for reading in counted]):.4g} {unit}, mean over {len(counted)} images")
+    mean = f"{np.mean([reading.level for reading in counted]):.4g}"
+    found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
+    print(f"{found} over {len(counted)} images")
 
 
 def _files_of(command: str | None) -> dict[str, str]:

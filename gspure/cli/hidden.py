@@ -72,6 +72,6 @@ def run(args: Arguments) -> None:
         save_array(args.hidden, hidden)
         write_record(args.hidden, inputs=inputs, settings=settings, geometry=geometry_of(args.model), kind="hidden")
     if share is None:
-        warn("no row holds weight of the message: nothing is embedded, or the key does not fit the model")
+        warn("no row holds weight of the message: no message is embedded, or the key does not match the model")
     else:
         print(f"{percent(share)} of the message's weight is on rows that plain_weight prunes")

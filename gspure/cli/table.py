@@ -72,14 +72,15 @@ def run(args: Arguments) -> None:
     for o in outcomes:
         for extraction in filter(o.contradicts, o.reached):
             warn(
-                f"{model_name(o.scheme, o.folder)}, {o.variant}: {extraction} changed, but no column that the scheme "
-                "declares for it (its carrier); complete the declaration. The attack counts as having reached it"
+                f"{model_name(o.scheme, o.folder)}, {o.variant}: the extraction {extraction} changed, although no "
+                "column of its declared carrier did. Add the missing columns to the carrier. The attack counts as "
+                "having reached the message"
             )
     for scheme, folder in not_embedded(outcomes):
         warn(
-            f"{model_name(scheme, folder)}: the message is not embedded, or the key does not fit: even before attacks, "
-            "the extraction has a single colour, is not above all controls, or is not retrieved. Attacks on this model "
-            "show nothing; look at the extraction."
+            f"{model_name(scheme, folder)}: no message is embedded, or the key does not match the model: even before "
+            "any attack, the extracted message is a single colour, is not better than every negative control, or is "
+            "not retrieved. Attacks on this model show nothing; look at the extraction."
         )
     if args.summary:
         write_table(args.summary, Summary, summarize(outcomes))
@@ -93,7 +94,7 @@ def _warn_of_repeated_scenes(
     metrics: Sequence[Path],
     conditions: Mapping[str, tuple[str, str]],
 ) -> None:
-    """Warn of models with the same images before any attack, and of scenes compared with the same images."""
+    """Warn of models with identical renders before any attack, and of scenes with the same reference images."""
     from gspure.artifacts import settings_of
     from gspure.evaluation.names import UNATTACKED
 
@@ -101,15 +102,15 @@ def _warn_of_repeated_scenes(
     for name, digests in images.items():
         scheme, folder, variant = name.rsplit("/", 2)
         if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
-            counted = "intervals and tests count both"
+            counted = "both count as scenes, so intervals are too narrow; remove one"
             if folder.partition("@")[0] == twin.partition("@")[0]:
-                counted = "it adds no evidence, and the scheme may ignore its seed"
-            warn(f"{model_name(scheme, folder)} has the same images as {twin}; {counted}")
+                counted = "the repetition adds no evidence, and the scheme may ignore its seed"
+            warn(f"the renders of {model_name(scheme, folder)} are identical to those of {twin}; {counted}")
     scene_of: dict[tuple[str, ...], str] = {}
     for table in (path for path in metrics if path.resolve().parent.name == UNATTACKED):
         scheme, folder = table.resolve().parts[-4:-2]
         scene, references = folder.partition("@")[0], settings_of(table).get("references", {})
         alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(references.items())))
         if references and (twin := scene_of.setdefault(alike, scene)) != scene:
-            name = model_name(scheme, folder)
-            warn(f"{name} is compared with the same images as {twin}, but counts as another scene")
+            counted = "count as separate scenes, so intervals are too narrow; keep one, or call them SCENE@1, SCENE@2"
+            warn(f"{model_name(scheme, folder)} and {twin} have the same reference images, but {counted}")

@@ -89,7 +89,7 @@ def require_same_renders(metrics: Iterable[Path], detections: Iterable[Path]) ->
         for (*variant, folder, name), digest in _images_of_variant(table):
             first, known = measured.get((*variant, name), (table, {digest}))
             if digest not in known:
-                hint = f"{folder}/{name} differs; one of the tables is of another variant: make it again"
+                hint = f"{folder}/{name} differs; run `gspure detect` and `gspure metrics` again, on the same renders"
                 raise InputError(table, "images", expected=f"those measured in {first}", found="others", hint=hint)
 
 
@@ -369,7 +369,8 @@ def _require_measured_in(variant: Path, table: Path) -> None:
         names = [f"a comparison of {image or 'renders'}" for image in (baseline, measured)]
         raise InputError(table, "baseline", expected=f"{names[0]}, as for {variant.name}", found=names[1])
     reader = {KEY: settings_of(table).get(KEY, "")}
-    hint = "the key is not the owner's, or not the wrong one in this control; read the bits again"
+    wanted = "with a wrong key" if variant.name == WRONG_KEY else "with the key of this model"
+    hint = f"run `gspure detect` {wanted} again"
     _require_shown(table, reader, {KEY: _shown_by(variant)[KEY]} if reader[KEY] else {}, hint)
     for setting, origin in settings_of(table).items():
         if setting.startswith(SHOWN) and variant.name not in BASELINES:

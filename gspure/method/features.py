@@ -76,11 +76,9 @@ def _counted(means: Float64) -> Bools | slice:
     inner = extent_and_distances(means)[1] <= OUTLYING
     remote = inner & (extent_and_distances(means, _MIDDLE)[1] > _REMOTE)
     if remote.sum() > _REMOTE_SHARE * len(remote):
-        far = f"more than {_REMOTE:g} times the extent of the central half of the centres"
-        found = f"{remote.sum()} of {len(remote)} rows lie {far} from the median"
-        warn(
-            f"features: {found}: too many to leave out, so they compress the positions of the others; remove them first"
-        )
+        far = f"farther from the median centre than {_REMOTE:g} times the extent of the central 50 % of the centres"
+        consequence = "They are too many to leave out, and compress the positions of the others; remove them"
+        warn(f"features: {remote.sum()} of {len(remote)} rows are {far}. {consequence}")
     if inner.all():
         return slice(None)
     total, bulk = (np.sort(rows, axis=0).std(axis=0) for rows in (means, means[inner]))
