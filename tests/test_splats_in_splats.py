@@ -175,7 +175,7 @@ def test_a_key_that_fits_no_row_is_warned_of_and_its_weight_is_unknown(tmp_path,
         assert (read_json(share)["hidden_low_share"] is None) != fits
         assert np.load(tmp_path / "hidden.npy").any() == fits
         assert main(["extract", model, *words, "--out", str(tmp_path / name)]) == 0
-        assert ("a single colour: the key does not match" in capsys.readouterr().err) != fits
+        assert ("images are blank: the key does not match" in capsys.readouterr().err) != fits
     assert main(["extract", model, *words, "--wrong-key", "1", "--out", str(tmp_path / "control")]) == 0
     assert "warning" not in capsys.readouterr().err
 

@@ -100,7 +100,7 @@ def run(args: Arguments) -> None:
         if isinstance(args.cameras, str):
             write_views(args, folder, views)
     if is_flat and args.wrong_key is None:
-        warn("each extracted image is a single colour: the key does not match the model, or an attack removed the message")
+        warn("all extracted images are blank: the key does not match the model, or an attack removed the message")
 
 
 def _require_published(file: Path, embedding: str) -> None:
