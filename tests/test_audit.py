@@ -106,6 +106,32 @@ def test_an_attack_names_the_scenes_in_which_only_retrieval_identifies_the_messa
     assert cost(row._replace(survived=0, only_retrieved=1)).endswith("; 1 of 2 scenes)")
 
 
+@pytest.mark.parametrize(("damage", "strongest"), [(1.97, "gof@2dB"), (2.04, "gof@2dB"), (2.06, "gspure")])
+def test_a_strength_that_was_searched_for_the_allowed_damage_counts_if_the_search_did_not_miss_it(
+    damage: float, strongest: str
+) -> None:
+    lost = of_scenes(1, **{"gspure": (0.5, 2.0), "gof@2dB": (damage, 20.0)})
+    assert audit_of(lost).strongest.variant == strongest
+    assert ("survived every tested attack" in sentence(lost)) == (strongest == "gspure")
+
+
+def test_an_attack_that_the_message_survives_in_fewer_scenes_is_stronger_even_if_retrieval_identifies_the_rest() -> (
+    None
+):
+    audit = audit_of(of_scenes(2, gspure=(1.0, 5.0), gof=(1.0, 6.0)))
+    left = {"gspure": {"survived": 1, "only_retrieved": 1}}
+    faded = replace(audit, attacks=[row._replace(**left.get(row.variant, {})) for row in audit.attacks])
+    assert (audit.strongest.variant, faded.strongest.variant) == ("gof", "gspure")
+    told_of = " ".join(say("verdict.html.j2", "answer", faded, ALLOWED).split())
+    assert told_of.startswith("The message did not survive GSPure in 1 of 2 scenes, but retrieval still identifies it")
+
+
+def test_attacks_that_lower_the_message_as_much_as_the_strongest_are_named() -> None:
+    audit = audit_of(of_scenes(2, gspure=(1.0, 20.04), gof=(1.5, 20.0), noise=(1.0, 19.9), harsh=(2.5, 20.04)))
+    assert (audit.strongest.variant, named(audit.as_strong)) == ("gspure", ["gof"])
+    assert audit_of(of_scenes(2, harsh=(2.5, 20.0))).as_strong == []
+
+
 @pytest.mark.parametrize(("drop", "strongest"), [(2.0, "weak"), (25.0, "other")])
 def test_an_attack_that_was_measured_in_fewer_scenes_counts_only_if_the_message_did_not_survive_it(
     drop: float, strongest: str

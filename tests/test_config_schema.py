@@ -209,6 +209,8 @@ EVERY = {"unattacked": {}, "gspure": {}}
         *(({"variants": {**EVERY, name: {"attack": "crop"}}}, f"variants.{name}: ") for name in ("clean", "public")),
         ({"variants": {**EVERY, "unattacked": {"attack": "crop"}}}, "variants.unattacked.attack: expected unattacked"),
         ({"variants": {**EVERY, "gspure": {"attack": "crop"}}}, "variants.gspure.attack: expected gspure"),
+        ({"variants": {**EVERY, "gof": {"attack": "crop"}}}, "variants.gof.attack: expected gof"),
+        ({"variants": {**EVERY, "random_matched": {"attack": "random_pruning"}}}, "variants.random_matched.attack: "),
         ({"variants": {**EVERY, "crop": {"damage": [1, 1.0000001]}}}, "variants.crop.damage: .* found crop@1dB twice"),
         (
             {"variants": {**EVERY, "crop": {"fraction": 2}}},

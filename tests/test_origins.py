@@ -197,8 +197,10 @@ def test_a_folder_without_a_model_may_not_be_renamed_to_another_attack():
     for file in ROOM.glob("noise_1/public/*"):
         file.unlink()
     require_one_origin([(ROOM / "noise_1").rename(ROOM / "noise")], {"gspure"}, {})
-    with pytest.raises(InputError, match="attack: expected gspure, found noise"):
-        require_one_origin([(ROOM / "noise").rename(ROOM / "gspure")], {"gspure"}, {})
+    for reserved in ("gspure", "gspure@1dB"):
+        with pytest.raises(InputError, match="attack: expected gspure, found noise"):
+            require_one_origin([(ROOM / "noise").rename(ROOM / reserved)], {"gspure"}, {})
+        (ROOM / reserved).rename(ROOM / "noise")
 
 
 def test_a_table_without_a_record_may_measure_any_images():

@@ -240,7 +240,7 @@ def test_a_message_that_is_not_retrieved_before_any_attack_is_not_embedded() -> 
     assert {row.present for row in survival(outcomes)} == {0}
     (audit,) = audits(outcomes, survival(outcomes), ())
     assert audit.verdict == "not present"
-    assert "othing is embedded" in say("verdict.html.j2", "verdict", audit)
+    assert "No message is embedded" in say("verdict.html.j2", "verdict", audit)
 
 
 def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path: Path, capsys) -> None:
@@ -254,7 +254,7 @@ def test_the_tables_hold_the_retrieval_and_warn_of_what_is_not_embedded(tmp_path
         rows = [Retrieved("unattacked", "message", before), Retrieved("gspure", "message", NEAREST)]
         write_table(table, Retrieved, rows)
         assert main(["table", *map(str, options)]) == 0
-        assert ("not embedded" in capsys.readouterr().err) == (before is UNRELATED)
+        assert ("no message is embedded" in capsys.readouterr().err) == (before is UNRELATED)
         outcomes = {o.variant: o for o in read_results(tmp_path / "r.csv")}
         assert outcomes["unattacked"].retrieval == {"message": before}
         assert outcomes["gspure"].retrieval == {"message": NEAREST}

@@ -1,5 +1,7 @@
 """Gaussians smaller than a pixel are counted, with the resolution that shows them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gspure.cameras import write_cameras
@@ -66,6 +68,13 @@ def test_rows_nearer_than_the_near_plane_in_all_views_are_counted_if_they_are_ma
     assert not near_lines(
         joined(model, gaussians(means=[[0, 0, 5]] * 900, scales=0.01)), np.zeros(len(model) + 900), [camera()]
     )
+
+
+def test_no_width_is_advised_that_no_view_can_have():
+    model, view = subpixel()
+    found = subpixel_rows(model, weights_of(model, [view]), [view])
+    assert "pixels wide" in found.line(len(model), view.width)
+    assert replace(found, magnification=1e9).line(len(model), view.width).endswith("in every view")
 
 
 def test_purify_reports_rows_smaller_than_a_pixel(tmp_path, capsys):

@@ -55,6 +55,13 @@ def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outc
     assert theirs.paper_score == 15.21
 
 
+def test_only_the_published_extraction_has_the_papers_score():
+    found = outcome("splats_in_splats", "room", "gspure", scene=28.0, message=10.0, message_oracle=9.0)
+    scores = {row.extraction: row.paper_score for row in summarize([found])}
+    assert scores["message"] == 15.21
+    assert math.isnan(scores["message_oracle"])
+
+
 def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
     ours = [
         outcome(scheme, "room", variant, scene=29.0, message=9.0)

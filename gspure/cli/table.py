@@ -49,6 +49,7 @@ def _condition(text: str) -> tuple[str, str]:
 
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
+    from gspure.attacks.registry import attacks
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.origins import measured_images, recorded_attacks, recorded_models
     from gspure.evaluation.outcomes import collect
@@ -60,7 +61,7 @@ def run(args: Arguments) -> None:
 
     truth = [mask for key in args.keys if (mask := key / MESSAGE_ROWS).is_file()]
     files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals, args.detections)
-    outcomes = collect(args.metrics, *files, conditions=args.condition)
+    outcomes = collect(args.metrics, *files, conditions=args.condition, attacks=attacks())
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     images = measured_images(args.metrics)

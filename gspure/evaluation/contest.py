@@ -57,7 +57,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
             for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
                 rows += _against(_as_run(as_run, quantity), condition, extraction, quantity, math.nan)
-            for damage in damages(drops):
+            for damage in damages(o.variant for o in attacks):
                 cells = _at_equal_damage(attacks, extraction, completed(sweeps, drops), damage)
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows

@@ -103,9 +103,9 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     missed from above on some models and from below on others.
     """
     rows = []
-    at = damages(o.variant for o in outcomes)
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for condition, alike in by_condition(outcomes).items():
+        at = damages(o.variant for o in alike)
         for extraction in ordered({target for o in alike for target in o.messages}):
             for name, variants in sweeps.items():
                 drops = curves([o for o in alike if o.variant in variants], extraction)

@@ -280,10 +280,10 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
     for file, (scheme, _, variant) in ((_recorded(variant), variant.parts[-3:]) for variant in variants):
         if "attack" not in (settings := settings_of(file)):
             continue
-        rename = f"give the folder {variant} another name"
-        if variant in named_after and settings["attack"] != variant:
-            raise InputError(file, "attack", expected=variant, found=settings["attack"], hint=rename)
-        if variant in named_after and settings.get("after"):
+        rename, attack = f"give the folder {variant} another name", variant.partition("@")[0]
+        if attack in named_after and settings["attack"] != attack:
+            raise InputError(file, "attack", expected=attack, found=settings["attack"], hint=rename)
+        if attack in named_after and settings.get("after"):
             found, hint = f"a model after {settings['after']}", "attack the public model"
             raise InputError(file, "model", expected="the one before any attack", found=found, hint=hint)
         damage = settings.get("damage", "none")

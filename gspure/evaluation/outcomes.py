@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -202,6 +202,7 @@ def collect(
     retrievals: Sequence[Path] = (),
     detections: Sequence[Path] = (),
     conditions: Mapping[str, tuple[str, str]] = MappingProxyType({}),
+    attacks: Collection[str] = (UNATTACKED, GSPURE),
 ) -> list[Outcome]:
     """Gather the outcomes of all variants, sorted by scheme and scene; within each, `UNATTACKED` first.
 
@@ -210,7 +211,7 @@ def collect(
     they lie: `prune_masks` and `truth` (rows that carry the message) are bool [K], `verdicts` of `gspure attack`,
     `retrievals` of `gspure retrieve`, `detections` of `gspure detect`. A variant or detector whose file is missing
     because of one of `failures` has failed for its reason. `conditions` are protocol and initialization by
-    ``{scheme}/{scene}``.
+    ``{scheme}/{scene}``. The names of `attacks` are reserved for these attacks.
 
     Raises
     ------
@@ -236,7 +237,7 @@ def collect(
     require_equal_references(metrics)
     require_equal_renders(metrics)
     require_one_owner((*metrics, *detections))
-    require_one_origin(sorted(variants), {UNATTACKED, GSPURE}, conditions)
+    require_one_origin(sorted(variants), attacks, conditions)
     outcomes = [*(_outcome(path, rows[path], prune_masks, truth, verdicts) for path in metrics), *failed]
     outcomes = _with_detections(outcomes, detections, failures)
     retrieved = {path.parent.resolve().parts[-2:]: read_table(path, Retrieved) for path in retrievals}

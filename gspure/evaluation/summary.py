@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from gspure.evaluation.intervals import Interval, known_interval
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, is_picture, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, ordered
 from gspure.evaluation.paper import read_cells
 from gspure.evaluation.paper.cells import TARGETS
 from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
@@ -54,7 +54,7 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
             for extraction in extractions:
                 top1 = {(o.scene, o.seed): o.retrieval[extraction].top1 for o in scenes if extraction in o.retrieval}
                 means = (*_means(scenes, extraction), known_interval(top1), *_means(off_path, extraction))
-                rows.append(Summary(*condition, variant, extraction, *means, *printed * is_picture(extraction)))
+                rows.append(Summary(*condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
     return rows
 
 

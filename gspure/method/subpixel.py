@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.bounds import SIDE
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import ALPHA_MIN, NEAR_PLANE
 from gspure.dtypes import Indices
@@ -28,10 +29,9 @@ class Subpixel:
 
     def line(self, count: int, width: int) -> str:
         """Return a line of text, for a model of `count` Gaussians and views `width` pixels wide."""
-        return (
-            f"{len(self.rows)} of {count} Gaussians have weight 0 and cover less than a pixel in every view; "
-            f"half of them would cover one in views {int(np.ceil(self.magnification * width))} pixels wide"
-        )
+        text = f"{len(self.rows)} of {count} Gaussians have weight 0 and cover less than a pixel in every view"
+        wide = int(np.ceil(self.magnification * width))
+        return f"{text}; half of them would cover one in views {wide} pixels wide" if wide <= SIDE.most else text
 
 
 def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Subpixel | None:

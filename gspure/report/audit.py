@@ -27,14 +27,14 @@ from gspure.evaluation.outcomes import (
 )
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, doubtful_scenes
-from gspure.evaluation.tradeoff import MATCHED_DAMAGES
+from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES
 
 RANDOM: Final = "random_matched"
 """The attack that removes as many rows as GSPure, at random: GSPure has an effect only if it does better."""
 
 SIGNIFICANT: Final = 0.05
 
-ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene, in dB, of an attack that counts for the verdict
+ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene of an attack that counts for the verdict, dB
 EQUAL: Final = 0.05  # mean differences below this count as zero, dB: the page shows tenths
 
 Verdict = Literal[
@@ -134,15 +134,33 @@ class Audit:
     def strongest(self) -> Survival | None:
         """The attack within `ALLOWED` that leaves the message in the smallest share of the scenes.
 
-        Ties go to the largest drop of the message. An attack that was measured in fewer scenes than others counts if
-        the message did not survive it there.
+        Ties go to the smallest share of scenes in which the message survives, then to the largest drop of the message.
+        An attack that was measured in fewer scenes than others counts if the message did not survive it there.
         """
         within = [
-            ((-(row.survived + row.only_retrieved) / row.present, row.message_drop.mean), row)
+            ((-(row.survived + row.only_retrieved) / row.present, -row.survived / row.present), row.message_drop, row)
             for row in (*self.attacks, *self.lost_in_fewer)
-            if self.verdict == "judged" and row.message_drop and row.scene_drop and row.scene_drop.mean <= ALLOWED
+            if self.verdict == "judged" and row.message_drop and is_allowed(row.scene_drop)
         ]
-        return max(within, key=lambda ranked: ranked[0])[1] if within else None
+        return max(within, key=lambda ranked: (ranked[0], ranked[1].mean))[2] if within else None
+
+    @property
+    def as_strong(self) -> list[Survival]:
+        """The other judged attacks within `ALLOWED` with the outcome of the `strongest`, and as large a drop."""
+        if not (first := self.strongest) or not (most := first.message_drop):
+            return []
+        outcome = (first.present, first.survived, first.only_retrieved)
+        return [
+            row
+            for row in self.attacks
+            if row is not first and (row.present, row.survived, row.only_retrieved) == outcome
+            if row.message_drop and is_allowed(row.scene_drop) and most.mean - row.message_drop.mean < EQUAL
+        ]
+
+
+def is_allowed(scene_drop: Interval | None) -> bool:
+    """Return whether an attack that harms the scene so much counts for the verdict; searched damages are inexact."""
+    return scene_drop is not None and scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival], contests: Sequence[Contest]) -> list[Audit]:

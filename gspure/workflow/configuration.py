@@ -25,7 +25,7 @@ from gspure.datasets import SCENES
 from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.detector import words_of
-from gspure.evaluation.names import GSPURE, UNATTACKED, variant_at
+from gspure.evaluation.names import GSPURE, variant_at
 from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.model import Gaussians
 from gspure.model.inria import point_cloud, saved_iterations
@@ -271,11 +271,11 @@ def _of_function(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check_name(variant: str, attack: str, source: str | Path) -> None:
-    """Refuse names of controls and of folders, and other attacks under names that all others are compared with."""
+    """Refuse names of controls, of folders and of other attacks."""
     if variant in {*CONTROLS, *_FOLDERS}:
         expected = f"a name other than {', '.join([*CONTROLS, *_FOLDERS])}"
         raise InputError(source, f"variants.{variant}", expected=expected, found=variant)
-    if variant in {UNATTACKED, GSPURE} and attack != variant:
+    if variant in attacks() and attack != variant:
         raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack))
 
 
