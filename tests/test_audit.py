@@ -17,6 +17,7 @@ from gspure.evaluation.contest import contest
 from gspure.evaluation.controls import MESSAGE_FREE
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
+from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.results import write_results
 from gspure.evaluation.survival import MARGIN, survival
@@ -124,6 +125,31 @@ def test_an_attack_that_the_message_survives_in_fewer_scenes_is_stronger_even_if
     assert (audit.strongest.variant, faded.strongest.variant) == ("gof", "gspure")
     told_of = " ".join(say("verdict.html.j2", "answer", faded, ALLOWED).split())
     assert told_of.startswith("The message did not survive GSPure in 1 of 2 scenes, but retrieval still identifies it")
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.dictionaries(
+        st.sampled_from(["gspure", "gof", "crop"]),
+        st.tuples(
+            st.sampled_from([0.5, 2.0, 2.03, 2.2]),
+            st.sampled_from([1.0, 5.0, 20.0]),
+            st.sampled_from([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)]),  # survived, only retrieved
+        ),
+        min_size=1,
+    )
+)
+def test_the_answer_agrees_with_every_row_of_the_table(rows) -> None:
+    audit = audit_of(of_scenes(2, **{name: row[:2] for name, row in rows.items()}))
+    attacks = [r._replace(survived=rows[r.variant][2][0], only_retrieved=rows[r.variant][2][1]) for r in audit.attacks]
+    answer = " ".join(say("verdict.html.j2", "answer", replace(audit, attacks=attacks), ALLOWED).split())
+    allowed = {display_name(name): outcome for name, (damage, _, outcome) in rows.items() if damage < 2.1}
+    lost = {name: survived + retrieved for name, (survived, retrieved) in allowed.items() if survived < 2}
+    assert ("survived every tested attack" in answer) == bool(allowed and not lost)
+    if lost:
+        name = re.search(r"did not survive (\w+)", answer)[1]
+        assert lost[name] == min(lost.values())
+        assert (f"did not survive {name} in 1 of 2 scenes" in answer) == (allowed[name][0] == 1)
 
 
 def test_attacks_that_lower_the_message_as_much_as_the_strongest_are_named() -> None:
