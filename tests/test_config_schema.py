@@ -210,6 +210,7 @@ EVERY = {"unattacked": {}, "gspure": {}}
         ({"variants": {**EVERY, "unattacked": {"attack": "crop"}}}, "variants.unattacked.attack: expected unattacked"),
         ({"variants": {**EVERY, "gspure": {"attack": "crop"}}}, "variants.gspure.attack: expected gspure"),
         ({"variants": {**EVERY, "gof": {"attack": "crop"}}}, "variants.gof.attack: expected gof"),
+        ({"variants": {**EVERY, "a": {"attack": "crop"}, "b": {"attack": "crop"}}}, "variants.b: expected another"),
         ({"variants": {**EVERY, "random_matched": {"attack": "random_pruning"}}}, "variants.random_matched.attack: "),
         ({"variants": {**EVERY, "crop": {"damage": [1, 1.0000001]}}}, "variants.crop.damage: .* found crop@1dB twice"),
         (

@@ -136,6 +136,7 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         _check_damage(settings, source, f"variants.{variant}")
     _check_one_decision(settled["variants"], source)
     settled["variants"] = _at_damages(settled["variants"], source)
+    _require_different_variants(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
     functions = {name: scheme.embed for name, scheme in known.items()}
     photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
@@ -220,6 +221,14 @@ def _require_different_assets(assets: Mapping[str, Mapping[str, Any]], source: s
         if settings[0] == settings[1] and all(_is_same(asset.get(k), other.get(k)) for k in ("model", "cameras")):
             found = f"the model and the views of {first}"
             raise InputError(source, f"assets.{name}", expected="another model", found=found)
+
+
+def _require_different_variants(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
+    """Refuse a variant that repeats another one: tests would count it as another attack."""
+    for (first, settings), (name, other) in combinations(variants.items(), 2):
+        if settings == other:
+            expected = "another attack, or other settings"
+            raise InputError(source, f"variants.{name}", expected=expected, found=f"the settings of {first}")
 
 
 def _is_same(first: str | None, second: str | None) -> bool:
