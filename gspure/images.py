@@ -163,6 +163,11 @@ def mean_colour(image: Float32) -> Float32:
     return np.broadcast_to(mean.astype(np.float32), image.shape)
 
 
+def is_blank(image: Float32) -> bool:
+    """Return whether an image shows nothing: the standard deviation of each channel is below half a grey level."""
+    return bool((levels(image).std(axis=(0, 1)) < 0.5).all())
+
+
 def is_flat(image: Float32) -> bool:
     """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
     return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())

@@ -15,6 +15,7 @@ from gspure.errors import InputError
 from gspure.evaluation.detector import read_marks
 from gspure.images import (
     FORMATS,
+    is_blank,
     mean_colour,
     read_back,
     read_image,
@@ -317,3 +318,11 @@ def test_images_that_the_record_of_their_folder_does_not_list_are_named(tmp_path
         require_all_images(tmp_path)
         warned = "rendered.json does not list 1 of 2 images: b.png" in capsys.readouterr().err
         assert warned == (name == "b")
+
+
+@pytest.mark.parametrize(("bright", "blank"), [(0, True), (1, True), (48, False)])
+def test_an_image_with_a_few_pixels_of_noise_is_blank(bright, blank):
+    image = np.zeros((12, 16, 3), np.float32)
+    image.reshape(-1, 3)[:bright] = 2 / 255
+    assert is_blank(image) is blank
+    assert is_blank(image + np.float32(0.5)) is blank

@@ -55,14 +55,12 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Extract every view."""
-    import numpy as np
-
     from gspure.artifacts import RENDERED, embedding_of, facts_of, filling, known_digest
     from gspure.cli.options import read_device, read_key, read_views, unmoved, write_views
     from gspure.errors import InputError
     from gspure.evaluation.controls import WRONG_KEY
     from gspure.evaluation.origins import attacks_of
-    from gspure.images import levels, record_views, require_no_other_images, write_image
+    from gspure.images import is_blank, record_views, require_no_other_images, write_image
     from gspure.model import model_file
     from gspure.progress import track, warn
     from gspure.schemes.matching import registered
@@ -85,13 +83,13 @@ def run(args: Arguments) -> None:
         public = registered(public, read_of(scheme, args.original).drawn(args.original).model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
-    view, is_flat = key.message(public, extraction, read_device(args)), True
+    view, all_blank = key.message(public, extraction, read_device(args)), True
     names = [RENDERED, *(f"{camera.name}.png" for camera in views)]
     with filling(args.out, *names, *["cameras.json"] * isinstance(args.cameras, str)) as folder:
         for camera in track(views, "extract"):
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
-            is_flat &= not np.ptp(levels(image), axis=(0, 1)).any()
+            all_blank &= is_blank(image)
         model, attack = known_digest(model_file(args.model)), attacks_of(model_file(args.model))
         owner = WRONG_KEY if args.wrong_key is not None else embedding_of(args.key)
         shown, photographs = unmoved(args, views), facts_of(args.key).get(MESSAGE, "")
@@ -99,8 +97,9 @@ def run(args: Arguments) -> None:
         record_views(folder, shown, (), "", **origin)
         if isinstance(args.cameras, str):
             write_views(args, folder, views)
-    if is_flat and args.wrong_key is None:
-        warn("all extracted images are blank: the key does not match the model, or an attack removed the message")
+    if all_blank and args.wrong_key is None:
+        causes = "the key does not match the model, its rows were moved or rounded, or an attack removed the message"
+        warn(f"all extracted images are blank: {causes} (try --original, or --extraction {ADAPTIVE})")
 
 
 def _require_published(file: Path, embedding: str) -> None:

@@ -26,6 +26,7 @@ from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.detector import words_of
 from gspure.evaluation.names import GSPURE, variant_at
+from gspure.evaluation.origins import attacks_of
 from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.model import Gaussians
 from gspure.model.inria import point_cloud, saved_iterations
@@ -173,6 +174,10 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         hint = f"if they were moved with it, delete {asset['model']}.json"
         expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
         raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
+    if "model" in asset and (attacked := attacks_of(Path(asset["model"]))):
+        hint = f"to audit it as a model of its own, delete {asset['model']}.json"
+        expected, found = "a model before any attack", f"{asset['model']}, a result of {attacked}"
+        raise InputError(source, f"{place}.model", expected=expected, found=found, hint=hint)
     if "train" in asset:
         asset["photographs"] = _photographs(asset["train"])
 
