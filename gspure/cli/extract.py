@@ -99,7 +99,10 @@ def run(args: Arguments) -> None:
             write_views(args, folder, views)
     if all_blank and args.wrong_key is None:
         causes = "the key does not match the model, its rows were moved or rounded, or an attack removed the message"
-        warn(f"all extracted images are blank: {causes} (try --original, or --extraction {ADAPTIVE})")
+        options = ["--original"] * (not args.original)
+        options += [f"--extraction {ADAPTIVE}"] * (ADAPTIVE in scheme.extractions and extraction != ADAPTIVE)
+        advice = f" (try {' or '.join(options)})" if options else ""
+        warn(f"all extracted images are blank: {causes}{advice}")
 
 
 def _require_published(file: Path, embedding: str) -> None:

@@ -49,7 +49,7 @@ def _condition(text: str) -> tuple[str, str]:
 
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record, write_text
-    from gspure.attacks.registry import attacks
+    from gspure.attacks.registry import BUILT_IN
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.origins import measured_images, recorded_attacks, recorded_models
     from gspure.evaluation.outcomes import collect
@@ -61,7 +61,7 @@ def run(args: Arguments) -> None:
 
     truth = [mask for key in args.keys if (mask := key / MESSAGE_ROWS).is_file()]
     files = (args.prune_masks, truth, args.verdicts, args.failures, args.retrievals, args.detections)
-    outcomes = collect(args.metrics, *files, conditions=args.condition, attacks=attacks())
+    outcomes = collect(args.metrics, *files, conditions=args.condition, attacks=[a.name for a in BUILT_IN])
     write_results(args.out, outcomes)
     inputs = {path.as_posix(): path for path in (*args.metrics, *chain(*files))}
     images = measured_images(args.metrics)
@@ -102,7 +102,8 @@ def _warn_of_repeated_scenes(
     first: dict[tuple[str, ...], str] = {}
     for name, digests in images.items():
         scheme, folder, variant = name.rsplit("/", 2)
-        if digests and variant == UNATTACKED and (twin := first.setdefault((scheme, *digests), folder)) != folder:
+        alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *digests)
+        if digests and variant == UNATTACKED and (twin := first.setdefault(alike, folder)) != folder:
             counted = "both count as scenes, so intervals are too narrow; remove one"
             if folder.partition("@")[0] == twin.partition("@")[0]:
                 counted = "the repetition adds no evidence, and the scheme may ignore its seed"
@@ -113,5 +114,5 @@ def _warn_of_repeated_scenes(
         scene, references = folder.partition("@")[0], settings_of(table).get("references", {})
         alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *map(str, sorted(references.items())))
         if references and (twin := scene_of.setdefault(alike, scene)) != scene:
-            counted = "count as separate scenes, so intervals are too narrow; keep one, or call them SCENE@1, SCENE@2"
+            counted = "count as separate scenes, so intervals are too narrow"
             warn(f"{model_name(scheme, folder)} and {twin} have the same reference images, but {counted}")

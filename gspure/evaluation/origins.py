@@ -284,7 +284,7 @@ def _require_one_attack(variants: Iterable[Path], named_after: Collection[str]) 
         if attack in named_after and settings["attack"] != attack:
             raise InputError(file, "attack", expected=attack, found=settings["attack"], hint=rename)
         if attack in named_after and settings.get("after"):
-            found, hint = f"a model after {settings['after']}", "attack the public model"
+            found, hint = f"a model after {settings['after']}", f"attack the public model, or {rename}"
             raise InputError(file, "model", expected="the one before any attack", found=found, hint=hint)
         damage = settings.get("damage", "none")
         wanted = wanted_damage(variant)

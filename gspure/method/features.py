@@ -77,7 +77,7 @@ def _counted(means: Float64) -> Bools | slice:
     remote = inner & (extent_and_distances(means, _MIDDLE)[1] > _REMOTE)
     if remote.sum() > _REMOTE_SHARE * len(remote):
         far = f"farther from the median centre than {_REMOTE:g} times the extent of the central 50 % of the centres"
-        consequence = "They are too many to leave out, and compress the positions of the others; remove them"
+        consequence = "They are too many to leave out, so they compress the positions of the others; remove them first"
         warn(f"features: {remote.sum()} of {len(remote)} rows are {far}. {consequence}")
     if inner.all():
         return slice(None)

@@ -74,5 +74,6 @@ def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera
     rows, count = near_rows(model, weights, cameras), len(model)
     if len(rows) <= NEAR_SHARE * count:
         return []
-    text = f"{len(rows)} of {count} Gaussians have weight 0 and lie between camera and near plane (depth {NEAR_PLANE})"
+    near = f"lie between the camera and the near plane (depth {NEAR_PLANE})"
+    text = f"{len(rows)} of {count} Gaussians have weight 0 and {near}"
     return [f"{text}; if the whole scene is only a few units in size, scale up model and cameras by the same factor"]

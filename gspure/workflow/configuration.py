@@ -137,7 +137,6 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
         _check_damage(settings, source, f"variants.{variant}")
     _check_one_decision(settled["variants"], source)
     settled["variants"] = _at_damages(settled["variants"], source)
-    _require_different_variants(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
     functions = {name: scheme.embed for name, scheme in known.items()}
     photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
@@ -175,7 +174,7 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
         raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
     if "model" in asset and (attacked := attacks_of(Path(asset["model"]))):
-        hint = f"to audit it as a model of its own, delete {asset['model']}.json"
+        hint = "list attacks as variants; to audit this file as a model of its own, delete its record (.json)"
         expected, found = "a model before any attack", f"{asset['model']}, a result of {attacked}"
         raise InputError(source, f"{place}.model", expected=expected, found=found, hint=hint)
     if "train" in asset:
@@ -210,9 +209,10 @@ def _settle_pair(pair: dict[str, Any], source: str | Path, place: str) -> None:
 
 def _require_different(pairs: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
     """Refuse a pair that repeats another one, perhaps with another seed: it would count as another scene."""
-    first: dict[str, str] = {}
+    first: dict[tuple[str, str], str] = {}
     for name, pair in pairs.items():
-        if (twin := first.setdefault(pair_arguments({**pair, "seed": 0}, 0), name)) != name:
+        settings = pair_arguments({**pair, "seed": 0}, 0), pair["initialization"]
+        if (twin := first.setdefault(settings, name)) != name:
             hint = "repeat a pair by `repetitions`"
             raise InputError(
                 source, f"pairs.{name}", expected="another pair", found=f"the settings of {twin}", hint=hint
@@ -226,14 +226,6 @@ def _require_different_assets(assets: Mapping[str, Mapping[str, Any]], source: s
         if settings[0] == settings[1] and all(_is_same(asset.get(k), other.get(k)) for k in ("model", "cameras")):
             found = f"the model and the views of {first}"
             raise InputError(source, f"assets.{name}", expected="another model", found=found)
-
-
-def _require_different_variants(variants: Mapping[str, Mapping[str, Any]], source: str | Path) -> None:
-    """Refuse a variant that repeats another one: tests would count it as another attack."""
-    for (first, settings), (name, other) in combinations(variants.items(), 2):
-        if settings == other:
-            expected = "another attack, or other settings"
-            raise InputError(source, f"variants.{name}", expected=expected, found=f"the settings of {first}")
 
 
 def _is_same(first: str | None, second: str | None) -> bool:
@@ -290,7 +282,8 @@ def _check_name(variant: str, attack: str, source: str | Path) -> None:
         expected = f"a name other than {', '.join([*CONTROLS, *_FOLDERS])}"
         raise InputError(source, f"variants.{variant}", expected=expected, found=variant)
     if variant in attacks() and attack != variant:
-        raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack))
+        hint = "the names of attacks are reserved; rename the variant"
+        raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack), hint=hint)
 
 
 def _check_texts(settings: Mapping[str, Any], source: str | Path, place: str) -> None:
