@@ -273,7 +273,7 @@ def test_the_workflow_refuses_views_that_a_model_does_not_move_with(tmp_path: Pa
         resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")
     assert main(f"cameras orbit --model {tmp_path}/out.ply --out {tmp_path}/around.json".split()) == 0
     around = {**asset, "cameras": str(tmp_path / "around.json")}
-    with pytest.raises(InputError, match=r"assets.moved.model: expected a model before any attack, found .* of rigid_"):
+    with pytest.raises(InputError, match=r"assets.moved.model: expected an unattacked model, found .* of rigid_"):
         resolved(validated({"assets": {"moved": around}}, schema, "c.yaml"), "c.yaml")
     (tmp_path / "out.ply.json").unlink()
     resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")

@@ -337,7 +337,7 @@ def test_the_audit_names_an_attack_that_is_stronger_at_equal_damage() -> None:
     drops["gof@0.3dB"] = (0.3, 5.0)
     once = told(of_scenes(2, **drops), sweeps)[1]["Compared with other attacks"]
     assert "However" not in once
-    assert re.search(r"\(0.3 dB\), no other tested attack removes more of the message than GSPure in every scene", once)
+    assert re.search(r"\(0.3 dB\), no other tested attack removes more of the message than GSPure in all scenes", once)
     drops |= {"gspure@2dB": (2.0, 25.0), "gof@2dB": (2.0, 20.0)}
     sweeps = {name: [variant for variant in drops if variant.startswith(name)] for name in sweeps}
     assert "(0.3 to 2 dB)" in told(of_scenes(2, **drops), sweeps)[1]["Compared with other attacks"]

@@ -449,7 +449,7 @@ def test_a_table_warns_of_scenes_with_the_same_images(tmp_path, capsys, scheme, 
     shutil.copytree(f"{source}/planted/room/unattacked", second := tmp_path / scheme / "b" / "unattacked")
     outputs = ["--out", str(tmp_path / "results.csv"), "--markdown", str(tmp_path / "results.md")]
     assert main(["table", "--metrics", str(first / "metrics.csv"), str(second / "metrics.csv"), *outputs]) == 0
-    assert capsys.readouterr().err.count("b are identical to those of a;") == warned
+    assert capsys.readouterr().err.count("b: the renders are identical to those of a;") == warned
 
 
 def test_costs_of_another_variant_are_refused(tmp_path, capsys):

@@ -98,10 +98,10 @@ def run(args: Arguments) -> None:
         if isinstance(args.cameras, str):
             write_views(args, folder, views)
     if all_blank and args.wrong_key is None:
-        causes = "the key does not match the model, its rows were moved or rounded, or an attack removed the message"
+        causes = "the key does not match the model, Gaussians were moved or rounded, or an attack removed the message"
         options = ["--original"] * (not args.original)
         options += [f"--extraction {ADAPTIVE}"] * (ADAPTIVE in scheme.extractions and extraction != ADAPTIVE)
-        advice = f" (try {' or '.join(options)})" if options else ""
+        advice = f" (for moved or rounded Gaussians, try {' or '.join(options)})" if options else ""
         warn(f"all extracted images are blank: {causes}{advice}")
 
 

@@ -104,10 +104,10 @@ def _warn_of_repeated_scenes(
         scheme, folder, variant = name.rsplit("/", 2)
         alike = (scheme, *conditions.get(f"{scheme}/{folder}", ()), *digests)
         if digests and variant == UNATTACKED and (twin := first.setdefault(alike, folder)) != folder:
-            counted = "both count as scenes, so intervals are too narrow; remove one"
+            counted = "both count as scenes, so intervals are too narrow; remove one model"
             if folder.partition("@")[0] == twin.partition("@")[0]:
                 counted = "the repetition adds no evidence, and the scheme may ignore its seed"
-            warn(f"the renders of {model_name(scheme, folder)} are identical to those of {twin}; {counted}")
+            warn(f"{model_name(scheme, folder)}: the renders are identical to those of {twin}; {counted}")
     scene_of: dict[tuple[str, ...], str] = {}
     for table in (path for path in metrics if path.resolve().parent.name == UNATTACKED):
         scheme, folder = table.resolve().parts[-4:-2]

@@ -174,8 +174,8 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
         raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
     if "model" in asset and (attacked := attacks_of(Path(asset["model"]))):
-        hint = "list attacks as variants; to audit this file as a model of its own, delete its record (.json)"
-        expected, found = "a model before any attack", f"{asset['model']}, a result of {attacked}"
+        hint = "list attacks as variants, or delete the record (.json) of this file to audit it as it is"
+        expected, found = "an unattacked model", f"{asset['model']}, an output of {attacked}"
         raise InputError(source, f"{place}.model", expected=expected, found=found, hint=hint)
     if "train" in asset:
         asset["photographs"] = _photographs(asset["train"])
@@ -282,7 +282,7 @@ def _check_name(variant: str, attack: str, source: str | Path) -> None:
         expected = f"a name other than {', '.join([*CONTROLS, *_FOLDERS])}"
         raise InputError(source, f"variants.{variant}", expected=expected, found=variant)
     if variant in attacks() and attack != variant:
-        hint = "the names of attacks are reserved; rename the variant"
+        hint = "a variant with the name of an attack must be that attack; rename it"
         raise InputError(source, f"variants.{variant}.attack", expected=variant, found=repr(attack), hint=hint)
 
 
