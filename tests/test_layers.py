@@ -15,7 +15,7 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"bounds", "constants", "display", "dtypes", "errors", "numerals", "rigid", "settings"}
+    {"bounds", "constants", "display", "dtypes", "errors", "files", "numerals", "rigid", "settings"}
     | {"artifacts", "cost", "failures", "progress", "plugins"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},

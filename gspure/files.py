@@ -1,0 +1,255 @@
+"""Files that are whole or absent, arrays without pickle, and the provenance of a folder of results."""
+
+import hashlib
+import json
+import math
+import os
+import shutil
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from gspure.errors import InputError, reading
+
+Shape = tuple[int | None, ...]  # `None` stands for any length
+
+Kind = tuple[np.dtype[Any] | type, Shape]
+"""What an array should be: a dtype, or ``np.integer`` or ``np.str_`` for any of these; and a shape."""
+
+PROVENANCE: Final = "provenance.json"
+
+UNPACKED_RATIO: Final = 100
+UNPACKED_ROOM: Final = 1 << 26
+"""An array in an archive may unpack to this many times the file's size, or to this many bytes, whichever is more."""
+
+_HEADERS: Final = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+_PACKINGS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary name beside `path`; on success it replaces `path`, on failure it is removed.
+
+    So a reader never sees half a file, and a killed writer leaves the old one in place. The temporary name keeps the
+    suffix, since some writers choose their format by it.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_file():  # root could replace /dev/null
+        raise InputError(path, "output", expected="a file", found="a folder, a device or a pipe")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        with _blaming(path, temporary):
+            yield temporary
+            temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def filling(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder inside `folder`; on success its files move into `folder`, on failure it is removed.
+
+    So files that belong together appear together or not at all. Files of other names stay.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=".gspure-", dir=folder))
+    try:
+        with _blaming(folder, temporary):
+            yield temporary
+            for file in sorted(path for path in temporary.rglob("*") if path.is_file()):
+                target = folder / file.relative_to(temporary)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                file.replace(target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def _blaming(path: Path, temporary: Path) -> Iterator[None]:
+    """Let an error about `temporary`, or of the file system about no file (a full disk), name `path`."""
+    try:
+        yield
+    except InputError as error:
+        error.source = error.source.replace(str(temporary), str(path))
+        raise
+    except OSError as error:
+        error.filename = str(error.filename or temporary).replace(str(temporary), str(path))
+        error.strerror = error.strerror or str(error)
+        raise
+
+
+def require_writable(folder: Path) -> None:
+    """Refuse a folder that cannot be written to, before work whose result would be lost."""
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        error.filename = str(folder)
+        raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` as UTF-8, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write `value` as indented JSON with sorted keys, whole or not at all."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read JSON, with or without a byte-order mark, or raise `InputError` with the line at which it goes wrong."""
+    with reading(path, "JSON"):
+        return json.loads(Path(path).read_text(encoding="utf-8-sig"))
+
+
+def digest(*parts: bytes | str | NDArray[Any]) -> str:
+    """Return a short hexadecimal digest of bytes, texts and arrays (dtype and shape included)."""
+    state = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            state.update(f"{part.dtype.str}{part.shape}".encode())
+            state.update(np.ascontiguousarray(part).data)
+        else:
+            data = part.encode() if isinstance(part, str) else part
+            state.update(f"{len(data)}:".encode())
+            state.update(data)
+    return state.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal digits."""
+    with Path(path).open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def write_provenance(
+    folder: Path, command: str, *, inputs: Mapping[str, Path], settings: Mapping[str, Any], run: str = ""
+) -> None:
+    """Write ``provenance.json`` to a folder of results: version, command, settings, inputs with their SHA-256.
+
+    `run` is the run ID of the embedding that the results belong to: the digest of its public model. By default it is
+    that of the first input with one.
+    """
+    from gspure import __version__
+
+    run = run or next(filter(None, map(run_of, inputs.values())), "")
+    known = {
+        name: {"path": str(path)} | ({"sha256": file_digest(path)} if Path(path).is_file() else {})
+        for name, path in inputs.items()
+    }
+    record = {"gspure": __version__, "command": command, "settings": dict(settings), "inputs": known}
+    write_json(Path(folder) / PROVENANCE, record | ({"run": run} if run else {}))
+
+
+def run_of(path: Path) -> str:
+    """Return the run ID in the provenance of a folder, or of the folder of a file; empty if it names none."""
+    folder = Path(path) if Path(path).is_dir() else Path(path).parent
+    if not (file := folder / PROVENANCE).is_file():
+        return ""
+    match read_json(file):
+        case {"run": str(run)}:
+            return run
+    return ""
+
+
+def save_array(path: Path, array: NDArray[Any]) -> None:
+    """Write one array as .npy, whole or not at all, without pickle."""
+    if array.dtype.hasobject:
+        raise ValueError("an array of objects cannot be saved without pickle")
+    array = np.asarray(array, order="C")
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        # Not np.save, whose `tofile` drops the reason when a disk is full.
+        npy.write_array_header_1_0(stream, npy.header_data_from_array_1_0(array))
+        stream.write(array.data)
+
+
+def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write named arrays as .npz, whole or not at all, without pickle."""
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
+
+
+def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
+    """Read one .npy array of the `Kind` that `dtype` and `shape` make, whose smallest number may be `least`.
+
+    Raise `InputError` if its size differs from what its header says, the array is of another kind, or a number in it
+    is not finite or below `least`.
+    """
+    with reading(path, "a .npy array"), Path(path).open("rb") as stream:
+        return _read(stream, os.fstat(stream.fileno()).st_size, path, "array", (dtype, shape), least)
+
+
+def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str, NDArray[Any]]:
+    """Read some arrays of an .npz archive, which should hold `content`.
+
+    Raise `InputError` if an array is missing, unpacks to too much or is of another kind, or a number in it is not
+    finite.
+    """
+    with reading(path, content), Path(path).open("rb") as stream, zipfile.ZipFile(stream) as archive:
+        room = max(UNPACKED_ROOM, UNPACKED_RATIO * os.fstat(stream.fileno()).st_size)
+        members = {info.filename: info for info in archive.infolist()}
+        arrays = {}
+        for name, kind in kinds.items():
+            if (info := members.get(f"{name}.npy")) is None:
+                raise InputError(path, name, expected=content, found="no such array")
+            if info.file_size > room or info.compress_type not in _PACKINGS:
+                found = f"{info.file_size} bytes, packed by method {info.compress_type}"
+                raise InputError(path, name, expected=f"at most {room} bytes, stored or deflated", found=found)
+            with archive.open(info) as member:
+                arrays[name] = _read(member, info.file_size, path, name, kind)
+        return arrays
+
+
+def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind, least: float = -math.inf) -> NDArray[Any]:
+    """Read one array, which should fill a stream of `size` bytes; nothing is allocated for another kind."""
+    version = npy.read_magic(stream)
+    if version not in _HEADERS:
+        raise InputError(path, field, expected="version 1.0 or 2.0 of .npy", found="version {}.{}".format(*version))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about headers of Python 2
+        shape, by_columns, dtype = _HEADERS[version](stream)
+    if dtype.hasobject:
+        raise InputError(path, field, expected="numbers", found="pickled objects")
+    if not _is_of(kind, dtype, shape):
+        raise InputError(path, field, expected=_text(*kind), found=_text(dtype, shape))
+    count = math.prod(shape)
+    if stream.tell() + count * dtype.itemsize != size:
+        found = f"{size - stream.tell()} bytes"
+        raise InputError(path, field, expected=f"{count * dtype.itemsize} bytes of data", found=found)
+    array = np.empty(count, dtype)
+    stream.readinto(array.view(np.uint8))  # type: ignore[attr-defined]
+    array = array.reshape(shape, order="F" if by_columns else "C")
+    for name in dtype.names or ("",):
+        column = array[name] if name else array
+        if column.dtype.kind == "f" and not (fits := np.isfinite(column) & (column >= least)).all():
+            expected = "finite numbers" if least == -math.inf else f"finite numbers of at least {least:g}"
+            first = np.argwhere(~fits)[0]
+            found = f"{column[tuple(first)]} in row {first[0] if len(first) else 0}"
+            raise InputError(path, field, expected=expected, found=found)
+    return array
+
+
+def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
+    wanted, lengths = kind
+    abstract = wanted in (np.integer, np.str_)
+    fits = np.issubdtype(dtype, wanted) if abstract else dtype == np.dtype(wanted)
+    of_lengths = all(n >= 0 if length is None else n == length for n, length in zip(shape, lengths, strict=False))
+    return bool(fits) and len(shape) == len(lengths) and of_lengths
+
+
+def _text(dtype: np.dtype[Any] | type, shape: Shape) -> str:
+    name = dtype.__name__ if isinstance(dtype, type) else str(dtype)
+    return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
