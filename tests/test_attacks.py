@@ -176,7 +176,7 @@ def test_noise_of_opacity_is_added_to_the_logit() -> None:
 
 def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
     table = model().table[["x", "y", "z", "opacity"]]
-    with pytest.raises(InputError, match="colour: expected columns that its images depend on, found none"):
+    with pytest.raises(InputError, match="not applicable: rows do not store colour"):
         find_attack("feature_scaling").apply(Gaussians(table), Evidence())
 
 
@@ -341,7 +341,7 @@ def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) 
         ),
         (["random_pruning", "--set", "part=0.5"], "part: expected one of fraction"),
         (["plain_weight"], "weights: expected an array, found nothing"),
-        (["random_pruning", "--set", "fraction=1"], "attack random_pruning: rows: expected some to remain, found 0 of"),
+        (["random_pruning", "--set", "fraction=1"], "attack random_pruning: not applicable: none of"),
         (["nothing"], "attack: name: expected one of unattacked"),
         (
             ["plain_weight", "--weights", "absent.npy"],

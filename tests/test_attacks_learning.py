@@ -182,7 +182,7 @@ def test_without_views_there_is_nothing_to_learn_from() -> None:
 def test_only_3dgs_is_distilled() -> None:
     from tests.attack_cases import features
 
-    with pytest.raises(InputError, match="another format"):
+    with pytest.raises(InputError, match="distil: not applicable"):
         find_attack("distil").apply(public(features(9)), Evidence(), cameras=VIEWS)
 
 

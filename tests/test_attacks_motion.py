@@ -114,7 +114,7 @@ def test_features_have_no_direction_and_stay() -> None:
 def test_anchors_are_translated_but_not_rotated() -> None:
     attacked = moved(anchors(COUNT), 0.0, translation=(1, 0, 0))
     assert changed(anchors(COUNT), attacked.model) == {"x"}
-    with pytest.raises(InputError, match="rotation: expected columns that store it, found none"):
+    with pytest.raises(InputError, match="not applicable: rows do not store rotation"):
         moved(anchors(COUNT), 30.0)
 
 

@@ -4,7 +4,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require, select_columns
+from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require, select_columns
 from gspure.attacks.strength import Strength
 from gspure.bounds import Amount, Range
 from gspure.constants import MAX_SH_DEGREE
@@ -29,7 +29,7 @@ def feature_scaling(
     Attributes are ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one).
     The paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
     """
-    names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
+    names = select_columns("feature_scaling", columns, attributes, ("colour", "base_colour", "opacity"))
     scaled = {name: model.table[name] * np.float32(factor) for name in names}
     if "opacity" in scaled:
         scaled["opacity"] = logit(model.opacities.astype(np.float64) * factor, LEAST_OPACITY)
@@ -50,7 +50,7 @@ def quantize(
     levels between a column's extremes, so one extreme value coarsens all others.
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
-    names = select_columns(columns, attributes, ATTRIBUTES)
+    names = select_columns("quantize", columns, attributes, ATTRIBUTES)
     if bits == HALF:
         return Attacked.changed(model, {name: _to_half(name, model.table[name]) for name in names})
     return Attacked.changed(model, {name: _to_levels(model.table[name], 2**bits) for name in names})
@@ -62,8 +62,8 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     Refused for models without harmonics above `degree`.
     """
     most = model.sh_degree - 1
-    require("sh_truncation", "model", "degree 0", "harmonics above degree 0", fits=most >= 0)
-    require("sh_truncation", "degree", degree, f"less than the model's {most + 1}", fits=0 <= degree <= most)
+    if degree > most:
+        raise NotApplicable("sh_truncation", f"no harmonics above degree {degree}")
     rest = model.columns_named("f_rest_")
     per_channel = len(rest) // 3  # channel-major: number i holds coefficient 1 + i % per_channel
     above = [name for i, name in enumerate(rest) if 1 + i % per_channel >= (degree + 1) ** 2]

@@ -1,7 +1,6 @@
 """The class of all attacks, built-in ones and those of plug-ins."""
 
 import inspect
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Self
@@ -25,6 +24,20 @@ from gspure.settings import Setting, defaults, require_settings
 
 Rows = Indices
 Rng = np.random.Generator
+
+
+class NotApplicable(InputError):  # noqa: N818
+    """An attack has nothing to act on in a model, or leaves nothing of it: an outcome, not a mistake."""
+
+    def __init__(self, attack: str, reason: str) -> None:
+        self.attack, self.reason = attack, reason
+        super().__init__(f"attack {attack}", "model", expected="one that it applies to", found=reason)
+
+    def __str__(self) -> str:
+        return f"{self.source}: not applicable: {self.reason}"
+
+    def __reduce__(self) -> tuple[Any, tuple[str, str]]:
+        return type(self), (self.attack, self.reason)
 
 
 @dataclass(frozen=True)
@@ -206,8 +219,10 @@ class Attack:
         Raises
         ------
         InputError
-            A setting is unknown or out of range, evidence is missing or of another model, the model has nothing that
-            the attack acts on, or finite numbers become infinite.
+            A setting is unknown or out of range, evidence is missing or of another model, or finite numbers become
+            infinite.
+        NotApplicable
+            The model has nothing that the attack acts on.
 
         """
         require_settings(f"attack {self.name}", self.function, settings)
@@ -259,7 +274,7 @@ class Attack:
         def damage_at(value: float) -> float:
             chosen = {**settings, strength.setting: value}
             attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
-            return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else math.inf
+            return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else np.inf
 
         return search(strength, damage_at, wanted)
 
@@ -335,19 +350,20 @@ def require(attack: str, setting: str, value: object, expected: str, *, fits: bo
 def require_attribute(attack: str, columns: Columns, attribute: str) -> None:
     """Refuse models whose rows do not store an attribute, such as the opacity of anchors."""
     if not columns.get(attribute):
-        raise InputError(f"attack {attack}", attribute, expected="columns that store it", found="none in these rows")
+        raise NotApplicable(attack, f"rows do not store {attribute}")
 
 
-def select_columns(columns: Columns, attributes: str, allowed: tuple[str, ...]) -> tuple[str, ...]:
+def select_columns(attack: str, columns: Columns, attributes: str, allowed: tuple[str, ...]) -> tuple[str, ...]:
     """Return the columns behind a setting such as ``colour`` or ``colour,opacity``, in that order.
 
-    Raise `InputError` if a name is not `allowed` or given twice, or the model stores none of these attributes.
+    Raise `InputError` if a name is not `allowed` or given twice, `NotApplicable` if the model stores none of these
+    attributes.
     """
     names = attributes.split(",")
     if not set(names) <= set(allowed) or len(set(names)) != len(names):
         expected = f"one or more of {','.join(allowed)}, separated by commas"
-        raise InputError("attack", "attributes", expected=expected, found=repr(attributes))
+        raise InputError(f"attack {attack}", "attributes", expected=expected, found=repr(attributes))
     selected = tuple(column for name in names for column in columns.get(name, ()))
     if not selected:
-        raise InputError("attack", attributes, expected="columns that its images depend on", found="none")
+        raise NotApplicable(attack, f"rows do not store {attributes}")
     return selected

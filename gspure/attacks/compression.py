@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attack, Attacked, Rng, require
+from gspure.attacks.attack import Attack, Attacked, NotApplicable, Rng, require
 from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
@@ -29,7 +29,7 @@ def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "
     """
     require("compression", "codec", codec, f"one of {', '.join(_SUFFIXES)}", fits=codec in _SUFFIXES)
     if not set(COLOUR) <= set(columns["colour"]):
-        raise InputError("attack compression", "colour", expected="columns f_dc_*", found="features")
+        raise NotApplicable("compression", "the format holds spherical harmonics, not features")
     order = curve_order(np.nan_to_num(model.means.astype(np.float64), posinf=0.0, neginf=0.0))
     sorted_model = Attacked.copied(model, order).model
     try:

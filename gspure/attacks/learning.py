@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require
+from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require
 from gspure.bounds import Factor, Steps
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC, TAU_C, TAU_N
@@ -151,10 +151,10 @@ def distil(
     Models of other formats are refused: the new model would have nothing that their extractions could read.
     """
     if type(public).attributes is not PublicModel.attributes:
-        expected = "a model of Gaussians with spherical harmonics, as the new one would be"
-        raise InputError("attack distil", "model", expected=expected, found="another format")
+        raise NotApplicable("distil", "no extraction of this format could read a vanilla model")
     opaque = np.flatnonzero(model.opacities >= OPAQUE)
-    require("distil", "model", len(opaque), f"at least {LEAST_POINTS} opaque rows", fits=len(opaque) >= LEAST_POINTS)
+    if len(opaque) < LEAST_POINTS:
+        raise NotApplicable("distil", f"{len(opaque)} opaque rows, and training starts from {LEAST_POINTS}")
     colours = np.clip(0.5 + SH_DC * model.sh_coeffs[opaque, 0], 0, 1)
     start = gaussians_at(model.means[opaque].astype(np.float64), (255 * colours).astype(np.uint8))
     distilled = train(

@@ -25,7 +25,7 @@ def gaussian_noise(
     Its standard deviation `sigma` is the same for every column. Attributes are ``colour`` (spherical harmonics or
     features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
     """
-    names = select_columns(columns, attributes, ("colour", "base_colour", "opacity"))
+    names = select_columns("gaussian_noise", columns, attributes, ("colour", "base_colour", "opacity"))
     noisy = {name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in names}
     return Attacked.changed(model, noisy)
 

@@ -19,7 +19,7 @@ from gspure.artifacts import (
     write_json,
     write_record,
 )
-from gspure.attacks import Attacked, Evidence, find_attack
+from gspure.attacks import Attacked, Evidence, NotApplicable, find_attack
 from gspure.attacks.carrier import reached
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
@@ -144,8 +144,7 @@ def run(args: Arguments) -> None:
         _print_damage(args, search)
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
-        hint = " ".join(f"{name}={value}" for name, value in used.items() if name != "attack" and value != "")
-        raise InputError(f"attack {attack.name}", "rows", expected="some to remain", found=f"0 of {count}", hint=hint)
+        raise NotApplicable(attack.name, f"none of {count} rows would remain")
     written = public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
