@@ -24,7 +24,10 @@ class _Search:
         self.leaves = 1 << self.levels
         self._engine = engine
         self._shape = (self.count, self.levels)
-        self._launch = engine.program("spanning", COLUMNS=columns, NEIGHBOURS=min_samples).launch
+        singles = np.array_equal(points, points.astype(np.float32))
+        self._real = 4 if singles else 8  # bytes of a number that is searched
+        defines = {"COLUMNS": columns, "NEIGHBOURS": min_samples, "SINGLES": int(singles)}
+        self._launch = engine.program("spanning", **defines).launch
         self._build(points)
         self._find_cores(copies, min_samples)
 
@@ -36,8 +39,10 @@ class _Search:
         for level in range(self.levels):
             self._launch("split_nodes", 1 << level, *self._shape, level, self._points, self._order, keys)
         self._blocks = engine.allocate(8 * self.leaves * columns * LEAF)
-        self._boxes = engine.allocate(8 * 2 * self.leaves * 2 * columns)
-        self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, self._blocks, self._boxes)
+        self._searched = engine.allocate(self._real * self.leaves * columns * LEAF)
+        self._boxes = engine.allocate(self._real * 2 * self.leaves * 2 * columns)
+        places = (self._blocks, self._searched, self._boxes)
+        self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, *places)
         self._join("join_boxes", self._boxes)
         self.order = engine.read(self._order, (self.count,), np.uint32)
 
@@ -50,16 +55,16 @@ class _Search:
             "find_neighbours",
             self.leaves,
             *(*self._shape, min_samples),
-            *(self._blocks, self._boxes, copies, self._neighbours, self._core),
+            *(self._blocks, self._searched, self._boxes, copies, self._neighbours, self._core),
         )
-        self._cores = engine.allocate(8 * self.leaves * LEAF)
-        self._least_cores = engine.allocate(8 * 2 * self.leaves)
+        self._cores = engine.allocate(self._real * self.leaves * LEAF)
+        self._least_cores = engine.allocate(self._real * 2 * self.leaves)
         self._launch("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
         self._join("join_cores", self._least_cores)
         self.core = engine.read(self._core, (self.count,), np.float64)
         # The state of each point between Boruvka's rounds.
         self._component = engine.allocate(4 * self.count)
-        self._components = engine.allocate(8 * self.leaves * LEAF)
+        self._components = engine.allocate(4 * self.leaves * LEAF)
         self._node_components = engine.allocate(4 * 2 * self.leaves)
         self._partners = engine.uploaded(np.full(self.count, _NONE, np.uint32))
         self._lengths = engine.uploaded(np.full(self.count, np.inf))
@@ -84,12 +89,15 @@ class _Search:
         self._launch(
             "find_edges",
             self.leaves,
-            *(*self._shape, self._blocks, self._boxes, self._cores, self._least_cores, self._components),
-            *(self._node_components, bounds, self._partners, self._lengths, self._least_lengths, shortest),
+            *(*self._shape, self._blocks, self._searched, self._boxes, self._core, self._cores, self._least_cores),
+            *(self._components, self._node_components, bounds),
+            *(self._partners, self._lengths, self._least_lengths, shortest),
         )
         lengths = engine.read(self._lengths, (self.count,), np.float64)
         partners = engine.read(self._partners, (self.count,), np.uint32)
         least = engine.read(shortest, (components,), np.float32)
+        if components == self.count:  # each point is one
+            return np.arange(self.count, dtype=np.uint32), partners, lengths
         points = np.flatnonzero(lengths <= least[component]).astype(np.uint32)
         points = points[np.argsort(lengths[points], kind="stable")][::-1]
         first = np.empty(components, np.uint32)
@@ -122,7 +130,8 @@ def minimum_spanning_tree(
         component = labels.astype(np.uint32)[component]
     core = np.empty(search.count)
     core[search.order] = search.core
-    return np.sort(search.order[np.concatenate(ends)], axis=1), np.sqrt(np.concatenate(squares)), np.sqrt(core)
+    a, b = search.order[np.concatenate(ends)].T
+    return np.column_stack([np.minimum(a, b), np.maximum(a, b)]), np.sqrt(np.concatenate(squares)), np.sqrt(core)
 
 
 def _join(targets: UInt32, lengths: Floats) -> tuple[Indices, int, Int32]:

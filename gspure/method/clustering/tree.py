@@ -43,7 +43,7 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
         raise InputError("clustering", "features", expected="at least one Gaussian", found="none")
     if min_samples > len(points) > 1:
         warn(f"clustering: min_samples is {min_samples}, more than the {len(points)} rows; all of them are used")
-    rows = _lexicographic_order(points)
+    rows = _order(*points.T)
     points = points[rows]
     is_first = np.append(True, (points[1:] != points[:-1]).any(axis=1))
     firsts = np.flatnonzero(is_first)
@@ -54,16 +54,20 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     surplus = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[surplus]], surplus])])
     distances = np.append(distances, core_distances[piles[surplus]])
-    order = np.lexsort((pairs @ np.array([len(points), 1]), distances))
-    return np.column_stack([np.sort(rows[pairs[order]], axis=1), distances[order]])
+    pairs = pairs[_order(distances, pairs[:, 0] * len(points) + pairs[:, 1])]
+    a, b = rows[pairs[:, 0]], rows[pairs[:, 1]]
+    return np.column_stack([np.minimum(a, b), np.maximum(a, b), np.sort(distances)])
 
 
-def _lexicographic_order(points: Float64) -> Indices:
-    order = np.argsort(points[:, 0], kind="stable")
-    step = np.diff(points[order, 0]) > 0
-    tied = ~(np.append(True, step) & np.append(step, True))
+def _order(*keys: NDArray[Any]) -> Indices:
+    """Return the lexicographic order of rows by `keys` [K], as numpy's lexsort does, which is slow with few ties."""
+    order = np.argsort(keys[0], kind="stable")
+    tied = np.zeros(len(order), np.bool_)
+    equal = ~(np.diff(keys[0][order]) > 0)
+    tied[1:] |= equal
+    tied[:-1] |= equal
     rows = order[tied]
-    order[tied] = rows[np.lexsort(points[rows].T[::-1])]
+    order[tied] = rows[np.lexsort([key[rows] for key in reversed(keys)])]
     return order
 
 
