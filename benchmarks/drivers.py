@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from gspure.cameras import Camera
 from gspure.opencl.device import Device, list_devices, works
 from gspure.opencl.engine import Style
-from gspure.reference.blending import centre_contributions, render
-from gspure.reference.gradients import pull_back
 from gspure.renderer import Renderer
 from tests.comparison import may_flip, may_swap, steady_pixels
 from tests.models import AWKWARD, blobs, tilted_camera
+from tests.reference.blending import centre_contributions, render
+from tests.reference.gradients import pull_back
 
 CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
     name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked", "geographic")

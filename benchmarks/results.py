@@ -28,7 +28,7 @@ from gspure.evaluation.outcomes import MESSAGE, condition_of
 from gspure.evaluation.paper import beside, read_cells
 from gspure.evaluation.summary import Summary
 from gspure.evaluation.survival import Survival
-from gspure.numerals import UNKNOWN, decimal, percent, signed
+from gspure.progress import UNKNOWN, decimal, percent, signed
 from gspure.report.table import Cell, Column, Row, Table, interval, share
 from gspure.report.tables import beside_table
 from gspure.schemes.scheme import ADAPTIVE

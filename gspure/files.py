@@ -1,4 +1,4 @@
-"""Files that are whole or absent, arrays without pickle, and the provenance of a folder of results."""
+"""Arrays by their elements, files that are whole or absent, and the provenance of a folder of results."""
 
 import hashlib
 import json
@@ -18,6 +18,14 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from gspure.errors import InputError, reading
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+UInt8 = NDArray[np.uint8]
+UInt32 = NDArray[np.uint32]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.intp]
 
 Shape = tuple[int | None, ...]  # `None` stands for any length
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from gspure.artifacts import RENDERED, file_digest, replacing, require_agreement, verify, write_json
 from gspure.artifacts.checksums import file_checksum, own_record, read_once, with_checksum
 from gspure.constants import LARGEST
-from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import Float32, UInt8
 from gspure.progress import warn
 
 if TYPE_CHECKING:

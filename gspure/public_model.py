@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import filling, require_replaceable
 from gspure.cameras.camera import Camera, spread
-from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
+from gspure.files import Float32, Indices
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import drawable, undrawable_rows

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.model.filtered import filtered
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.conservation import require_conservation

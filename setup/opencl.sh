@@ -11,7 +11,7 @@ log=$venv/opencl.log
 works() { # say which device works, or fail
   "$venv/bin/python" - 2>>"$log" <<'END'
 import sys
-from gspure.trial import try_devices
+from gspure.opencl.selftest import try_devices
 trials = try_devices()
 print(*(f"{trial.name}: {trial.problem or 'works'}" for trial in trials), sep="\n", file=sys.stderr)
 working = [trial for trial in trials if trial.problem is None]

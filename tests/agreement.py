@@ -18,9 +18,9 @@ from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.engine import Style
 from gspure.opencl.frame import Energy
-from gspure.reference.projection import pixel_centres, project
 from gspure.renderer import Renderer
 from tests.models import camera, gaussians
+from tests.reference.projection import pixel_centres, project
 
 Shape = Literal["flat", "needle"]
 SHAPES: tuple[Shape, ...] = ("flat", "needle")

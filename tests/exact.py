@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gspure.reference.blending import render
+from tests.reference.blending import render
 
 GRADIENT_OF = {
     "means": "means",

@@ -11,9 +11,9 @@ from gspure.errors import InputError
 from gspure.model import write_model
 from gspure.model.compressed.packed_ply import CHUNK
 from gspure.model.rotations import rotation_matrices
-from gspure.reference.blending import render
 from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera
+from tests.reference.blending import render
 
 COUNT = 300
 CODECS = ["compressed_ply", "spz"]

@@ -14,7 +14,6 @@ from gspure.attacks import Evidence, Strength, find_attack
 from gspure.attacks.attack import Attack, Attacked
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
-from gspure.bounds import Range
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -25,6 +24,7 @@ from gspure.method.pruning import prune_mask
 from gspure.model import read_model, write_model
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme
+from gspure.settings import Range
 from tests.models import blobs, camera, tilted_camera
 
 STRONG = [attack for attack in BUILT_IN if attack.strength]

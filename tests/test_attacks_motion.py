@@ -16,12 +16,12 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh, rotation_matrix
-from gspure.reference.blending import render
-from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from gspure.workflow.configuration import resolved, validated
 from tests.attack_cases import anchors, changed, features, public, unhurried
 from tests.documentation import ROOT
 from tests.models import blobs, camera, tilted_camera
+from tests.reference.blending import render
+from tests.reference.spherical_harmonics import sh_basis, sh_colors
 
 COUNT = 20
 angles = st.floats(-400, 400)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from gspure.attacks import Evidence, find_attack
 from gspure.model import Gaussians
-from gspure.reference.blending import render
 from tests.attack_cases import KINDS, changed, unhurried
 from tests.models import blobs, camera
+from tests.reference.blending import render
 
 COUNT = 30
 shares = st.floats(0, 1)

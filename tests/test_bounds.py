@@ -12,15 +12,14 @@ from typing import Any
 import pytest
 import yaml
 
-from gspure import bounds
+from gspure import settings as bounds
 from gspure.attacks.registry import attacks
-from gspure.bounds import Range
 from gspure.cli import main
 from gspure.cli.parser import Bounded
 from gspure.errors import InputError
 from gspure.schemes.registry import schemes
+from gspure.settings import Range, defaults, parsed_settings, require_settings
 from gspure.settings import bounds as bounds_of
-from gspure.settings import defaults, parsed_settings, require_settings
 from gspure.workflow.configuration import validated
 from tests.test_cli import parsers
 

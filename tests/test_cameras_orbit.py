@@ -3,11 +3,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.bounds import FIELD_OF_VIEW
 from gspure.cameras import bounding_sphere, orbit_cameras, read_cameras, shell_cameras, split, write_cameras
 from gspure.cameras.orbit import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
+from gspure.settings import FIELD_OF_VIEW
 from tests.camera_cases import numbers, project
 from tests.models import blobs, points_of
 

@@ -11,9 +11,9 @@ from gspure.method.contributions import require_valid
 from gspure.method.purify import purify
 from gspure.method.weights import REDUCTIONS, accumulate
 from gspure.model import read_model, write_model
-from gspure.reference.blending import centre_contributions
 from gspure.renderer import Renderer
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
+from tests.reference.blending import centre_contributions
 
 
 def measured(model, view, device=None, style=None, **budget):

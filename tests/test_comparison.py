@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gspure.reference.blending import render
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree, may_flip, may_swap
 from tests.models import AWKWARD, blobs, tilted_camera
+from tests.reference.blending import render
 
 CONTRIBUTION = [("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")]
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.artifacts.checksums import forget
-from gspure.bounds import Share
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.metrics import METRICS, Metric
+from gspure.settings import Share
 
 
 class Part(NamedTuple):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gspure.attacks import find_attack
-from gspure.display import Described
 from gspure.method.clustering.diagnosis import diagnose
 from gspure.method.purify import Purification
+from gspure.progress import Described
 from tests.models import blobs, camera
 
 

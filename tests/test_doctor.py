@@ -10,7 +10,7 @@ import pytest
 
 from gspure.cli import doctor
 from gspure.figures.probe import OpenGL
-from gspure.trial import Trial
+from gspure.opencl.selftest import Trial
 
 WORKING = Trial(
     index=0, kind="cpu", name="EPYC", platform="PoCL", driver="3.1", selected=True, problem=None, seconds=1.0
@@ -33,7 +33,7 @@ def examine(monkeypatch, capsys):
             return installed[name]
 
         wanted = ["numpy<3,>=1.26", "snakemake<10,>=9.0", 'ruff>=0.12; extra == "dev"']
-        monkeypatch.setattr("gspure.trial.try_devices", lambda: list(trials))
+        monkeypatch.setattr("gspure.opencl.selftest.try_devices", lambda: list(trials))
         monkeypatch.setattr("gspure.figures.probe.try_opengl", lambda: drawn)
         monkeypatch.setattr(metadata, "requires", lambda _: wanted)
         monkeypatch.setattr(metadata, "version", version)

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from gspure.constants import ALPHA_MAX
 from gspure.model.gaussians import Gaussians
-from gspure.reference.blending import render
 from gspure.renderer import Renderer
 from tests.agreement import SHAPES, VIEW, Cell, agreement
 from tests.models import blobs, camera, gaussians, joined, tilted_camera
+from tests.reference.blending import render
 
 SHARED_FIXTURES = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
 FLAT = (1.4e-9, 0.156, 0.196)

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from gspure.errors import InputError
 from gspure.model.gaussians import Gaussians
-from gspure.reference.blending import render
-from gspure.reference.gradients import pull_back
 from gspure.renderer import Renderer
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.exact import GRADIENT_OF, Exact, smooth_pixels
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+from tests.reference.blending import render
+from tests.reference.gradients import pull_back
 
 BACKGROUND = np.array([0.1, 0.5, 0.9])
 ROUNDING = {"flakes": 1e-4, "close_needles": 5e-3}

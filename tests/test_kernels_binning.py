@@ -10,9 +10,9 @@ from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
 from gspure.opencl.storage import store
-from gspure.reference.projection import pixel_centres
-from gspure.reference.projection import project as project_reference
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
+from tests.reference.projection import pixel_centres
+from tests.reference.projection import project as project_reference
 
 
 class Lists:

@@ -8,9 +8,9 @@ from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
 from gspure.opencl.storage import store
-from gspure.reference.footprint import extents
-from gspure.reference.projection import project as project_reference
 from tests.models import AWKWARD, blobs, tilted_camera
+from tests.reference.footprint import extents
+from tests.reference.projection import project as project_reference
 
 U, V, LOG2_OPACITY, DEPTH, L0, A0, C0 = 0, 1, 5, 6, 9, 10, 11  # layout.cl
 

@@ -15,12 +15,11 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"bounds", "constants", "display", "dtypes", "errors", "files", "numerals", "rigid", "settings"}
-    | {"artifacts", "cost", "failures", "progress", "plugins"},
+    {"constants", "errors", "files", "progress", "settings", "plugins"} | {"artifacts", "cost", "failures"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer"},
-    {"public_model", "trial"},
+    {"public_model"},
     {"surface"},
     {"method"},
     {"corruption", "evaluation"},
@@ -34,7 +33,6 @@ LAYERS = (
     {"cli"},
 )
 DEPTH = {part: depth for depth, layer in enumerate(LAYERS) for part in layer}
-REFERENCE_MAY_IMPORT = {"constants", "dtypes", "model", "cameras", "reference"}
 
 # Packages that only one part or module knows, and packages too slow to import before they are needed.
 OWNERS = {
@@ -98,8 +96,6 @@ def test_a_module_imports_only_from_its_own_layer_and_those_above() -> None:
         part = part_of(source)
         if part == "":
             return set()  # the public names come from everywhere
-        if part == "reference":
-            return parts_imported(source) - REFERENCE_MAY_IMPORT
         return {other for other in parts_imported(source) if DEPTH.get(other, len(LAYERS)) > DEPTH[part]}
 
     assert offences(from_below) == []

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from gspure.evaluation.metrics import ssim
 from gspure.opencl.engine import Engine
 from gspure.opencl.losses import upload_photographs
-from gspure.reference.losses import image_loss as reference_loss
+from tests.reference.losses import image_loss as reference_loss
 
 SIZES = [(1, 1), (3, 2), (10, 11), (11, 11), (16, 5), (17, 33), (40, 6)]
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.numerals import decimal, percent, signed, significant
+from gspure.progress import decimal, percent, signed, significant
 from gspure.report.templates import TEMPLATES
 from tests.test_layers import PACKAGE, TREES, part_of
 

@@ -15,7 +15,7 @@ LIBRARY = "liboclgrind-rt-icd.so"
 
 RENDER = """
 from gspure.opencl.device import matching_devices
-from gspure.reference.blending import render
+from tests.reference.blending import render
 from gspure.renderer import Renderer
 from tests.comparison import assert_pixels_agree
 from tests.models import blobs, tilted_camera
@@ -43,8 +43,8 @@ assert_agrees(renderer.opacities_at(view, model.means), model, view, model.means
 GRADIENTS = """
 import numpy as np
 from gspure.opencl.device import matching_devices
-from gspure.reference.blending import render
-from gspure.reference.gradients import pull_back
+from tests.reference.blending import render
+from tests.reference.gradients import pull_back
 from gspure.renderer import Renderer
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.models import blobs, tilted_camera

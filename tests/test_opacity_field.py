@@ -6,11 +6,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gspure.opencl import opacity_field as stage
-from gspure.reference.opacity_field import opacities_at
-from gspure.reference.opacity_field import opacity_field as reference_field
 from gspure.renderer import Renderer
 from gspure.surface.meshing import opacity_field
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
+from tests.reference.opacity_field import opacities_at
+from tests.reference.opacity_field import opacity_field as reference_field
 
 STEP = 0.005
 """What one Gaussian at the cut-off, 1/255, moves an opacity."""

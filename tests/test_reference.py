@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, EWA_DILATION, NEAR_PLANE
 from gspure.model.rotations import rotation_matrices
-from gspure.reference.blending import render
-from gspure.reference.footprint import extents
-from gspure.reference.projection import pixel_centres, project
-from gspure.reference.spherical_harmonics import sh_basis, sh_colors
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+from tests.reference.blending import render
+from tests.reference.footprint import extents
+from tests.reference.projection import pixel_centres, project
+from tests.reference.spherical_harmonics import sh_basis, sh_colors
 
 ENERGIES = ["ewa", "ray"]
 

@@ -7,12 +7,12 @@ import pytest
 
 from gspure.cameras.camera import intrinsics
 from gspure.constants import ALPHA_MAX, ALPHA_MIN
-from gspure.reference.blending import render
-from gspure.reference.gradients import pull_back
-from gspure.reference.projection import clamped_slopes, pixel_centres, project
-from gspure.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
 from tests.exact import GRADIENT_OF, STEP, Exact, smooth_pixels
 from tests.models import AWKWARD, blobs, camera, tilted_camera
+from tests.reference.blending import render
+from tests.reference.gradients import pull_back
+from tests.reference.projection import clamped_slopes, pixel_centres, project
+from tests.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
 
 BACKGROUND = np.array([0.1, 0.5, 0.9])
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
-from gspure.reference.blending import render
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+from tests.reference.blending import render
 
 ROUNDING = {("needles", "ray"): 5e-5}
 """Tolerances of cases that float32 cannot hold better: a fiftieth of a pixel wide, 1e-6 of a pixel off at best."""

@@ -7,7 +7,6 @@ from gspure.method.features import features
 from gspure.method.weights import accumulate
 from gspure.model import Gaussians
 from gspure.public_model import merge_by_row
-from gspure.reference.projection import Splats, project
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, table_of
 from gspure.schemes.secure_gs.neural import neural
@@ -15,6 +14,7 @@ from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.schemes.secure_gs.visibility import visible_rows
 from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_public
 from tests.models import blobs, camera, tilted_camera, without
+from tests.reference.projection import Splats, project
 from tests.training_cases import ring
 
 VIEWS = (camera(), tilted_camera())

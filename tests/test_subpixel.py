@@ -9,10 +9,10 @@ from gspure.cli import main
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import accumulate
 from gspure.model import write_model
-from gspure.reference.footprint import extents
-from gspure.reference.projection import project
 from gspure.renderer import Renderer
 from tests.models import camera, gaussians, joined, subpixel
+from tests.reference.footprint import extents
+from tests.reference.projection import project
 
 
 def weights_of(model, views):

@@ -13,12 +13,12 @@ from gspure.errors import InputError
 from gspure.model.points import Mesh, write_mesh_ply
 from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
-from gspure.reference.opacity_field import opacity_field
 from gspure.surface.distances import INVISIBLE, depth_distances, face_points, mesh_distances
 from gspure.surface.meshing import extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera
+from tests.reference.opacity_field import opacity_field
 from tests.surface_cases import DEVIATION, RADIUS, around, ball, directions, populated
 
 

@@ -10,11 +10,11 @@ from gspure.evaluation.metrics import psnr
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
-from gspure.reference.blending import render
-from gspure.reference.gradients import pull_back
-from gspure.reference.losses import image_loss
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.models import blobs, camera, tilted_camera
+from tests.reference.blending import render
+from tests.reference.gradients import pull_back
+from tests.reference.losses import image_loss
 
 RATES = LearningRates(means=2e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc=1e-2, sh_rest=1e-3)
 VIEWS = [camera(24, 20, focal=25.0), tilted_camera(24, 20, focal=25.0)]

@@ -7,15 +7,15 @@ import subprocess
 import numpy as np
 import pytest
 
-from gspure import trial
+from gspure.opencl import selftest
 from gspure.opencl.device import choose_device, list_devices, works
-from gspure.renderer import Renderer
+from gspure.opencl.engine import Engine
 
 LISTING = '[{"index": 0, "kind": "cpu", "name": "a", "platform": "p", "driver": "1", "selected": true}]'
 
 
 def test_every_device_is_tried_in_a_process_of_its_own() -> None:
-    trials = trial.try_devices()
+    trials = selftest.try_devices()
     assert [(each.index, each.name) for each in trials] == [(d.index, d.name) for d in list_devices()]
     assert [each.problem is None for each in trials] == [works(d) for d in list_devices()]
 
@@ -36,13 +36,13 @@ def test_a_driver_that_ends_its_process_is_a_problem_of_that_device(monkeypatch,
     def child(*arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(arguments, status if arguments else 0, "" if arguments else LISTING, words)
 
-    monkeypatch.setattr(trial, "_child", child)
-    (tried,) = trial.try_devices()
+    monkeypatch.setattr(selftest, "_child", child)
+    (tried,) = selftest.try_devices()
     assert (tried.index, tried.problem) == (0, problem)
 
 
 def test_a_frame_whose_light_does_not_add_up_is_a_problem(monkeypatch) -> None:
     device = choose_device()
-    assert trial.frame_problem(device) is None
-    monkeypatch.setattr(Renderer, "transmittance", lambda _, camera: np.full((camera.height, camera.width), 0.5))
-    assert trial.frame_problem(device) == "a small frame gives wrong results"
+    assert selftest.frame_problem(device) is None
+    monkeypatch.setattr(Engine, "read", lambda _, buffer, shape, dtype: np.full(shape, 0.5, dtype))
+    assert selftest.frame_problem(device) == "a small frame gives wrong results"

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.checksums import verify
 from gspure.artifacts.files import replacing
-from gspure.dtypes import Indices
 from gspure.errors import InputError, reading
+from gspure.files import Indices
 
 Shape = tuple[int | None, ...]  # `None` stands for any length
 

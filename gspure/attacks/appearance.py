@@ -6,13 +6,13 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require, select_columns
 from gspure.attacks.strength import Strength
-from gspure.bounds import Amount, Range
 from gspure.constants import MAX_SH_DEGREE
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.progress import warn
 from gspure.public_model import ATTRIBUTES, Columns
+from gspure.settings import Amount, Range
 
 FACTOR: Final = 1.2  # scale of the features; ours: the paper says "amplifies", without a value
 

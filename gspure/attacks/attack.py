@@ -10,17 +10,15 @@ from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.attacks.strength import Damage, Match, Strength, search
-from gspure.bounds import SEED
-from gspure.cameras.camera import Camera
-from gspure.display import Described
-from gspure.dtypes import Bools, Float32, Float64, Indices, Int32
+from gspure.cameras.camera import Camera, require_rigid
 from gspure.errors import InputError
+from gspure.files import Bools, Float32, Float64, Indices, Int32
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
+from gspure.progress import Described
 from gspure.public_model import Columns, PublicModel
-from gspure.rigid import require_rigid
-from gspure.settings import Setting, defaults, require_settings
+from gspure.settings import SEED, Setting, defaults, require_settings
 
 Rows = Indices
 Rng = np.random.Generator

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from gspure.attacks.attack import Attack, Attacked, NotApplicable, Rng, require
-from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
+from gspure.files import Float64, Indices
 from gspure.model import read_model, write_model
 from gspure.model.compressed.packed_ply import CHUNK
 from gspure.model.compressed.writing import PACKAGES, PACKED_PLY, SPZ

@@ -6,12 +6,12 @@ import numpy as np
 
 from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute
 from gspure.attacks.strength import Strength
-from gspure.bounds import Range, Share
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved, rotation
 from gspure.progress import warn
 from gspure.public_model import Columns
+from gspure.settings import Range, Share
 
 CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
 FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours

@@ -7,17 +7,17 @@ from typing import Final
 import numpy as np
 
 from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require
-from gspure.bounds import Factor, Steps
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC, TAU_C, TAU_N
-from gspure.dtypes import Bools, Float32, Int32
 from gspure.errors import InputError
+from gspure.files import Bools, Float32, Int32
 from gspure.images import read_back
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
 from gspure.progress import track
 from gspure.public_model import Lesson, PublicModel
+from gspure.settings import Factor, Steps
 from gspure.training.dataset import extent
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.trainer import beginning, train

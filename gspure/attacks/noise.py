@@ -7,10 +7,10 @@ import numpy as np
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute, select_columns
 from gspure.attacks.geometry import radius, warn_of_coarse_centres
 from gspure.attacks.strength import Strength
-from gspure.bounds import Amount
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
+from gspure.settings import Amount
 
 SIGMA: Final = 0.1  # standard deviation of attribute noise, in units of the stored values; ours: the paper names none
 OPACITY_SIGMA: Final = 0.1  # relative to each opacity; ours: the middle of the published range, 0.05 to 0.2

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from gspure.attacks.attack import Attack, Attacked, Rng, named
 from gspure.attacks.strength import Strength
-from gspure.bounds import Amount, Factor, Share
 from gspure.constants import TAU_C, TAU_N
-from gspure.dtypes import Bools, Float32, Int32
+from gspure.files import Bools, Float32, Int32
 from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians
+from gspure.settings import Amount, Factor, Share
 
 FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
 

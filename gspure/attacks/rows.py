@@ -15,10 +15,10 @@ import numpy as np
 from gspure.attacks.attack import Attacked, Rng, named, require_attribute
 from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
-from gspure.bounds import Share
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import Columns
+from gspure.settings import Share
 
 CLONED: Final = 0.25  # fraction of the rows to clone; ours
 INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of the published range, 0.05 to 0.3

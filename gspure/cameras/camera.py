@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import digest
-from gspure.bounds import SIDE
 from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
-from gspure.display import Described
-from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
-from gspure.rigid import require_rigid
+from gspure.files import Float64, Indices
+from gspure.progress import Described
+from gspure.settings import SIDE
+
+_RIGID: Final = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,6 +102,18 @@ class Camera(Described):
     def moved(self, transform: Float64) -> Camera:
         """Return the view moved by the rigid `transform` [4,4]; a model moved by it looks the same in this view."""
         return replace(self, viewmat=self.viewmat @ np.linalg.inv(transform))
+
+
+def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
+    """Raise `InputError` for the `field` of a source unless a finite matrix [3,3] is a rotation, or [4,4] rigid."""
+    rotation, last = transform[:3, :3], transform[3:].ravel().tolist()
+    with np.errstate(all="ignore"):  # of numbers that are very large or very small
+        error, volume = np.abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
+    if not (error <= _RIGID and volume > 0):
+        found = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"
+        raise InputError(source, field, expected="a rotation without scale, shear or mirroring", found=found)
+    if last not in ([], [0, 0, 0, 1]):
+        raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, last)))
 
 
 def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:

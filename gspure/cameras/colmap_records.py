@@ -6,8 +6,8 @@ Source: https://colmap.github.io/format.html and https://colmap.github.io/camera
 from pathlib import Path
 from typing import NamedTuple
 
-from gspure.dtypes import Float64, UInt8
 from gspure.errors import InputError
+from gspure.files import Float64, UInt8
 
 MODEL_NAMES = (
     "SIMPLE_PINHOLE",

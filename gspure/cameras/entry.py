@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from gspure.bounds import SIDE
+from gspure.cameras.camera import require_rigid
 from gspure.constants import LARGEST
-from gspure.dtypes import Float64
 from gspure.errors import InputError
-from gspure.rigid import require_rigid
+from gspure.files import Float64
+from gspure.settings import SIDE
 
 
 @dataclass(frozen=True)

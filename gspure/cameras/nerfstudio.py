@@ -23,7 +23,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.naming import distinct, view_name
 from gspure.cameras.photographs import is_present, photograph_size
 from gspure.cameras.undistortion import COEFFICIENTS
-from gspure.dtypes import Float64
+from gspure.files import Float64
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera, looking_at, split
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 
 PREFIX: Final = "off_path_"  # prefix of the names of such views
 

@@ -7,14 +7,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.bounds import FIELD_OF_VIEW, VIEWS
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.constants import NEAR_PLANE
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say
+from gspure.settings import FIELD_OF_VIEW, VIEWS
 
 Floats = NDArray[np.floating[Any]]
 

@@ -10,8 +10,8 @@ from gspure.cameras import inria, nerfstudio
 from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 from gspure.model import model_file
 from gspure.progress import warn
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.cameras.photographs import photograph, require_images
-from gspure.dtypes import Float32, Float64
 from gspure.errors import InputError
+from gspure.files import Float32, Float64
 from gspure.images import read_image, write_image
 from gspure.progress import track
 

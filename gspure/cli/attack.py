@@ -23,7 +23,6 @@ from gspure.attacks import Attacked, Evidence, NotApplicable, find_attack
 from gspure.attacks.carrier import reached
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
-from gspure.bounds import DECIBELS, SEED
 from gspure.cameras import Camera, split
 from gspure.cli.options import (
     SPLITS,
@@ -38,18 +37,18 @@ from gspure.cli.options import (
 )
 from gspure.cli.parser import Arguments, Parser
 from gspure.cost import read_cost, spent, total
-from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, TRUTH
 from gspure.evaluation.origins import attacks_of
 from gspure.evaluation.outcomes import SCENE
+from gspure.files import Float64
 from gspure.images import read_image, require_photographs
 from gspure.method.clustering.store import read_labels
 from gspure.model import model_file, require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme, recognized, require_own_files, schemes
-from gspure.settings import parsed_settings
+from gspure.settings import DECIBELS, SEED, parsed_settings
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random.ply

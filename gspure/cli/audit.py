@@ -13,10 +13,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gspure.bounds import CORES
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
+from gspure.settings import CORES
 from gspure.workflow.job_progress import COMMAND, SHOWN
 from gspure.workflow.options import DEFAULT_PROFILE, profile_options
 

@@ -1,12 +1,12 @@
 """``gspure cluster``: flat clusters from a spanning tree."""
 
 from gspure.artifacts import write_record
-from gspure.bounds import CLUSTER_SHARE, CLUSTER_SIZE
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
 from gspure.method.clustering.selection import SELECTIONS, select
 from gspure.method.clustering.store import Clusters, read_tree, write_clusters
 from gspure.method.clustering.tree import coincident_points
+from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE
 
 EXAMPLES = """\
   gspure cluster --tree tree.npy --out clusters.npz

@@ -2,10 +2,10 @@
 
 import argparse
 
-from gspure.bounds import VIEWS
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say
+from gspure.settings import VIEWS
 
 EXAMPLES = """\
   gspure contributions --model point_cloud.ply --cameras cameras.json --stages stages/room --index room.tsv

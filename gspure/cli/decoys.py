@@ -1,9 +1,9 @@
 """``gspure decoys``: pictures of random rooms, for `gspure retrieve`."""
 
-from gspure.bounds import TRACED_SIDE, VIEWS
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import track
+from gspure.settings import TRACED_SIDE, VIEWS
 
 EXAMPLES = """\
   gspure decoys --views 4 --width 160 --height 120 --out decoys

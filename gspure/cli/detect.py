@@ -6,8 +6,8 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.bounds import SECONDS
 from gspure.cli.parser import Arguments, Parser
+from gspure.settings import SECONDS
 
 if TYPE_CHECKING:
     from gspure.evaluation.detection import Reading

@@ -59,7 +59,7 @@ def run(args: Arguments) -> int:  # noqa: ARG001
 
 def opencl() -> list[Finding]:
     """Return one finding per OpenCL device, and another if none is usable."""
-    from gspure.trial import try_devices
+    from gspure.opencl.selftest import try_devices
 
     trials = try_devices()
     usable = [trial for trial in trials if trial.selected and trial.problem is None]

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, remove, write_json, write_record
 from gspure.artifacts.checksums import record_file
-from gspure.bounds import SEED
 from gspure.cli.options import add_device, described, read_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
@@ -16,7 +15,7 @@ from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
-from gspure.settings import parsed_settings
+from gspure.settings import SEED, parsed_settings
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`

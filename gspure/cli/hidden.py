@@ -1,9 +1,9 @@
 """``gspure hidden``: the share of the message's weight on rows that plain_weight prunes."""
 
-from gspure.bounds import FACTOR
 from gspure.cli.options import add_device, add_energy, add_views, read_device, read_views
 from gspure.cli.parser import Arguments, Parser
 from gspure.cli.weights import add_reduction
+from gspure.settings import FACTOR
 
 EXAMPLES = """\
   gspure hidden --model marked/public/point_cloud.ply --scheme splats_in_splats --key marked/key \\
@@ -44,8 +44,7 @@ def run(args: Arguments) -> None:
     )
     from gspure.model import model_file
     from gspure.model.finite import undrawable_rows
-    from gspure.numerals import percent
-    from gspure.progress import warn
+    from gspure.progress import percent, warn
     from gspure.schemes.hidden_weight import hidden_weights, share_on_low
     from gspure.schemes.registry import find_scheme, geometry_of, read_public_model
 

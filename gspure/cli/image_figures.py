@@ -7,11 +7,11 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.bounds import VIEWS
 from gspure.cli.options import add_sweeps, read_sweeps, require_variants
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.evaluation.names import display_name
+from gspure.settings import VIEWS
 
 if TYPE_CHECKING:
     from gspure.evaluation.outcomes import Outcome

@@ -1,8 +1,8 @@
 """Options of clustering and pruning; not in `options`, which imports the renderer, so that its edits rerun neither."""
 
-from gspure.bounds import FACTOR, NEIGHBOURS
 from gspure.cli.parser import Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MIN_SAMPLES, TAU_C, TAU_N
+from gspure.settings import FACTOR, NEIGHBOURS
 
 
 def add_min_samples(parser: Parser) -> None:

@@ -8,14 +8,14 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.bounds import COORDINATE, SEED, SHARE
 from gspure.cli.parser import Arguments, Parser, Unrelated, filled
 from gspure.errors import InputError, did_you_mean
+from gspure.settings import COORDINATE, SEED, SHARE
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
-    from gspure.dtypes import Float64
     from gspure.evaluation.outcomes import Outcome
+    from gspure.files import Float64
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
     from gspure.schemes.scheme import Key

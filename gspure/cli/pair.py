@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gspure.artifacts import RENDERED, filling, read_json, write_record
-from gspure.bounds import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.cameras import Camera, inria, off_path_cameras, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device
 from gspure.cli.parser import Arguments, Parser
@@ -23,6 +22,7 @@ from gspure.scenes.alignment import Similarity, aligning
 from gspure.scenes.photography import path_cameras, photograph, picture
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
+from gspure.settings import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.training.dataset import read_dataset, read_photographs
 
 EXAMPLES = """\

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.names import display_name
-from gspure.numerals import decimal, signed
+from gspure.progress import decimal, signed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

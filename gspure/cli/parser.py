@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path, PosixPath
 from typing import Any, NoReturn
 
-from gspure.bounds import Range
 from gspure.errors import InputError, did_you_mean, printable
+from gspure.settings import Range
 
 Arguments = argparse.Namespace
 _DEFAULT = " (default: %(default)s)"

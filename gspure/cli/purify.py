@@ -14,7 +14,6 @@ from gspure import __version__
 from gspure.artifacts import embedding_of, filling, motion_of, save_array, write_json, write_record
 from gspure.artifacts.replacement import RENDERED, remove, remove_images
 from gspure.attacks.learning import ITERATIONS, Teacher
-from gspure.bounds import STEPS
 from gspure.cameras import Camera, scaled, split, views_digest
 from gspure.cameras.resolution import TRAINING_RULE
 from gspure.cli.cluster import add_selection
@@ -46,6 +45,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model, recognized
+from gspure.settings import STEPS
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gspure.cameras import Camera
-    from gspure.dtypes import Float32
+    from gspure.files import Float32
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
 

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.bounds import MAX_GAUSSIANS, SEED, STEPS
 from gspure.cli.options import add_background, add_device, read_background, read_device
 from gspure.cli.parser import Arguments, Parser, Unrelated
 from gspure.progress import say, track
+from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
-    from gspure.dtypes import Float32
     from gspure.evaluation.comparison import ViewMetrics
+    from gspure.files import Float32
     from gspure.opencl.device import Device
     from gspure.opencl.trainable import Parameters
     from gspure.training.checkpoints import Snapshot

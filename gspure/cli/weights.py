@@ -1,8 +1,8 @@
 """``gspure weights``: the average contribution of every Gaussian over the views."""
 
-from gspure.bounds import VIEWS
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import warn
+from gspure.settings import VIEWS
 
 EXAMPLES = """\
   gspure weights --index room.tsv --model point_cloud.ply --out weights.npy

@@ -21,7 +21,7 @@ from gspure.images import (
     require_comparable,
     require_only_png,
 )
-from gspure.numerals import decimal
+from gspure.progress import decimal
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"

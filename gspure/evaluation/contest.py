@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
-from gspure.bounds import Share
 from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
 from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.outcomes import SCENE, Condition, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import holm, paired_test
+from gspure.settings import Share
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
 SCORE: Final = "score"

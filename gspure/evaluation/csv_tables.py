@@ -15,9 +15,9 @@ from types import NoneType
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from gspure.artifacts import verify, write_text
-from gspure.bounds import Range
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
+from gspure.settings import Range
 
 Row = TypeVar("Row")
 Key = TypeVar("Key")

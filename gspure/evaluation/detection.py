@@ -12,14 +12,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gspure.artifacts import require_agreement, settings_of
-from gspure.bounds import Share
 from gspure.cameras.off_path import PREFIX
-from gspure.dtypes import Bools
 from gspure.errors import InputError
 from gspure.evaluation.controls import CLEAN, CONTROLS
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
+from gspure.files import Bools
 from gspure.images import SHOWN
+from gspure.settings import Share
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 FILE: Final = "file "  # settings of readings: prefix of the files that the detector's command names, with their digests

@@ -16,9 +16,9 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.artifacts import distinct, file_digest
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.detection import LARGEST, Reading, as_bits, share_correct
+from gspure.files import Bools, Float32
 from gspure.images import read_image, require_all_images, require_intact, require_only_png
 
 LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line; ours

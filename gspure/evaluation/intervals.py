@@ -25,8 +25,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
 ROUNDING: Final = 1e-9  # relative error of sums and differences; ours, far below what images of 8 bits distinguish

@@ -13,7 +13,7 @@ from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
 from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, ordered
 from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
-from gspure.numerals import decimal
+from gspure.progress import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB

@@ -10,11 +10,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gspure.bounds import SHARE, Range
 from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
-from gspure.dtypes import Float64
 from gspure.errors import InputError
-from gspure.numerals import decimal
+from gspure.files import Float64
+from gspure.progress import decimal
+from gspure.settings import SHARE, Range
 
 PEAK_RATIO: Final = Range(0.0, 200.0)  # dB; one step of 16 bits in one value of the largest image has 197 dB
 CORRELATION: Final = Range(-1.0, 1.0)

@@ -7,7 +7,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
-from gspure.bounds import Share
 from gspure.errors import InputError
 from gspure.evaluation.comparison import RENDER, ViewMetrics
 from gspure.evaluation.csv_tables import PerMetric, Values, grouped, read_table, write_table
@@ -15,6 +14,7 @@ from gspure.evaluation.detection import Detection
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import MESSAGE, Outcome, condition_of, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval
+from gspure.settings import Share
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 

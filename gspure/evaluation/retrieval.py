@@ -6,13 +6,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.bounds import Share
-from gspure.dtypes import Float64
 from gspure.errors import InputError
 from gspure.evaluation.comparison import ImagePair
 from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.significance import detectability
+from gspure.files import Float64
 from gspure.images import levels, read_image
+from gspure.settings import Share
 
 CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability; ours
 FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`

@@ -20,8 +20,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.dtypes import Float64
 from gspure.evaluation.intervals import LEVEL, checked, means_of
+from gspure.files import Float64
 
 DRAWS: Final = 2**16  # ours: up to 16 scenes this is every combination of signs; for more, as many are drawn
 

@@ -13,7 +13,7 @@ from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import Detectability, detectability
-from gspure.numerals import decimal
+from gspure.progress import decimal
 
 MARGIN: Final = 1.0  # smallest margin above the floor at which a message counts as present, dB; our choice
 

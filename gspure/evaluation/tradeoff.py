@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.dtypes import Bools
+from gspure.files import Bools
 
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB; ours
 DAMAGE_TOLERANCE: Final = 0.04  # dB; ours: the size of the smallest differences shown

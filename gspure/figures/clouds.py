@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, SH_DC
-from gspure.dtypes import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.figures import style
+from gspure.files import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.method.pruning import deciding_weights
-from gspure.numerals import percent
+from gspure.progress import percent
 
 _STEPS = 256  # of a scale
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import write_text
-from gspure.dtypes import UInt8
 from gspure.figures.clouds import Cloud
+from gspure.files import UInt8
 
 _FLOAT: Final = 5126
 _UNSIGNED_SHORT: Final = 5123

@@ -10,7 +10,6 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
-from gspure.dtypes import Bools, Float32, Int32
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.export import write_gltf, write_vtp
 from gspure.figures.plate import PAGE_WIDTH, PICTURE_WIDTH, write_plate
@@ -18,7 +17,8 @@ from gspure.figures.plots import write_weight_histogram
 from gspure.figures.portrait import portrait
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
-from gspure.numerals import percent
+from gspure.files import Bools, Float32, Int32
+from gspure.progress import percent
 from gspure.public_model import RenderView
 
 TITLES: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gspure.dtypes import Float32
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.figures import style
-from gspure.numerals import decimal
+from gspure.files import Float32
+from gspure.progress import decimal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

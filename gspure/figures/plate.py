@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gspure.dtypes import UInt8
 from gspure.figures import style
 from gspure.figures.clouds import Cloud, Legend, Scale
+from gspure.files import UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gspure.dtypes import Bools, Float32, Float64
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
 from gspure.figures import style
+from gspure.files import Bools, Float32, Float64
 from gspure.method.pruning import mean_weight
-from gspure.numerals import UNKNOWN, decimal, percent, signed
+from gspure.progress import UNKNOWN, decimal, percent, signed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

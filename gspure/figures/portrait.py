@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32, UInt8
 from gspure.figures.clouds import Cloud
 from gspure.figures.probe import prefer_egl
 from gspure.figures.viewpoint import in_view, project
+from gspure.files import Float32, UInt8
 
 _SMOOTHING: Final = 2  # factor of supersampling
 _PIXELS_AT_ONCE: Final = 4_000_000

@@ -9,11 +9,11 @@ from numpy.lib.recfunctions import repack_fields
 
 from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
-from gspure.dtypes import Bools, Float32, Int32
 from gspure.figures import style
 from gspure.figures.clouds import cluster_cloud
 from gspure.figures.gallery import Drawing
 from gspure.figures.panels import show
+from gspure.files import Bools, Float32, Int32
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device

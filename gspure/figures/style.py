@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 
 from gspure.artifacts import replacing, require_replaceable
-from gspure.dtypes import UInt8
+from gspure.files import UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

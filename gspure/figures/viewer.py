@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import write_json
 from gspure.constants import NOISE_LABEL
-from gspure.dtypes import Float32, Float64, Indices
 from gspure.figures.clouds import Cloud, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
 from gspure.figures.gallery import Evidence, ranks
+from gspure.files import Float32, Float64, Indices
 from gspure.method.pruning import cluster_weights, mean_weight
 
 MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly

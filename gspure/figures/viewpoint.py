@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.orbit import guessed_up
-from gspure.dtypes import Bools, Float64, Indices
+from gspure.files import Bools, Float64, Indices
 
 MAX_POINTS = 2_000_000  # larger clouds are thinned to this number of points, always the same ones
 

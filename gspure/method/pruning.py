@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
-from gspure.dtypes import Bools, Float64
 from gspure.errors import InputError
+from gspure.files import Bools, Float64
 
 
 def mean_weight(weights: NDArray[Any]) -> float:

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
-from gspure.display import Described
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
+from gspure.files import Bools, Float32
 from gspure.method import pruning
 from gspure.method.clustering.diagnosis import Diagnosis, diagnose
 from gspure.method.clustering.selection import Labels, Selection, select
@@ -22,8 +21,7 @@ from gspure.method.clustering.tree import coincident_points, spanning_tree
 from gspure.method.features import features
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
-from gspure.numerals import decimal, percent
-from gspure.progress import say, track
+from gspure.progress import Described, decimal, percent, say, track
 from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:

@@ -7,12 +7,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.bounds import SIDE
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import ALPHA_MIN, NEAR_PLANE
-from gspure.dtypes import Indices
+from gspure.files import Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes
+from gspure.settings import SIDE
 
 NEAR_SHARE: Final = 0.01  # of all rows: how many may be nearer than the near plane without a word; ours
 

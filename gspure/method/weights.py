@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NEAR_PLANE
-from gspure.dtypes import Float32, Float64, Indices
 from gspure.errors import InputError
+from gspure.files import Float32, Float64, Indices
 
 Stage = TypeVar("Stage")
 Reduction = Literal["sum", "max", "mean_touched"]

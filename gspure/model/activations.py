@@ -4,7 +4,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.dtypes import Float32
+from gspure.files import Float32
 
 LEAST_OPACITY: Final = 1e-6  # changed opacities are clipped to this and one minus this, so that their logits are finite
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float32, Float64
+from gspure.files import Float32, Float64
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import SCALES, Gaussians
 

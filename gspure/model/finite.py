@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Float32, Indices
 from gspure.errors import InputError
+from gspure.files import Float32, Indices
 from gspure.model.filtered import FILTER, filtered
 from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
 from gspure.model.signature import Signature

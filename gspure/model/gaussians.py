@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
-from gspure.display import Described
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.model.activations import logit, sigmoid
+from gspure.progress import Described
 
 Table = NDArray[np.void]
 

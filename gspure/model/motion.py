@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.sh_rotation import rotate_sh
 

@@ -10,8 +10,8 @@ from plyfile import PlyData, PlyElement
 
 from gspure.artifacts import replacing
 from gspure.constants import LARGEST
-from gspure.dtypes import Float64, Indices, UInt8
 from gspure.errors import InputError
+from gspure.files import Float64, Indices, UInt8
 from gspure.model.gaussians import NORMALS
 from gspure.model.vertices import Vertices
 

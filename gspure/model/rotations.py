@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float32, Indices
+from gspure.files import Float32, Indices
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 from gspure.model.signature import Signature

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Float32, Float64, Indices
+from gspure.files import Float32, Float64, Indices
 from gspure.model.filtered import filtered
 from gspure.model.finite import listed, undrawable_rows
 from gspure.model.gaussians import Gaussians

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pyopencl as cl
 
 from gspure.constants import TILE
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.binning import TileLists
 from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame

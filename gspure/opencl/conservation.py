@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import ALPHA_MAX
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 
 TOLERANCE = 1e-4  # relative, of the sum over a view; rounding errors stay below a tenth of it
 

@@ -90,7 +90,7 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
 def defect(device: Device, factor: int = 3) -> str | None:
     """Return why a trivial program fails to build or run on `device`; None if it works.
 
-    A driver may end the process instead of reporting an error; `gspure.trial` survives that.
+    A driver may end the process instead of reporting an error; `gspure.opencl.selftest` survives that.
 
     `factor` is a multiplier in the program. A new one makes the driver compile even if it has a cache.
     """

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import UInt32
+from gspure.files import UInt32
 from gspure.opencl.engine import Engine
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.constants import SSIM_SIGMA, SSIM_WINDOW
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import TILE
-from gspure.dtypes import Float32, Indices
+from gspure.files import Float32, Indices
 from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal

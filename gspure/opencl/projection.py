@@ -7,7 +7,7 @@ import pyopencl as cl
 
 from gspure.cameras.camera import Camera
 from gspure.constants import FOOTPRINT_FLOATS, NEAR_CENTRE
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.frame import Frame
 
 

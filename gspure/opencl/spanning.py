@@ -7,7 +7,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import LEAF
-from gspure.dtypes import Float64, Indices, Int32, UInt32
+from gspure.files import Float64, Indices, Int32, UInt32
 from gspure.opencl.engine import Engine
 
 _NONE = 0xFFFFFFFF

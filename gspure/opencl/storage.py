@@ -10,7 +10,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32, Float64, UInt32
+from gspure.files import Float32, Float64, UInt32
 from gspure.model.activations import sigmoid
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.engine import Engine

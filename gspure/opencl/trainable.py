@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32, UInt32
+from gspure.files import Float32, UInt32
 from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.blending import SUM_GROUP
 from gspure.opencl.device import Device, choose_device

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.engine import Style

@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.metrics import METRICS
-from gspure.numerals import UNKNOWN, decimal, percent, signed
+from gspure.progress import UNKNOWN, decimal, percent, signed
 
 _LATEX: Final = str.maketrans(
     {

@@ -17,7 +17,7 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, Outcome, by_mo
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
-from gspure.numerals import UNKNOWN, decimal, percent, signed, significant
+from gspure.progress import UNKNOWN, decimal, percent, signed, significant
 from gspure.report.table import Cell, Column, Row, Table, change, few, interval, markdown_document, metric, share
 from gspure.report.templates import say
 

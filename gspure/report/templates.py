@@ -12,7 +12,7 @@ from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import is_picture
 from gspure.evaluation.survival import Survival
-from gspure.numerals import decimal, percent, significant
+from gspure.progress import decimal, percent, significant
 from gspure.report.table import few
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 
 
 @dataclass(frozen=True, eq=False)

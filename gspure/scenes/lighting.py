@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 from gspure.scenes.scene import Lamp, Scene, albedo, displayed, first_hits
 from gspure.scenes.solids import Solid
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics, looking_at
-from gspure.dtypes import Float32, Float64, UInt8
+from gspure.files import Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene

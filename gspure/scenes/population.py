@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Room, Solid
 from gspure.scenes.surfels import Surfels, tile

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Bools, Float32, Float64
+from gspure.files import Bools, Float32, Float64
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.scene import displayed
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gspure.dtypes import Bools, Float64, Indices
+from gspure.files import Bools, Float64, Indices
 from gspure.scenes.solids import Solid, Vector
 from gspure.scenes.textures import GAMMA
 

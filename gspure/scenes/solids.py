@@ -11,7 +11,7 @@ from math import hypot
 
 import numpy as np
 
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 from gspure.scenes.textures import Texture
 
 Vector = tuple[float, float, float]

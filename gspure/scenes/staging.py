@@ -6,13 +6,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.bounds import SEED
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.scenes.demo import room, vault
 from gspure.scenes.lighting import LitScene, bake
 from gspure.scenes.placement import PLACEMENTS, Placement
 from gspure.scenes.procedural import PROCEDURAL
 from gspure.scenes.scene import Scene
+from gspure.settings import SEED
 
 BuildScene = Callable[[Placement], Scene]
 

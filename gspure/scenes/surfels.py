@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 from gspure.scenes.lighting import LitScene
 from gspure.scenes.solids import Box, Solid
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gspure.dtypes import Bools, Float64
+from gspure.files import Bools, Float64
 
 Texture = Callable[[Float64], Float64]
 """From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""

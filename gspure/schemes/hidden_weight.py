@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Bools, Float32
+from gspure.files import Bools, Float32
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import Reduction, accumulate
 from gspure.opencl.device import Device

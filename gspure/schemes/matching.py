@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.motion import moved
 from gspure.model.suspicious import extent_and_distances

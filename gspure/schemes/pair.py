@@ -24,8 +24,8 @@ import numpy as np
 from gspure.artifacts import RENDERED, known_digest, recorded_inputs, require_agreement, settings_of
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
-from gspure.dtypes import Float32, Float64, UInt8
 from gspure.evaluation.metrics import psnr
+from gspure.files import Float32, Float64, UInt8
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters

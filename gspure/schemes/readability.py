@@ -14,9 +14,8 @@ from gspure.evaluation.names import display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
 from gspure.images import mean_colour, read_back
-from gspure.numerals import decimal, percent
 from gspure.opencl.device import Device
-from gspure.progress import say, warn
+from gspure.progress import decimal, percent, say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import MESSAGE, Key, wrong_key

@@ -12,17 +12,16 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from gspure.bounds import SEED
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
+from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.schemes.pair import Pair
-from gspure.settings import Setting, defaults, require_settings
+from gspure.settings import SEED, Setting, defaults, require_settings
 from gspure.training.initialization import gaussians_at, thinned
 
 MESSAGE: Final = "message"  # the extraction that every scheme has

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.artifacts import replacing
-from gspure.dtypes import Float32
 from gspure.errors import InputError, reading
+from gspure.files import Float32
 
 Tensor = NDArray[Any]
 

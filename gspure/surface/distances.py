@@ -7,7 +7,7 @@ import numpy as np
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.dtypes import Float32, Float64
+from gspure.files import Float32, Float64
 from gspure.model import Gaussians
 from gspure.model.points import Mesh
 from gspure.model.rotations import principal_axes

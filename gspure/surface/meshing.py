@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.dtypes import Bools, Float32, Float64
 from gspure.errors import InputError
+from gspure.files import Bools, Float32, Float64
 from gspure.model import Gaussians
 from gspure.model.filtered import widened
 from gspure.model.gaussians import SCALES

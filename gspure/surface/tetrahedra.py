@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.dtypes import Bools, Float64, Indices
+from gspure.files import Bools, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 

@@ -14,8 +14,8 @@ from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.naming import safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
 from gspure.cameras.reading import camera_object
-from gspure.dtypes import Float32, Float64, UInt8
 from gspure.errors import InputError
+from gspure.files import Float32, Float64, UInt8
 from gspure.images import read_image
 from gspure.model.points import read_point_ply
 from gspure.progress import say

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Bools, Float32, Indices
+from gspure.files import Bools, Float32, Indices
 from gspure.model.activations import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 

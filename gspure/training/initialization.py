@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
-from gspure.dtypes import Float64, Indices, UInt8
+from gspure.files import Float64, Indices, UInt8
 from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
 

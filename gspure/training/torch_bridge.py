@@ -15,7 +15,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal

@@ -8,7 +8,7 @@ from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE
 from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS, Cell
 from gspure.evaluation.paper.quantities import by_scene
-from gspure.numerals import decimal
+from gspure.progress import decimal
 
 
 def same_columns(cells: Sequence[Cell]) -> Iterator[str]:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 
 _LEAF_SIZE = 13  # hdbscan's default, 40 // 3
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 
-from gspure.bounds import CLUSTER_SIZE
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
-from gspure.dtypes import Bools, Float64, Indices, Int32
 from gspure.errors import InputError
+from gspure.files import Bools, Float64, Indices, Int32
+from gspure.settings import CLUSTER_SIZE
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device

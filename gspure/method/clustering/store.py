@@ -9,8 +9,8 @@ import numpy as np
 from gspure.artifacts import load_array, load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.constants import NOISE_LABEL
-from gspure.dtypes import Float64
 from gspure.errors import InputError
+from gspure.files import Float64
 from gspure.method.clustering.selection import Labels
 from gspure.method.clustering.tree import Tree
 

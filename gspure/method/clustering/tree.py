@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.bounds import NEIGHBOURS
 from gspure.constants import MIN_SAMPLES
-from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
+from gspure.files import Float64, Indices
 from gspure.progress import warn
+from gspure.settings import NEIGHBOURS
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import Float32, UInt8
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, positive_log, require_room
 from gspure.model.gaussians import Gaussians
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData
 
-from gspure.dtypes import Float32, UInt32
 from gspure.errors import InputError, reading
+from gspure.files import Float32, UInt32
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
 from gspure.constants import SH_DC
-from gspure.dtypes import Float32, Indices, UInt8
 from gspure.errors import InputError
+from gspure.files import Float32, Indices, UInt8
 from gspure.model.activations import LEAST_OPACITY, logit
 
 COEFFICIENTS: Final = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree

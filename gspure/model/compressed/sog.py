@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
-from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import Float32, UInt8
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 

@@ -16,8 +16,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.dtypes import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import Float32, UInt8
 from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 

@@ -27,7 +27,7 @@ void main() {
 const NOISE = 65535, FIELD = 2.4, NEAREST = 10;
 
 const unpack = (text, Type) => new Type(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
-const percent = share => {  // 0% and 100% are exact, as in gspure.numerals
+const percent = share => {  // 0% and 100% are exact, as in gspure.progress
   const text = (100 * share).toFixed(1);
   return share > 0 && text === "0.0" ? "<0.1%" : share < 1 && text === "100.0" ? ">99.9%" : text + "%";
 };

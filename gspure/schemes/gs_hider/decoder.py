@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.model.finite import require_computed
 from gspure.opencl.losses import Photographs
 from gspure.public_model import RenderView

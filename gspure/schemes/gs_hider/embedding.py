@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
-from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
@@ -15,6 +14,7 @@ from gspure.schemes.gs_hider.layout import MESSAGE_DECODER, SCENE_DECODER
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, initial_gaussians
+from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.monitor import watched
 
 if TYPE_CHECKING:

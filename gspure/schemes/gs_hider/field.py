@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Bools, Float32
+from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates

@@ -8,8 +8,8 @@ import numpy as np
 
 from gspure.artifacts import embedding_of, require_embedding
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.model import Gaussians, model_file
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device

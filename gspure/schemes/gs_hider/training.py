@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters

@@ -7,13 +7,13 @@ training starts from points, with the densification of 3DGS, not from a trained 
 
 from typing import Annotated
 
-from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import RATE, parameters_of
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import MESSAGE, Run, initial_gaussians
+from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 

@@ -17,8 +17,8 @@ from gspure.artifacts import load_arrays, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.opencl.trainable import Parameters
 
 Network = Mapping[str, Any]  # `weight_i` [O,I] and `bias_i` [O] of the layers

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
+from gspure.files import Float32
 from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs

@@ -11,11 +11,11 @@ from typing import Annotated
 
 import numpy as np
 
-from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Key, initial_gaussians
+from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.monitor import watched
 
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.arrays import Kind
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.recall import MESSAGE_ROWS
+from gspure.files import Bools, Float32
 from gspure.model.finite import require_computed
 from gspure.schemes.marked_clones.decoder import Decoder, untrained
 from gspure.schemes.scheme import Key

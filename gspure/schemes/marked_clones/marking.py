@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera, looking_at, spread
-from gspure.dtypes import Bools
+from gspure.files import Bools
 from gspure.model import Gaussians
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.opencl.device import Device

@@ -11,10 +11,9 @@ from typing import Annotated
 
 import numpy as np
 
-from gspure.bounds import Range
 from gspure.constants import SH_DC
-from gspure.dtypes import Float64, Indices
 from gspure.errors import InputError
+from gspure.files import Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.activations import logit
 from gspure.opencl.device import Device
@@ -23,6 +22,7 @@ from gspure.scenes.population import SOLID, log_even, populate
 from gspure.scenes.surfels import Surfels, tile
 from gspure.schemes.pair import Pair
 from gspure.schemes.planted.key import PlantedKey
+from gspure.settings import Range
 
 MESSAGE_SHARE = 0.42  # share of all Gaussians that is spread over the message's surfaces
 HIDDEN = (0.002, 0.02)  # range of the public opacity of Gaussians that serve the message only, even in the logarithm

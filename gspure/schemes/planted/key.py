@@ -17,9 +17,9 @@ import numpy as np
 from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
 from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
 from gspure.evaluation.recall import MESSAGE_ROWS
+from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView, Rows

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
-from gspure.bounds import Amount, Range, Steps
-from gspure.dtypes import Float64
-from gspure.numerals import percent
+from gspure.files import Float64
 from gspure.opencl.device import Device, choose_device
-from gspure.progress import say
+from gspure.progress import percent, say
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
@@ -24,6 +22,7 @@ from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.networks import fresh
 from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.settings import Amount, Range, Steps
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.monitor import watched
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from gspure.artifacts import load_arrays, save_arrays, verify
 from gspure.artifacts.arrays import Kind
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.progress import warn
 from gspure.schemes.secure_gs.networks import PARAMETERS, Networks
 from gspure.schemes.tensors import Tensor, read_tensors, write_tensors

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.dtypes import Bools, Float32
+from gspure.files import Bools, Float32
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
 
 GRADIENT_THRESHOLD: Final = 2e-4  # tau of the first level; it doubles with each level (Scaffold-GS)

@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
-from gspure.dtypes import Float32, Indices
+from gspure.files import Float32, Indices
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.schemes.secure_gs.anchors import Anchors

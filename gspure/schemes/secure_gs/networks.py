@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 
 Network = Mapping[str, Any]
 """State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from gspure.artifacts import digest, embedding_of, replacing, require_embedding
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Float32
 from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
-from gspure.dtypes import Bools, Float32, Indices
+from gspure.files import Bools, Float32, Indices
 from gspure.schemes.secure_gs.neural import Neural
 
 

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.dtypes import Bools, Float32
 from gspure.errors import InputError
+from gspure.files import Bools, Float32
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.anchors import Anchors, table_of

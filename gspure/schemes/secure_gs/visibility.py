@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, TILE
-from gspure.dtypes import Float64, Indices
+from gspure.files import Float64, Indices
 from gspure.model.rotations import rotation_matrices
 
 

@@ -10,7 +10,6 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.bounds import Amount, MaxGaussians, Range, Steps
 from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
@@ -23,6 +22,7 @@ from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
+from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 

@@ -19,7 +19,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
-from gspure.dtypes import Float32
+from gspure.files import Float32
 
 Weights = tuple[Float32, ...]
 

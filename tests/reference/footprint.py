@@ -3,8 +3,8 @@
 import numpy as np
 
 from gspure.constants import ALPHA_MIN
-from gspure.dtypes import Float64
-from gspure.reference.projection import Rays, Splats
+from gspure.files import Float64
+from tests.reference.projection import Rays, Splats
 
 
 def extents(projection: Splats | Rays) -> Float64:

@@ -20,7 +20,7 @@ from gspure.constants import (
     NEAR_PLANE,
     RAY_SCALE_RATIO,
 )
-from gspure.dtypes import Bools, Float64, Indices
+from gspure.files import Bools, Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 

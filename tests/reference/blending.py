@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, MEDIAN_TRANSMITTANCE, NEAR_PLANE, TRANSMITTANCE_MIN
-from gspure.dtypes import Bools, Float64
+from gspure.files import Bools, Float64
 from gspure.model.gaussians import Gaussians
-from gspure.reference.projection import Energy, Rays, Splats, pixel_centres, project
-from gspure.reference.spherical_harmonics import sh_colors
+from tests.reference.projection import Energy, Rays, Splats, pixel_centres, project
+from tests.reference.spherical_harmonics import sh_colors
 
 
 @dataclass(frozen=True)

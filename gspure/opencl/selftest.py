@@ -1,6 +1,6 @@
 """Test of every OpenCL device on a small frame in a separate process, since a broken driver may end its process.
 
-``python -m gspure.trial`` prints the devices as JSON, ``python -m gspure.trial INDEX`` tries one of them.
+Without arguments, ``python -m gspure.opencl.selftest`` prints the devices as JSON; with an index it tries that device.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _problem(child: subprocess.CompletedProcess[str]) -> str | None:
 
 
 def _child(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gspure.trial", *arguments]
+    command = [sys.executable, "-m", "gspure.opencl.selftest", *arguments]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=_SECONDS)
     except subprocess.TimeoutExpired:
@@ -101,15 +101,22 @@ def frame_problem(device: Device) -> str | None:
     A frame is correct if the contributions add up to the light that is missing from the background: sum_k omega_k =
     sum over pixels of (1 - T).
     """
+    import numpy as np
+
     from gspure.opencl.device import defect
-    from gspure.renderer import Renderer
+    from gspure.opencl.engine import Engine
+    from gspure.opencl.frame import Frame, Traversal
+    from gspure.opencl.passes import forward
+    from gspure.opencl.storage import store
 
     if trivial := defect(device, factor=3 + os.getpid() % 1000):
         return trivial
     model, camera = _small_scene()
-    renderer = Renderer(model, device, energy="ray")
-    contributed = float(renderer.contributions(camera)["sum"].sum(dtype=float))
-    absorbed = float((1 - renderer.transmittance(camera)).sum(dtype=float))
+    engine = Engine(device.cl_device)
+    canvas = forward(Frame(engine, store(engine, model), camera, Traversal("ray", contributions=True))).canvas
+    contributed = float(engine.read(canvas.records, (len(model), 4), np.float32)[:, 1].sum(dtype=float))
+    transmittance = engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
+    absorbed = float((1 - transmittance).sum(dtype=float))
     is_correct = absorbed > 1 and abs(contributed - absorbed) < 1e-4 * absorbed
     return None if is_correct else "a small frame gives wrong results"
 

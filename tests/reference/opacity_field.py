@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
-from gspure.reference.projection import Rays, pixel_rays, project
+from tests.reference.projection import Rays, pixel_rays, project
 
 
 def opacity_field(model: Gaussians, cameras: Sequence[Camera], points: NDArray[Any]) -> Float64:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
-from gspure.dtypes import Float64
+from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
-from gspure.reference.projection import (
+from tests.reference.projection import (
     Splats,
     bounded_scales,
     clamped_slopes,
@@ -23,7 +23,7 @@ from gspure.reference.projection import (
     project,
     projection_jacobians,
 )
-from gspure.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
+from tests.reference.spherical_harmonics import sh_basis, sh_basis_gradients, sh_colors
 
 
 @dataclass(frozen=True)
