@@ -24,8 +24,8 @@ demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made h
 	@setup/unlock.sh $(BIN)/snakemake && $(BIN)/snakemake
 	@echo "The report: $(CURDIR)/results/report.html"
 
-test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run all tests
-	@$(BIN)/python -m pytest
+test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files at a time
+	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 setup: $(OPENCL) $(GL) ## set up only: .venv, packages, an OpenCL driver, OpenGL
 	@echo "Set up. Try: $(BIN)/gspure doctor"

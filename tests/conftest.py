@@ -12,8 +12,12 @@ hypothesis.settings.register_profile("patient", deadline=None, derandomize=True)
 hypothesis.settings.register_profile("search", deadline=None, max_examples=1000)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
-# Compiled kernels are kept between test runs, apart from the user's own; PoCL reads this when it is loaded.
-os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl"))
+# Compiled kernels are kept between test runs, apart from the user's own; PoCL reads this when it is loaded. Of several
+# test processes, each has its own cache, and one thread.
+_WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
+os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl" / _WORKER))
+if _WORKER:
+    os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
 
 
 def pytest_generate_tests(metafunc):
