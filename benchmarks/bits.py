@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from marked_clones import SCHEME
 
 from gspure.attacks import Evidence, find_attack
 from gspure.attacks.strength import scene_damage
@@ -23,7 +24,6 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_back
 from gspure.method.purify import purify
 from gspure.public_model import PublicModel
-from gspure.schemes.marked_clones import SCHEME
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import Key
 from gspure.training.dataset import read_photographs

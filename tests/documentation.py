@@ -7,6 +7,8 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+from tests.plugin_path import write_info
+
 ROOT = Path(__file__).parents[1]
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md")]
 
@@ -20,14 +22,8 @@ def install_example(folder):
     """Put the package of the guide into a folder, as pip would."""
     module, metadata = (blocks(ROOT / "docs" / "extending.md", language)[0] for language in ("python", "toml"))
     project = tomllib.loads(metadata)["project"]
-    name, version = project["name"], project["version"]
-    (folder / f"{name}.py").write_text(module)
-    info = folder / f"{name}-{version}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    with (info / "entry_points.txt").open("w") as stream:
-        for group, names in project["entry-points"].items():
-            print(f"[{group}]", *(f"{name} = {value}" for name, value in names.items()), sep="\n", file=stream)
+    (folder / f"{project['name']}.py").write_text(module)
+    write_info(project, folder)
 
 
 def edges(diagram):

@@ -31,7 +31,6 @@ from gspure.schemes.pair import INITIALIZATIONS
 from gspure.schemes.registry import schemes
 from gspure.workflow.configuration import require_distinct_names, resolved, validated
 from tests.models import blobs, camera
-from tests.training_cases import colmap_project, ring
 
 ROOT = Path(__file__).parents[1]
 SCHEMA_FILE = ROOT / "schemas" / "config.schema.yaml"
@@ -454,14 +453,6 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
 def test_files_of_the_configuration_must_exist(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line):
         resolved(filled(config), "mine.yaml")
-
-
-def test_a_scheme_that_needs_ray_traced_pairs_is_refused_on_photographs(tmp_path):
-    photos = str(colmap_project(tmp_path / "photos", ring(), np.zeros((1, 3))))
-    pairs = {"room": {}, "photos": {"scene": photos, "message": photos}}
-    assert resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}}}), "mine.yaml")
-    with pytest.raises(InputError, match=r"schemes\.planted: expected ray-traced pairs .* pairs\.photos"):
-        resolved(filled({"pairs": pairs, "schemes": {"splats_in_splats": {}, "planted": {}}}), "mine.yaml")
 
 
 @pytest.mark.parametrize("name", ["a", "A_b-1", "_", "a" * 19, "x" + "ab" * 19, "ab" * 20 + "c", "ab" * 10 + "c" * 15])

@@ -363,8 +363,8 @@ def test_networks_in_two_formats_are_warned_of(tmp_path, capsys):
 
 def test_bits_are_not_read_from_renders_of_another_model_unless_it_is_a_control(tmp_path, capsys):
     pytest.importorskip("torch")
-    from gspure.schemes.marked_clones.decoder import untrained
-    from gspure.schemes.marked_clones.key import ClonesKey
+    from marked_clones.decoder import untrained
+    from marked_clones.key import ClonesKey
 
     ClonesKey(np.ones(4, np.bool_), untrained(4, 0), np.ones(3, np.bool_)).write(tmp_path / "key")
     for path in sorted((tmp_path / "key").iterdir()):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from marked_clones import SCHEME
 
 from gspure.artifacts import load_arrays, read_json, save_arrays
 from gspure.cli import main
@@ -16,7 +17,6 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_back, write_image
 from gspure.method.weights import accumulate
 from gspure.public_model import PublicModel
-from gspure.schemes.marked_clones import SCHEME
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from gspure.workflow.models import Model
@@ -26,8 +26,8 @@ from tests.test_workflow_models import plan_of
 
 torch = pytest.importorskip("torch")
 
-from gspure.schemes.marked_clones.decoder import TURN, ZOOM, untrained, warped  # noqa: E402
-from gspure.schemes.marked_clones.marking import Marking, uncertain_rows  # noqa: E402
+from marked_clones.decoder import TURN, ZOOM, untrained, warped  # noqa: E402
+from marked_clones.marking import Marking, uncertain_rows  # noqa: E402
 
 SETTINGS = {"iterations": 200, "max_gaussians": 800, "bits": 8, "cloned": 0.5}
 STEPS = {"decoder_steps": 250, "marking_steps": 150}

@@ -12,7 +12,6 @@ import pytest
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
-from gspure.scenes import lighting
 from gspure.scenes.photography import path_cameras
 from tests.documentation import ROOT, blocks, edges, workflow_edges
 from tests.planted_cases import planted_model
@@ -23,10 +22,7 @@ README = ROOT / "README.md"
 
 @pytest.fixture(scope="module")
 def planted():
-    with pytest.MonkeyPatch.context() as patch:  # light maps that are quick to bake
-        for name, value in {"NODE_SPACING": 0.5, "DIRECTIONS": 4, "LAMP_SAMPLES": 2}.items():
-            patch.setattr(lighting, name, value)
-        return planted_model(gaussians=600)[0].model
+    return planted_model(gaussians=600)[0].model
 
 
 @pytest.fixture

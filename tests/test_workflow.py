@@ -28,6 +28,7 @@ from gspure.images import RENDERED
 from gspure.model import write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, gaussians, tilted_camera
+from tests.plugin_path import PLUGIN_PATH
 from tests.test_checksums import flipped
 from tests.training_cases import colmap_project, ring
 
@@ -70,7 +71,10 @@ class Project:
         ]
 
     def environment(self, *python_path):
-        return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*python_path, *self.packages, self.checkout]))}
+        return {
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(map(str, [*python_path, *self.packages, self.checkout, *PLUGIN_PATH])),
+        }
 
     def run(self, *arguments, status=0, beside=()):
         """Run the workflow, with configurations `beside` the project's; returns what it printed."""

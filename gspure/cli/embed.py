@@ -21,13 +21,10 @@ EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
-  gspure embed planted pair --out marked                                   # a test fixture with known ground truth
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
 negative controls in a few training views. A warning is printed if the message does not stand out from them.
-marked_clones hides random bits in the scene and ignores the pair's message; `gspure detect` reads them.
-planted is not trained and takes ray-traced pairs only. gs_hider, secure_gs, keyss and marked_clones need PyTorch:
-pip install gspure[torch].
+gs_hider, secure_gs and keyss need PyTorch: pip install gspure[torch].
 """
 
 

@@ -15,11 +15,11 @@ EXAMPLES = """\
   gspure figures model --model point_cloud.ply --weights weights.npy --clusters clusters.npz \\
       --cameras cameras.json --out figures
   gspure figures panels --column before=before --column after=after --difference --out figures/views.png
-  gspure figures attacks --table results.csv --name planted/room --column truth=truth \\
+  gspure figures attacks --table results.csv --name keyss/room --column truth=truth \\
       --column unattacked=unattacked/renders --column gspure=gspure/renders --out attacks.png
-  gspure figures outcomes --table results.csv --name planted/room --out figures/outcomes.png
-  gspure figures sweep --table results.csv --condition planted --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
-  gspure figures tradeoff --table results.csv --condition planted --out tradeoff.png
+  gspure figures outcomes --table results.csv --name keyss/room --out figures/outcomes.png
+  gspure figures sweep --table results.csv --condition keyss --point gspure=4,4 --point tau_n_1=1,4 --out sweep.png
+  gspure figures tradeoff --table results.csv --condition keyss --out tradeoff.png
 """
 
 

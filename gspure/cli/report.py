@@ -4,10 +4,10 @@ from gspure.cli.options import add_files
 from gspure.cli.parser import Arguments, Parser, Unrelated
 
 EXAMPLES = """\
-  gspure report --table results.csv --figures results/planted/room/figures/*.png --out report.html
+  gspure report --table results.csv --figures results/keyss/room/figures/*.png --out report.html
   gspure report --table results.csv \\
-      --figures results/planted/room/figures/*.png results/planted/room/figures/model/*.png \\
-      --diagnosis results/planted/room/diagnosis.json --records results/planted/room/*.np?.json --out report.html
+      --figures results/keyss/room/figures/*.png results/keyss/room/figures/model/*.png \\
+      --diagnosis results/keyss/room/diagnosis.json --records results/keyss/room/*.np?.json --out report.html
 """
 
 

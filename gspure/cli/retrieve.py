@@ -8,8 +8,8 @@ from gspure.errors import InputError
 from gspure.progress import track
 
 EXAMPLES = """\
-  gspure retrieve pair/message --extractions results/planted/room/*/renders/message --out retrieval.csv
-  gspure retrieve pair/message --extractions results/planted/room/*/renders/message \\
+  gspure retrieve pair/message --extractions results/splats_in_splats/room/*/renders/message --out retrieval.csv
+  gspure retrieve pair/message --extractions results/splats_in_splats/room/*/renders/message \\
       --decoys other_pair/message decoys/* --out retrieval.csv
 """
 

@@ -11,8 +11,8 @@ from gspure.progress import warn
 
 EXAMPLES = """\
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md
-  gspure table --metrics results/planted/room/*/metrics.csv --prune-masks results/planted/room/*/prune_mask.npy \\
-      --keys results/planted/room/key --out results.csv --markdown results.md
+  gspure table --metrics results/keyss/room/*/metrics.csv --prune-masks results/keyss/room/*/prune_mask.npy \\
+      --keys results/keyss/room/key --out results.csv --markdown results.md
   gspure table --metrics results/*/*/*/metrics.csv --out results.csv --markdown results.md \\
       --summary summary.csv --latex summary.tex                        # means over scenes, with intervals
 """

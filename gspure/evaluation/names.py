@@ -15,7 +15,6 @@ SCHEMES: Final = {  # the built-in ones
     "secure_gs_hardened": "SecureGS (hardened)",
     "keyss": "KeySS",
     "marked_clones": "Marked Clones",
-    "planted": "Planted message",
 }
 
 _NAMES: Final = SCHEMES | {

@@ -29,8 +29,6 @@ from gspure.files import Float32, Float64, UInt8
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
-from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.staging import Staging, scene_builder
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
 from gspure.training.schedule import shuffled
 from gspure.training.trainer import beginning, train
@@ -91,15 +89,12 @@ class Pair:
         Both in the scene's world.
     initialization : str
         Of `INITIALIZATIONS`.
-    staging : Staging, optional
-        What a ray-traced pair shows; None of photographs.
 
     """
 
     scene: Capture
     message: Capture
     initialization: str = "both"
-    staging: Staging | None = None
 
     @cached_property
     def shares_poses(self) -> bool:
@@ -147,17 +142,9 @@ def read_pair(folder: Path, initialization: str = "both") -> Pair:
     first, second = (path / "cameras.json" for path in (Path(folder), message_folder(folder)))
     require_agreement(first, second, settings_of(first), settings_of(second), "of another pair")
     scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
-    return Pair(scene, message, initialization, _staging(first))
+    return Pair(scene, message, initialization)
 
 
 def message_folder(pair: Path) -> Path:
     """Return the folder of a pair's message."""
     return Path(pair) / "message"
-
-
-def _staging(cameras: Path) -> Staging | None:
-    match settings_of(cameras):
-        case {"scene": str(scene), "message": str(message), "placement": str(placement), "protocol": str(protocol)}:
-            known = scene_builder(scene) and scene_builder(message) and placement in PLACEMENTS
-            return Staging(scene, message, placement, protocol) if known else None
-    return None

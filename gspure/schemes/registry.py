@@ -12,12 +12,12 @@ from gspure.model.finite import listed
 from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, keyss, marked_clones, planted, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, keyss, secure_gs, splats_in_splats
 from gspure.schemes.scheme import REQUIRED, Scheme
 
 BUILT_IN = (
     *(splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, gs_hider.HARDENED),
-    *(secure_gs.SCHEME, secure_gs.HARDENED, keyss.SCHEME, marked_clones.SCHEME, planted.SCHEME),
+    *(secure_gs.SCHEME, secure_gs.HARDENED, keyss.SCHEME),
 )
 GROUP = "gspure.schemes"
 

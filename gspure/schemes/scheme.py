@@ -112,8 +112,6 @@ class Scheme:
         Optional packages that it imports, each with its requirement for pip.
     fits : bool
         Whether the extraction ``message_adaptive`` learns from photographs of the message (`Key.fitted`).
-    ray_traced_only : bool
-        Whether the scheme needs ray-traced pairs.
 
     """
 
@@ -128,7 +126,6 @@ class Scheme:
     beside: tuple[str, ...] = ()
     packages: Mapping[str, str] = field(default_factory=dict)
     fits: bool = False
-    ray_traced_only: bool = False
 
     @property
     def settings(self) -> dict[str, Setting]:

@@ -139,14 +139,11 @@ def resolved(config: Mapping[str, Any], source: str | Path) -> dict[str, Any]:
     settled["variants"] = _at_damages(settled["variants"], source)
     known = schemes() if settled["schemes"] else {}
     functions = {name: scheme.embed for name, scheme in known.items()}
-    photographed = [f"pairs.{name} of photographs" for name, pair in settled["pairs"].items() if "photographs" in pair]
     for scheme, settings in settled["schemes"].items():
         _check_settings(settings, scheme, functions, source, f"schemes.{scheme}")
         if not settings.get("message_weight", 1):
             hint = "clean models, without a message, are trained in any case"
             raise InputError(source, f"schemes.{scheme}.message_weight", expected="more than 0", found="0", hint=hint)
-        if photographed and known[scheme].ray_traced_only:
-            raise InputError(source, f"schemes.{scheme}", expected="ray-traced pairs only", found=photographed[0])
     _check_views(settled, source)
     extractions = sorted({name for scheme in settled["schemes"] for name in known[scheme].extractions})
     for name in {*(settled["extractions"] or ())} - {*extractions}:

@@ -88,7 +88,7 @@ sinfo --Node --format "%N: %c processors, %m MB, %G, %T"
 cd "$folder/project"
 cat > config.yaml << CONFIG
 pairs: {room: {views: 9, width: 48, height: 36}}
-schemes: {planted: {gaussians: 600}}
+schemes: {splats_in_splats: {iterations: 60, max_gaussians: 600}}
 method: {min_samples: 3, min_cluster_size: 5}
 variants: {unattacked: {}, gspure: {}, random_matched: {}}
 threads: 2

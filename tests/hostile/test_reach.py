@@ -36,7 +36,7 @@ WITHOUT_READER = {
 }
 """Functions that parse what no user and no job writes."""
 
-OPTIONAL = {"schemes/gs_hider/decoder_file.py:DecoderFile.read", "schemes/marked_clones/key.py:ClonesKey.read"}
+OPTIONAL = {"schemes/gs_hider/decoder_file.py:DecoderFile.read"}
 """Functions whose readers need an optional package."""
 
 

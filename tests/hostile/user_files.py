@@ -29,14 +29,12 @@ from gspure.images import (
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
-from gspure.schemes import marked_clones
 from gspure.schemes.gs_hider.decoder_file import DecoderFile
 from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
 from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import fresh
 from gspure.schemes.keyss.network import random_key as random_vector
-from gspure.schemes.planted.key import PlantedKey
 from gspure.schemes.secure_gs.files import PUBLIC
 from gspure.schemes.secure_gs.key import HiddenKey
 from gspure.schemes.secure_gs.public_model import AnchorModel
@@ -212,24 +210,6 @@ def _keyss_key(folder: Path) -> None:
     NetworkKey(random_vector(rng), fresh(rng)).write(folder)
 
 
-def _clones_key(folder: Path) -> None:
-    from gspure.schemes.marked_clones.decoder import untrained
-    from gspure.schemes.marked_clones.key import ClonesKey
-
-    ClonesKey(np.arange(8) < 4, untrained(8, 0), np.arange(ROWS) < 3).write(folder)
-
-
-def _read_clones_key(folder: Path) -> None:
-    key = marked_clones.SCHEME.read_key(folder)
-    assert key.read_bits(np.zeros((16, 16, 3), np.float32)).shape == key.bits.shape
-
-
-def _planted_key(folder: Path) -> None:
-    rng = np.random.default_rng(0)
-    positions, f_dc = rng.normal(size=(2, ROWS, 3)).astype(np.float32)
-    PlantedKey(np.ones(ROWS, np.bool_), positions, f_dc[:, 0].copy(), f_dc).write(folder)
-
-
 def _decoder(folder: Path) -> None:
     from gspure.schemes.gs_hider.decoder import untrained
 
@@ -307,7 +287,7 @@ def _configuration(folder: Path) -> None:
             "bot": {"model": str(folder / "model.ply"), "cameras": "orbit", "generated": {"count": 9, "width": 32}}
         },
         "pairs": {"room": {"views": 9}},
-        "schemes": {"planted": {"gaussians": 600}},
+        "schemes": {"keyss": {"iterations": 30}},
         "method": {"min_samples": 3, "tau_n": 2.5},
         "decisions": {"finer": {"min_samples": 5}},
         "variants": {"unattacked": {}, "gspure": {}, "half": {"attack": "random_pruning", "fraction": 0.5, "seed": 1}},
@@ -408,14 +388,6 @@ READERS = (
     ),
     Reader("key of SecureGS", lambda f: random_key().write(f), HiddenKey.read, {"securegs_hidden.npz": "npz"}),
     Reader("key of KeySS", _keyss_key, NetworkKey.read, {"keyss.npz": "npz"}),
-    Reader(
-        "key of Marked Clones",
-        _clones_key,
-        _read_clones_key,
-        {"marked_clones.npz": "npz", "message_rows.npy": "npy"},
-        TORCH,
-    ),
-    Reader("key of the planted pair", _planted_key, PlantedKey.read, {"planted.npz": "npz", "message_rows.npy": "npy"}),
     Reader(
         "decoder of GS-Hider",
         _decoder,

@@ -13,15 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import load_array, load_arrays, save_array, save_arrays
-from gspure.artifacts.arrays import Kind
 from gspure.errors import InputError
 from gspure.evaluation.recall import MESSAGE_ROWS
-from gspure.files import Bools, Float32
+from gspure.files import Bools, Float32, Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.model.finite import require_computed
-from gspure.schemes.marked_clones.decoder import Decoder, untrained
 from gspure.schemes.scheme import Key
 from gspure.training.pytorch import single_threaded, torch
+from marked_clones.decoder import Decoder, untrained
 
 _FILE: Final = "marked_clones.npz"
 

@@ -21,9 +21,9 @@ FLOOR: Final = 0.01  # contrast below which an area counts as flat
 TILE: Final = 32  # side of a texture, which repeats, in pixels
 CYCLES: Final = (2, 6)  # range of the first textures' frequencies, in cycles per tile
 STRENGTHS: Final = (0.2, 0.03)  # root mean square of all bits' textures, from the first to the last step; log-linear
-NOISE: Final = 0.02  # the largest that the decoder learns to bear
-ZOOM: Final = 0.1  # the same, of the scale's logarithm
-TURN: Final = 0.1  # the same, radians
+NOISE: Final = 0.02  # largest noise in training
+ZOOM: Final = 0.1  # largest change of the scale's logarithm in training
+TURN: Final = 0.1  # largest rotation in training, radians
 
 CROP: Final = 64
 BATCH: Final = 16

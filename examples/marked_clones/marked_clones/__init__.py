@@ -1,6 +1,7 @@
-"""Embedding: train the scene, train a decoder, clone uncertain rows, and train the clones to show the bits.
+"""Marked Clones, of the family of GaussianMarker (Huang et al. 2024): bits that a network reads from any render.
 
-PyTorch is imported only when it is needed.
+Embedding trains the scene and a decoder, clones uncertain rows, and trains the clones to show the bits. PyTorch is
+imported only when it is needed.
 """
 
 import zlib
@@ -11,12 +12,15 @@ from typing import Annotated
 
 import numpy as np
 
+from gspure.evaluation.outcomes import BITS
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import Key, initial_gaussians
+from gspure.schemes.scheme import PYTORCH, Key, Scheme, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.monitor import watched
+
+RENDERED = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
 
 
 def embed(
@@ -42,10 +46,10 @@ def embed(
     model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:
         return PublicModel(model), None
-    from gspure.schemes.marked_clones.decoder import training, untrained
-    from gspure.schemes.marked_clones.key import ClonesKey
-    from gspure.schemes.marked_clones.marking import Marking, uncertain_rows
     from gspure.training.pytorch import single_threaded
+    from marked_clones.decoder import training, untrained
+    from marked_clones.key import ClonesKey
+    from marked_clones.marking import Marking, uncertain_rows
 
     rng = np.random.default_rng([seed, zlib.crc32(b"".join(image.tobytes() for image in pair.scene.images))])
     message, decoder, views = rng.random(bits) < 0.5, untrained(bits, int(rng.integers(1 << 31))), pair.scene.views
@@ -60,7 +64,7 @@ def embed(
 
 def read_key(folder: Path) -> Key:
     """Read a key, or raise `InputError`."""
-    from gspure.schemes.marked_clones.key import ClonesKey
+    from marked_clones.key import ClonesKey
 
     return ClonesKey.read(folder)
 
@@ -68,3 +72,6 @@ def read_key(folder: Path) -> Key:
 def _run(losses: Iterator[float], steps: int, title: str) -> None:
     for _ in watched(losses, steps, lambda: title):
         pass
+
+
+SCHEME = Scheme("marked_clones", embed, PublicModel.read, read_key, {BITS: RENDERED}, packages=PYTORCH)
