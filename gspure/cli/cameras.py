@@ -9,10 +9,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.cli.options import add_quiet, add_up, camera_source, read_source
+from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
+from gspure.cli.options import add_quiet, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -22,7 +22,6 @@ EXAMPLES = """\
   gspure cameras scene/transforms.json --out cameras.json --resolution 1/4
   gspure cameras scene --undistort --out flat/cameras.json            # without lens distortion, to flat/images
   gspure cameras output/bicycle --out cameras.json --resolution native     # a training run's own cameras.json
-  gspure cameras cameras.json --off-path 4 --out off_path.json        # novel views off the camera path
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
   gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
 """
@@ -45,7 +44,6 @@ def add_arguments(parser: Parser) -> None:
         "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
         "views keep --width and --height)",
     )
-    parser.number("--off-path", "N", "write N views off the camera path instead of those of SOURCE", VIEWS)
     parser.flag(
         "--undistort", "remove lens distortion: also write the photographs to images/, and the points, beside --out"
     )
@@ -62,9 +60,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
-    from gspure.artifacts import write_record
-    from gspure.cameras import off_path_cameras, scaled, write_cameras
-    from gspure.cameras.reading import motion_of_views
+    from gspure.cameras import scaled, write_cameras
     from gspure.cameras.resolution import TRAINING_RULE
 
     generated = isinstance(args.source, str)
@@ -77,14 +73,8 @@ def run(args: Arguments) -> None:
     cameras = scaled(cameras, args.resolution or ("native" if generated else TRAINING_RULE))
     if args.undistort:
         cameras = _undistorted(args, cameras)
-    if args.off_path is not None:
-        cameras = off_path_cameras(cameras, args.off_path)
     write_cameras(args.out, cameras)
-    inputs, settings = (
-        {} if generated else {"source": args.source},
-        {"source": str(args.source), "resolution": args.resolution},
-    )
-    write_record(args.out, inputs=inputs, settings=settings, motion=motion_of_views(args.source, args.model))
+    record_command(args, args.out.parent)
     print("\n".join(_table(cameras)))
 
 
@@ -104,22 +94,17 @@ def _distorted(args: Arguments) -> list[Camera]:
 
 def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
     """Write photographs and points beside ``--out``; return the cameras of the photographs."""
-    from gspure.artifacts import RENDERED, filling, write_record
     from gspure.cameras.undistortion import undistort
-    from gspure.images import record_views
+    from gspure.files import filling
     from gspure.model.points import write_point_ply
     from gspure.training.dataset import stored_points
 
     xyz, rgb = stored_points(args.source)
     place, images = args.out.parent, Path("images")
-    names = ["points3D.ply"] * bool(len(xyz))
-    names += [str(images / name) for name in (RENDERED, *(f"{camera.name}.png" for camera in cameras))]
-    with filling(place, *names) as folder:
+    with filling(place) as folder:
         if len(xyz):
             write_point_ply(folder / "points3D.ply", xyz, rgb)
-            write_record(folder / "points3D.ply", inputs={}, settings={"source": str(args.source)})
         cameras = undistort(cameras, folder / images, args.source)
-        record_views(folder / images, {camera.name: camera.numbers.tolist() for camera in cameras})
     return [replace(camera, image=place / images / f"{camera.name}.png") for camera in cameras]
 
 

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from gspure.cli.options import camera_source
-from gspure.cli.parser import Arguments, Output, Parser
+from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
   gspure completion bash      # > ~/.local/share/bash-completion/completions/gspure
@@ -34,7 +34,7 @@ def _all_commands(files: object) -> argparse.ArgumentParser:
     for name in COMMANDS:
         parser = parser_of(name)
         for action in parser._actions:  # noqa: SLF001 (argparse lists them nowhere else)
-            if action.type in {Path, Output, camera_source}:
+            if action.type in {Path, camera_source} or action.dest in (parser.get_default("outputs") or ()):
                 vars(action)["complete"] = files
         commands.add_parser(name, help=parser.description, parents=[parser], add_help=False)
     return whole

@@ -3,7 +3,7 @@
 import argparse
 
 from gspure.cli.options import add_device, add_energy, add_scheme, add_views, read_device, read_views
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.parser import Arguments, Parser
 from gspure.progress import say
 from gspure.settings import VIEWS
 
@@ -18,7 +18,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--model", "MODEL", "the model's file")
     add_scheme(parser)
     add_views(parser, split="train")
-    parser.reads("--stages", "DIR", "folder of the stage files", type=Unrelated)
+    parser.reads("--stages", "DIR", "folder of the stage files")
     parser.add_argument(
         "--part",
         type=_part,

@@ -38,44 +38,21 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    """Write the table, and print the mean over the views on the camera path."""
+    """Write the table, and print the mean over the images."""
     import numpy as np
 
-    from gspure.artifacts import write_record
-    from gspure.cameras.off_path import PREFIX
-    from gspure.errors import InputError
+    from gspure.cli.options import record_command
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.detection import KEY, Reading
+    from gspure.evaluation.detection import Reading
     from gspure.evaluation.detector import read_marks
-    from gspure.evaluation.outcomes import SCENE
-    from gspure.images import origin_of, shown_in, with_records
 
     _require_fitting_options(args)
-    if (target := origin_of(args.images, "target")) not in {"", SCENE}:
-        hint = "a detector reads renders of the scene"
-        raise InputError(args.images, "target", expected=SCENE, found=target, hint=hint)
-    before = _files_of(args.command)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
-    images = with_records(args.images / f"{reading.view}.png" for reading in readings)
-    settings = {"command": args.command, "message": args.message} if args.command else {"scheme": args.scheme}
-    settings |= {KEY: owner} if (owner := _owner(args)) else {}
-    after = _files_of(args.command)
-    files = {name: digest for name, digest in before.items() if after.get(name) == digest}  # no logs
-    write_record(args.out, inputs=images, settings=settings | files | shown_in(args.images))
-    counted = [reading for reading in readings if not reading.view.startswith(PREFIX)] or readings
-    mean = f"{np.mean([reading.level for reading in counted]):.4g}"
+    record_command(args, args.out.parent)
+    mean = f"{np.mean([reading.level for reading in readings]):.4g}"
     found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
-    print(f"{found} over {len(counted)} images")
-
-
-def _files_of(command: str | None) -> dict[str, str]:
-    """Return the files that a command names, as settings of its readings: with their digests."""
-    from gspure.artifacts import file_digest
-    from gspure.evaluation.detection import FILE
-    from gspure.evaluation.detector import files_of
-
-    return {f"{FILE}{name}": file_digest(Path(name)) for name in files_of(command)} if command else {}
+    print(f"{found} over {len(readings)} images")
 
 
 def _require_fitting_options(args: Arguments) -> None:
@@ -94,22 +71,12 @@ def _read_bits(args: Arguments) -> list[Reading]:
     from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detector import read_bits
-    from gspure.images import origin_of
+    from gspure.files import run_of
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = read_key(args, origin_of(args.images, "embedding"))
+    key = read_key(args, run_of(args.images))
     return read_bits(key.read_bits, key.bits, args.images)
-
-
-def _owner(args: Arguments) -> str:
-    """Return the embedding of the key, as records name it; empty without a key."""
-    from gspure.artifacts import embedding_of
-    from gspure.evaluation.controls import WRONG_KEY
-
-    if args.wrong_key is not None:
-        return WRONG_KEY
-    return embedding_of(args.key) if args.key else ""
 
 
 def _bits(text: str) -> str:

@@ -4,18 +4,17 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.artifacts import RENDERED, UNMOVED, file_digest, filling, remove, write_json, write_record
-from gspure.artifacts.checksums import record_file
-from gspure.cli.options import add_device, described, read_device
+from gspure.settings import SEED
+from gspure.cli.options import add_device, add_force, described, read_device, record_command, require_own_folder
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
-from gspure.images import photographs_of
+from gspure.files import file_digest, filling, write_json, write_provenance
 from gspure.progress import say
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
-from gspure.settings import SEED, parsed_settings
+from gspure.settings import parsed_settings
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
@@ -38,11 +37,13 @@ def add_arguments(parser: Parser) -> None:
         "--initialization", INITIALIZATIONS, "initial points: of scene and message, or of the scene alone", "both"
     )
     parser.number("--seed", "N", "random seed", SEED, 0)
+    add_force(parser)
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
+    require_own_folder(args)
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, args.set)
     pair = read_pair(args.pair, initialization=args.initialization)
@@ -51,30 +52,30 @@ def run(args: Arguments) -> None:
     began = time.monotonic()
     device = read_device(args)
     model = Path("public", "point_cloud.ply")
-    used = {"scheme": scheme.name, "initialization": args.initialization, "seed": args.seed}
-    used["protocol"] = "shared" if pair.shares_poses else "own"
-    used |= scheme.settings | settings
-    with filling(args.out, "public/*", "key/*") as folder:
+    args.set = scheme.settings | settings
+    with filling(args.out) as folder:
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
         check: Readability | None = None
         if key is not None and BITS in scheme.extractions:
             check = bit_readability(pair.scene.views, public, key, device)
         elif key is not None:
             check = readability(pair.message, public, key, device)
-        embedding = file_digest(public.write(folder / model)[0])
+        run = file_digest(public.write(folder / model)[0])[:16]
+        write_provenance(folder / "public", "embed", inputs={}, settings={"scheme": scheme.name}, run=run)
+        record_command(args, folder, run)
         if key is not None:
             key.write(folder / "key")
-        artifacts = sorted(path for path in folder.glob("*/*") if path.suffix != ".json")
+            record_command(args, folder / "key", run)
         if check:
-            artifacts.append(folder / "key" / "readability.json")
-            write_json(artifacts[-1], asdict(check) | {"readable": check.readable})
-        inputs = {"cameras": args.pair / "cameras.json", "message": args.pair / "message" / RENDERED}
-        origin = photographs_of(args.pair / "scene") | photographs_of(args.pair / "message") | {"scheme": scheme.name}
-        for path in artifacts:
-            write_record(path, inputs=inputs, settings=used, embedding=embedding, motion=UNMOVED, ancestors=origin)
-        written = {args.out / path.relative_to(folder) for path in artifacts}
-    earlier = {file for part in ("public", "key") for file in args.out.glob(f"{part}/*")} - written
-    remove(*(file for file in earlier if record_file(file).is_file()))
+            write_json(folder / "key" / "readability.json", asdict(check) | {"readable": check.readable})
+        _remove_older(args.out)
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
+
+
+def _remove_older(folder: Path) -> None:
+    """Remove what an earlier run, perhaps of another scheme, wrote."""
+    for path in (*folder.glob("public/*"), *folder.glob("key/*")):
+        if path.is_file():
+            path.unlink()

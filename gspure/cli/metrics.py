@@ -1,11 +1,9 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
-from gspure.artifacts import known_digest, write_record
-from gspure.cli.options import add_quiet
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.options import add_quiet, record_command
+from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.controls import BASELINES
-from gspure.images import shown_in, with_records
 from gspure.progress import say, track
 
 EXAMPLES = """\
@@ -17,8 +15,8 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR_A", "reference images, PNG; may hold more views than DIR_B", type=Unrelated)
-    parser.reads("other", "DIR_B", "images to compare, PNG, with the same names, sizes and subfolders", type=Unrelated)
+    parser.reads("images", "DIR_A", "reference images, PNG; may hold more views than DIR_B")
+    parser.reads("other", "DIR_B", "images to compare, PNG, with the same names, sizes and subfolders")
     parser.choice(
         "--reference",
         REFERENCES,
@@ -43,10 +41,5 @@ def run(args: Arguments) -> None:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
     if args.out:
         write_metrics(args.out, rows)
-        images = with_records(path for pair in pairs for path in (pair.reference, pair.image))
-        references = {f"{pair.target}/{pair.view}": known_digest(pair.reference) for pair in pairs}
-        settings = {"reference": args.reference, "baseline": args.baseline, "references": references}
-        for folder in {pair.image.parent: None for pair in pairs}:
-            settings |= shown_in(folder)
-        write_record(args.out, inputs=images, settings=settings)
+        record_command(args, args.out.parent)
     print("\n".join(as_text(rows)))

@@ -8,14 +8,13 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.parser import Arguments, Parser, Unrelated, filled
-from gspure.errors import InputError, did_you_mean
 from gspure.settings import COORDINATE, SEED, SHARE
+from gspure.cli.parser import Arguments, Parser, filled
+from gspure.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
     from gspure.evaluation.outcomes import Outcome
-    from gspure.files import Float64
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
     from gspure.schemes.scheme import Key
@@ -61,23 +60,23 @@ def read_public(args: Arguments) -> PublicModel:
     return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
-def read_key(args: Arguments, embedding: str) -> Key:
+def read_key(args: Arguments, run: str) -> Key:
     """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
 
-    Unless ``--control`` is set, refuse the key if `embedding`, that of the model or images
-    (`gspure.artifacts.embedding_of`), is not that of all its files.
+    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model or images
+    (`gspure.files.run_of`).
     """
-    from gspure.artifacts import embedding_of, require_embedding
+    from gspure.files import run_of
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import wrong_key
 
-    embedding_of(args.key)
     key = find_scheme(args.scheme).read_key(args.key)
     if args.wrong_key is not None:
         return wrong_key(key, args.wrong_key)
-    if not args.control:
-        hint = "copy a key with its .json files; --control accepts the key of another model, a negative control"
-        require_embedding(embedding, args.key, hint=hint)
+    own = run_of(args.key)
+    if run and own and run != own and not args.control:
+        hint = "--control accepts the key of another model, a negative control"
+        raise InputError(args.key, "run", expected=f"{run}, as of the model", found=own, hint=hint)
     return key
 
 
@@ -113,7 +112,7 @@ def camera_source(text: str) -> Path | str:
     """Return a path, or the name of a way to generate views; an argument type."""
     from gspure.cameras import GENERATED
 
-    return text if text in GENERATED else filled(Unrelated, text)
+    return text if text in GENERATED else filled(Path, text)
 
 
 def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True) -> None:
@@ -135,28 +134,20 @@ def add_up(parser: Parser, **group: Any) -> None:
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
-def read_source(source: Path | str, model: Path | None, *, moves: bool = False, **settings: Any) -> list[Camera]:
-    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views.
-
-    Warn if an attack moved the model away from the cameras, unless the caller `moves` them.
-    """
+def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
+    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views."""
     from gspure.cameras import GENERATED, read_cameras
-    from gspure.cameras.reading import follow
     from gspure.model import read_model
-    from gspure.progress import warn
 
     settings = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, Path):
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
-        if model and not moves and not follow(source, model):
-            warn(f"an attack moved {model}: the views of {source} show it only if they were moved with it")
         return read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
-    rows = read_model(model)
-    return GENERATED[source](rows, **settings)
+    return GENERATED[source](read_model(model), **settings)
 
 
 def add_views(parser: Parser, split: str) -> None:
@@ -168,18 +159,11 @@ def add_views(parser: Parser, split: str) -> None:
     )
 
 
-def add_off_path(parser: Parser) -> None:
-    """Add ``--off-path``, for `read_views`."""
-    parser.reads(
-        "--off-path", "FILE", "additional views, from `gspure cameras --off-path`", required=False, type=Unrelated
-    )
-
-
-def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name; `moves` is that of `read_source`."""
+def read_split(args: Arguments) -> list[Camera]:
+    """Read the views that ``--cameras`` and ``--split`` name."""
     from gspure.cameras import split
 
-    cameras = read_source(args.cameras, args.model, moves=moves, up=args.up)
+    cameras = read_source(args.cameras, args.model, up=args.up)
     train, test = split(cameras)
     views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
     if not views:
@@ -188,58 +172,55 @@ def read_split(args: Arguments, *, moves: bool = False) -> list[Camera]:
 
 
 def read_views(args: Arguments) -> list[Camera]:
-    """Read the views that ``--cameras``, ``--split`` and ``--off-path`` name, moved by ``--transform``."""
-    import numpy as np
-
-    from gspure.artifacts import motion_of
-    from gspure.cameras import read_cameras
+    """Read the views that ``--cameras`` and ``--split`` name, moved by ``--transform``."""
     from gspure.cameras.reading import read_transform
+
+    views = read_split(args)
+    if not args.transform:
+        return views
+    transform = read_transform(args.transform)
+    return [camera.moved(transform) for camera in views]
+
+
+def write_views(folder: Path, views: Sequence[Camera]) -> None:
+    """Write ``cameras.json`` without photographs to a folder."""
+    from gspure.cameras import write_cameras
+
+    write_cameras(folder / "cameras.json", [replace(view, image=None) for view in views])
+
+
+def record_command(args: Arguments, folder: Path, run: str = "") -> None:
+    """Write ``provenance.json`` to a folder of results: arguments that are paths are inputs, others are settings.
+
+    `run` is the run ID if the inputs have none (`gspure.files.write_provenance`).
+    """
+    from gspure.files import write_provenance
     from gspure.model import model_file
 
-    views = read_split(args, moves=bool(args.transform or getattr(args, "original", None)))
-    if getattr(args, "off_path", None):
-        views += read_cameras(args.off_path)
-    if args.transform and isinstance(args.cameras, str):
-        found = f"{args.cameras} around {args.model}"
-        raise InputError(args.transform, "--transform", expected="cameras of the unmoved model", found=found)
-    if args.transform:
-        file, transform = model_file(args.model), read_transform(args.transform)
-        motion = motion_of(file)
-        if motion is not None and not np.allclose(transform, motion, rtol=0, atol=1e-6):
-            found = "another transform"
-            raise InputError(args.transform, "--transform", expected=f"the motion of {file}", found=found)
-    step = _step(args)
-    return [camera.moved(step) for camera in views]
+    known = {n: value for n, value in vars(args).items() if n not in {*args.outputs, "outputs", "run", "verb", "quiet"}}
+    inputs = {name: value for name, value in known.items() if isinstance(value, Path)}
+    settings = {name: value for name, value in known.items() if name not in inputs}
+    if "model" in inputs:
+        inputs["model"] = model_file(inputs["model"])
+    write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
 
 
-def _step(args: Arguments) -> Float64:
-    """Return the rigid transform of the views: from the motion of the model that they look at to ``--transform``."""
-    import numpy as np
+def require_own_folder(args: Arguments) -> None:
+    """Refuse an output folder with files that another command, or none, has written, unless ``--force`` is set."""
+    from gspure.files import PROVENANCE, read_json
 
-    from gspure.artifacts import UNMOVED
-    from gspure.cameras.reading import motion_of_views, read_transform
-
-    if not args.transform:
-        return UNMOVED
-    of_views = motion_of_views(args.cameras, args.model)
-    return read_transform(args.transform) @ np.linalg.inv(UNMOVED if of_views is None else of_views)
-
-
-def unmoved(args: Arguments, views: Sequence[Camera]) -> dict[str, list[float]]:
-    """Return the numbers of the cameras as they were before ``--transform``, by view."""
-    step = _step(args)
-    return {camera.name: replace(camera, viewmat=camera.viewmat @ step).numbers.tolist() for camera in views}
+    if args.force or not any(args.out.glob("[!.]*")):
+        return
+    record = read_json(file) if (file := args.out / PROVENANCE).is_file() else {}
+    if not isinstance(record, dict) or record.get("command") != args.verb:
+        found, hint = "other files", "name another folder, or use --force"
+        expected = f"an empty folder or results of `gspure {args.verb}`"
+        raise InputError(args.out, "--out", expected=expected, found=found, hint=hint)
 
 
-def write_views(args: Arguments, folder: Path, views: Sequence[Camera]) -> None:
-    """Write ``cameras.json`` to a folder, with the motion of the model that the views of ``--cameras`` look at."""
-    from gspure.artifacts import write_record
-    from gspure.cameras import write_cameras
-    from gspure.cameras.reading import motion_of_views
-
-    file = folder / "cameras.json"
-    write_cameras(file, [replace(view, image=None) for view in views])
-    write_record(file, inputs={}, settings={}, motion=motion_of_views(args.cameras, args.model))
+def add_force(parser: Parser) -> None:
+    """Add ``--force``, for `require_own_folder`."""
+    parser.flag("--force", "write to a folder that holds other files")
 
 
 def add_files(parser: Parser, files: Mapping[str, tuple[str, str]], **settings: Any) -> None:

@@ -7,22 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import RENDERED, filling, read_json, write_record
-from gspure.cameras import Camera, inria, off_path_cameras, read_cameras, write_cameras
-from gspure.cli.options import add_device, read_device
+from gspure.settings import PAIR_VIEWS, SEED, TRACED_SIDE
+from gspure.cameras import Camera, read_cameras, write_cameras
+from gspure.cli.options import add_device, read_device, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.images import is_flat, record_views, write_image
+from gspure.files import filling
+from gspure.images import is_flat, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.points import write_point_ply
 from gspure.progress import say, track, warn
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
-from gspure.scenes.photography import path_cameras, photograph, picture
+from gspure.scenes.photography import path_cameras, photograph
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
-from gspure.settings import OFF_PATH, PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.training.dataset import read_dataset, read_photographs
 
 EXAMPLES = """\
@@ -40,12 +40,6 @@ messages are turned and moved, and photographed ones keep their cameras, aligned
 
 MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours
 OPAQUE = 0.5  # least opacity of these Gaussians; ours
-
-_NAMES = (
-    *(f"{folder}{name}" for folder in ("", "message/") for name in ("cameras.json", "points3D.ply")),
-    *(f"{folder}/{name}" for folder in ("scene", "message") for name in ("*.png", RENDERED)),
-)
-
 
 def add_arguments(parser: Parser) -> None:
     parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")
@@ -66,13 +60,6 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--views", "N", "ray-traced only: number of views; every eighth is a test view", PAIR_VIEWS, 32)
     parser.number("--width", "PX", "ray-traced only: image width", TRACED_SIDE, 160)
     parser.number("--height", "PX", "ray-traced only: image height", TRACED_SIDE, 120)
-    parser.number(
-        "--off-path",
-        "N",
-        "ray-traced only: also photograph N views off the camera path, as `gspure cameras --off-path` does",
-        OFF_PATH,
-        0,
-    )
     parser.number("--seed", "N", "random seed", SEED, 0)
     add_device(parser)
 
@@ -84,33 +71,23 @@ def run(args: Arguments) -> None:
         expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
     make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
-    settings = {name: str(getattr(args, name)) for name in ("scene", "message", "protocol", "seed")}
-    with filling(args.out, *_NAMES) as args.out:
-        settings |= make(args)
-        for folder, images in ((args.out, args.out / "scene"), (args.out / "message", args.out / "message")):
-            cameras = inria.parse(file := folder / "cameras.json", read_json(file))
-            known = {camera.name: camera.numbers.tolist() for camera in cameras}
-            views = {image.stem: known.get(image.stem, []) for image in images.glob("*.png")}
-            record_views(images, views, target=images.name)
-            for name in ("cameras.json", "points3D.ply"):
-                write_record(folder / name, inputs={"photographs": images / RENDERED}, settings=settings)
+    with filling(args.out) as args.out:
+        make(args)
+        record_command(args, args.out)
 
 
-def _traced(args: Arguments) -> dict[str, Any]:
+def _traced(args: Arguments) -> None:
     views = path_cameras(args.views, args.width, args.height)
-    aside = off_path_cameras(views, args.off_path)
     staging = Staging(args.scene, args.message, args.placement, args.protocol)
     rng = np.random.default_rng(args.seed)
     for kind, lit in (("scene", staging.lit_scene()), ("message", staging.lit_message())):
         transform = staging.message_transform if kind == "message" else np.eye(4)
         xyz, rgb = photograph(lit, views, args.out / kind, rng)
-        picture(lit, aside, args.out / kind)
         moved = xyz @ transform[:3, :3].T + transform[:3, 3]
         _write(args.out, kind, [view.moved(transform) for view in views], (moved, rgb))
-    return {name: getattr(args, name) for name in ("placement", "views", "width", "height", "off_path")}
 
 
-def _photographed(args: Arguments) -> dict[str, Any]:
+def _photographed(args: Arguments) -> None:
     """Photographs of the scene, and a trained model of the message rendered at their poses."""
     model = read_model(args.message)
     require_finite(model, args.message)
@@ -126,14 +103,12 @@ def _photographed(args: Arguments) -> dict[str, Any]:
         warn(f"{len(empty)} of {len(views)} views do not show the message (first: {empty[0]}): it lies outside of them")
     xyz, rgb = _points(model, args.seed)
     _write(args.out, "message", views, (alignment.inverse.points(xyz), rgb))
-    return {"resolution": args.resolution}
 
 
-def _photographed_apart(args: Arguments) -> dict[str, Any]:
+def _photographed_apart(args: Arguments) -> None:
     """Photographs of both, each at its own poses, with the message aligned with the scene."""
     views = _write_photographs(args, "scene", args.scene)
     _write_photographs(args, "message", args.message, lambda message: aligning(views, message).inverse)
-    return {"resolution": args.resolution}
 
 
 def _write_photographs(

@@ -11,17 +11,30 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.artifacts import embedding_of, filling, motion_of, save_array, write_json, write_record
-from gspure.artifacts.replacement import RENDERED, remove, remove_images
 from gspure.attacks.learning import ITERATIONS, Teacher
-from gspure.cameras import Camera, scaled, split, views_digest
+from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
+from gspure.cameras import Camera, scaled, split
 from gspure.cameras.resolution import TRAINING_RULE
-from gspure.cli.cluster import add_selection
-from gspure.cli.method_options import add_factors, add_min_samples
-from gspure.cli.options import add_cameras, add_device, add_energy, read_source, write_views
+from gspure.cli.options import (
+    add_cameras,
+    add_device,
+    add_energy,
+    add_force,
+    read_source,
+    record_command,
+    require_own_folder,
+    write_views,
+)
 from gspure.cli.parser import Arguments, Parser
-from gspure.cli.weights import add_reduction
-from gspure.constants import TAU_C, TAU_N
+from gspure.constants import (
+    ANCHOR_TAU_C,
+    ANCHOR_TAU_N,
+    MAX_CLUSTER_SHARE,
+    MIN_CLUSTER_SIZE,
+    MIN_SAMPLES,
+    TAU_C,
+    TAU_N,
+)
 from gspure.errors import InputError
 from gspure.evaluation.comparison import (
     ViewMetrics,
@@ -33,19 +46,21 @@ from gspure.evaluation.comparison import (
     worst,
     write_metrics,
 )
-from gspure.figures.gallery import NAMES, Drawing, Evidence, drawings
+from gspure.figures.gallery import Drawing, Evidence, drawings
 from gspure.figures.panels import write_panels
 from gspure.figures.splats import splats
-from gspure.images import read_image, record_views, require_no_other_images, write_image
+from gspure.files import filling, save_array, write_json
+from gspure.images import read_image, write_image
+from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
-from gspure.model import Gaussians, model_file, suspicious
+from gspure.method.weights import REDUCTIONS
+from gspure.model import Gaussians, suspicious
 from gspure.model.signature import Signature
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model, recognized
-from gspure.settings import STEPS
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
@@ -63,12 +78,10 @@ files in DIR:
   renders/           held-out views of the model before and after pruning, and after repair
   metrics.csv        metrics of the renders after pruning (and repair), against those before
   figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
-
-FILE.json beside the model and each array records its checksum, origin and settings.
+  provenance.json    command, settings and inputs
 """
 
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
-_ARRAYS = ("weights", "labels", "prune_mask")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
 
@@ -81,51 +94,56 @@ def add_arguments(parser: Parser) -> None:
     add_cameras(parser, "views (scaled to 1600 px if wider; sorted by name, every eighth is held out for the metrics)")
     parser.writes("--out", "DIR", "folder for the results")
     add_energy(parser, "ray", "ewa", "center_ray")
-    add_reduction(parser)
-    add_min_samples(parser)
-    add_selection(parser)
-    add_factors(parser, by_scheme=True)
+    parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", REDUCTIONS[0])
+    parser.number("--min-samples", "N", "HDBSCAN's min_samples", NEIGHBOURS, MIN_SAMPLES)
+    parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", CLUSTER_SIZE, MIN_CLUSTER_SIZE)
+    meaning = (
+        "eom_capped, eom: HDBSCAN's excess of mass with and without --max-cluster-share; leaf: the leaves of its "
+        "hierarchy"
+    )
+    parser.choice("--selection", SELECTIONS, meaning, SELECTIONS[0])
+    meaning = "for eom_capped: largest share of the Gaussians in one cluster"
+    parser.number("--max-cluster-share", "SHARE", meaning, CLUSTER_SHARE, MAX_CLUSTER_SHARE)
+    for name, rows, value, of_anchors in (
+        ("--tau-c", "clusters whose mean weight", TAU_C, ANCHOR_TAU_C),
+        ("--tau-n", "noise points whose weight", TAU_N, ANCHOR_TAU_N),
+    ):
+        meaning = f"prune {rows} is below the mean weight of all rows / TAU (default: {value}; anchors: {of_anchors})"
+        parser.number(name, "TAU", meaning, FACTOR)
     meaning = (
         "after pruning, train the remaining Gaussians on renders of MODEL, as the attack `prune_repair` does (default: "
         "%(const)s iterations)"
     )
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
+    add_force(parser)
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
+    require_own_folder(args)
     stored = read_public_model(args.model)
     suspects = suspicious.suspicious_rows(stored.model)
     public = stored.drawable(args.model)
-    public.require_place(args.out / "purified.ply")
     _choose_factors(args, public.model)
     if args.repair and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
     train, test = _split(cameras)
-    writes_views = (args.out / "cameras.json").resolve() != Path(args.cameras).resolve()  # else they are there
-    for title in _RENDERS:
-        require_no_other_images(args.out / "renders" / title, (camera.name for camera in test))
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
-    names = _names(public, args.out, [camera.name for camera in test])
-    if model_file(args.model).resolve() in {(args.out / name).resolve() for name in names}:
-        raise InputError(args.out, "--out", expected="a folder where no output replaces the model", found=str(args.out))
-    with filling(args.out, *names, *["cameras.json"] * writes_views) as folder:
+    with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
-        inputs, geometry = {"model": model_file(args.model), "cameras": args.cameras}, stored.geometry_digest()
-        used = {"energy": args.energy, **settings} | ({"repair": args.repair} if args.repair else {})
-        origin: dict[str, Any] = {"inputs": inputs, "settings": used}
-        _write_model(models["purified"], folder, args.out, origin)
-        if writes_views:
-            write_views(args, folder, cameras)
-        _write_arrays(folder, purification, **origin, geometry=geometry, ancestors={"views": views_digest(train)})
-        rows = _compare(folder, models, test, device, embedding_of(inputs["model"])) if public.visible else []
+        models["purified"].write(folder / "purified.ply")
+        write_views(folder, cameras)
+        for name in ("weights", "labels", "prune_mask"):
+            save_array(folder / f"{name}.npy", getattr(purification, name))
+        rows = _compare(folder, models, test, device) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
-        write_json(folder / "diagnosis.json", diagnosis, checksum=True)
+        write_json(folder / "diagnosis.json", diagnosis)
+        record_command(args, folder)
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
@@ -139,31 +157,12 @@ def run(args: Arguments) -> None:
     print("\n".join([*near, *_repair_lines(diagnosis), place, *table, *captions]))
 
 
-def _write_model(model: PublicModel, folder: Path, place: Path, origin: Mapping[str, Any]) -> None:
-    """Write a model to the folder of new results, with records; leave out networks that their place has already."""
-    for path in model.write(folder / "purified.ply"):
-        if path.name == model.network_name and model.has_networks(place):
-            remove(path)
-        else:
-            write_record(path, motion=motion_of(origin["inputs"]["model"]), **origin)
-
-
 def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     """Return the views that measure weights, and the held-out ones to compare; a single view does both."""
     train, test = split(cameras)
     if not train:
         warn("a single view: it measures the weights, and none is held out for the metrics")
     return train or test, test
-
-
-def _names(public: PublicModel, folder: Path, views: Sequence[str]) -> list[str]:
-    """Return the names of all files but ``cameras.json``."""
-    names = [*public.names(folder / "purified.ply"), *(f"{name}.npy" for name in _ARRAYS), "diagnosis.json"]
-    names += [f"figures/{name}" for name in NAMES]
-    if public.visible:
-        names += ["metrics.csv", *(f"renders/{title}/{RENDERED}" for title in _RENDERS)]
-        names += [f"renders/{title}/{view}.png" for title in _RENDERS for view in views]
-    return names
 
 
 def _choose_factors(args: Arguments, model: Gaussians) -> None:
@@ -191,17 +190,8 @@ def _models(
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}
 
 
-def _write_arrays(folder: Path, purification: Purification, inputs: Mapping[str, Path], **origin: Any) -> None:
-    """Write the arrays with their records; each is made from those before it."""
-    for name in _ARRAYS:
-        path = folder / f"{name}.npy"
-        save_array(path, getattr(purification, name))
-        write_record(path, inputs=inputs, kind=name, **origin)
-        inputs = {**inputs, name: path}
-
-
 def _compare(
-    folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device, embedding: str
+    folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device
 ) -> list[ViewMetrics]:
     """Render the views of each model, and compare the images as written with those of the unattacked one."""
     renders, background = folder / "renders", models["unattacked"].model.background
@@ -209,8 +199,6 @@ def _compare(
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(renders / title / f"{camera.name}.png", scene(camera))
-        numbers = {view.name: view.numbers.tolist() for view in views}
-        record_views(renders / title, numbers, background, "ewa", embedding=embedding)
     pairs = [
         pair._replace(target=_RENDERS[title])
         for title in reversed([*models][1:])
@@ -238,9 +226,10 @@ def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
 
 
 def _remove_older(folder: Path) -> None:
-    """Remove what the next run may lack: without colour, without a figure, or killed while it draws."""
-    remove(*(folder / "figures" / name for name in NAMES), folder / "metrics.csv")
-    remove_images(*(folder / "renders" / title for title in _RENDERS), folder / "renders")
+    """Remove what the next run may lack: without colour, of other views, or killed while it draws."""
+    for pattern in ("metrics.csv", "figures/*.png", "figures/*.svg", *(f"renders/{title}/*.png" for title in _RENDERS)):
+        for path in folder.glob(pattern):
+            path.unlink()
 
 
 def _draw(
@@ -271,7 +260,6 @@ def _draw(
             draw()
             captions.append(f"{path}: {caption}")
         except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
-            remove(path)
             warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
     return captions
 

@@ -1,7 +1,7 @@
 """``gspure report``: one page about all models of a run."""
 
 from gspure.cli.options import add_files
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
   gspure report --table results.csv --figures results/keyss/room/figures/*.png --out report.html
@@ -24,7 +24,7 @@ def add_arguments(parser: Parser) -> None:
         parser.reads(option, "CSV", "from `gspure contest`", required=False)
     meaning = "from `gspure figures`, in display order, in folders SCHEME/SCENE or figures/CONDITION"
     add_files(parser, {"--figures": ("PNG", meaning), **_FILES})
-    add_files(parser, {"--link": ("FILE", "further files to link: configuration, logs")}, type=Unrelated)
+    add_files(parser, {"--link": ("FILE", "further files to link: configuration, logs")})
     parser.writes("--out", "HTML", "the page")
 
 

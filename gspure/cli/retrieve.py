@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gspure.cli.options import add_quiet
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.progress import track
 
@@ -17,7 +17,7 @@ EXAMPLES = """\
 def add_arguments(parser: Parser) -> None:
     parser.reads("message", "DIR", "photographs of the message; those of the scene are in ../scene")
     parser.reads("--extractions", "DIR", "extracted images, in folders VARIANT/renders/TARGET", nargs="+")
-    parser.reads("--decoys", "DIR", "photographs of other scenes, as candidates", nargs="*", default=[], type=Unrelated)
+    parser.reads("--decoys", "DIR", "photographs of other scenes, as candidates", nargs="*", default=[])
     parser.writes("--out", "CSV", "one row per variant and extraction")
     add_quiet(parser)
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 EXAMPLES = """\
@@ -26,8 +26,8 @@ def add_arguments(parser: Parser) -> None:
         metavar="FOLDER",
         help="list the files that do not agree with their checksums (default: of both folders below)",
     )
-    parser.reads("--stages", "DIR", "folder of stages", default=Path("stages"), type=Unrelated)
-    parser.reads("--results", "DIR", "folder searched for indices", default=Path("results"), type=Unrelated)
+    parser.reads("--stages", "DIR", "folder of stages", default=Path("stages"))
+    parser.reads("--results", "DIR", "folder searched for indices", default=Path("results"))
 
 
 def run(args: Arguments) -> int:
