@@ -1,8 +1,7 @@
-"""Bounds: every number that a user may set, in any command, attack, scheme or configuration, has them."""
+"""Bounds: every number that a user may set, in any attack, scheme or configuration, has them."""
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Iterator
 from copy import deepcopy
@@ -14,19 +13,15 @@ import yaml
 
 from gspure import settings as bounds
 from gspure.attacks.registry import attacks
-from gspure.cli import main
-from gspure.cli.parser import Bounded
 from gspure.errors import InputError
 from gspure.schemes.registry import schemes
 from gspure.settings import Range, defaults, parsed_settings, require_settings
 from gspure.settings import bounds as bounds_of
 from gspure.workflow.configuration import validated
-from tests.test_cli import parsers
 
 SCHEMA_FILE = Path(__file__).parents[1] / "schemas" / "config.schema.yaml"
 SCHEMA = yaml.safe_load(SCHEMA_FILE.read_text())
 
-WORDS = ("-1", "0", "nan", "inf", "-inf", "1e400", "1e3", "1000000000", "1" + 30 * "0", 5000 * "9")
 NO_NUMBERS = ("", " ", "0x10", "1_0", " 1", "1\n", "١", "½", "--", "1,5", "None")
 VALUES = (-1, 0, math.nan, math.inf, 10**9, 10**30, 10**400, 1e30, True, None, "", " ", "1", "1e3", "١", [], {})
 
@@ -35,17 +30,10 @@ def outcome(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns, or its refusal."""
     try:
         return function(*arguments)
-    except (InputError, argparse.ArgumentTypeError) as error:
+    except InputError as error:
         return error
 
 
-ARGUMENTS = {
-    f"{name} {action.option_strings or action.dest}": (parser, action)
-    for name, parser in parsers().items()
-    for action in parser._actions
-    if action.nargs != 0 and not action.choices
-}
-NUMBERS = {name: action.type for name, (_, action) in ARGUMENTS.items() if isinstance(action.type, Bounded)}
 FUNCTIONS = {f"attack {a.name}": a.function for a in attacks().values()}
 FUNCTIONS |= {f"scheme {s.name}": s.embed for s in schemes().values()}
 SETTINGS = {
@@ -74,63 +62,6 @@ def subschemas(schema: object, path: tuple[str, ...] = ()) -> Iterator[tuple[tup
     elif isinstance(schema, list):
         for part in schema:
             yield from subschemas(part, path)
-
-
-@pytest.mark.parametrize("name", ARGUMENTS)
-def test_every_argument_that_takes_a_number_has_bounds(name):
-    _, action = ARGUMENTS[name]
-    assert action.type not in {int, float, complex}
-    if isinstance(action.default, int | float):
-        assert isinstance(action.type, Bounded)
-    if isinstance(action.type, Bounded):
-        assert str(action.type.limits) in action.help
-        for value in (action.default, action.const):
-            assert value is None or value in action.type.limits
-
-
-@pytest.mark.parametrize("name", NUMBERS)
-def test_arguments_out_of_bounds_are_refused(name):
-    limits = NUMBERS[name].limits
-    for word in (*WORDS, repr(limits.least), repr(limits.most)):
-        number = outcome(NUMBERS[name], word)
-        is_number = limits.kind is float or word.lstrip("-").isdecimal()
-        if is_number and len(word) < 100 and limits.kind(word) in limits:
-            assert number == limits.kind(word)
-        else:
-            assert str(limits) in str(number)
-    for word in NO_NUMBERS:
-        with pytest.raises(argparse.ArgumentTypeError):
-            NUMBERS[name](word)
-
-
-@pytest.mark.parametrize("text", ["", " ", "\t"])
-@pytest.mark.parametrize("name", ARGUMENTS)
-def test_empty_texts_are_refused(name, text):
-    parser, action = ARGUMENTS[name]
-    if action.default != "":
-        with pytest.raises((argparse.ArgumentError, argparse.ArgumentTypeError)):
-            parser._get_value(action, text)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        *("pair --views 2", "pair --views 100000000", "cameras --count 0", "cameras --count 100000000"),
-        *("purify --tau-c 0", "purify --tau-c nan", "purify --min-samples 0", "purify --min-cluster-size 1"),
-        *("purify --repair 0", "render --background 0 0 nan", "train --background 0 0 2", "train --iterations 0"),
-        *("train --max-gaussians 3", "train --seed=-1", "attack --seed=-1", "attack --damage 0", "attack --damage nan"),
-        *("figures panels --rows 0", "decoys --views 0"),
-    ],
-)
-def test_a_number_without_a_meaning_is_refused_in_one_line_that_names_the_option(line, capsys):
-    words = line.replace("=", " ").split()
-    with pytest.raises(SystemExit) as stop:
-        main([*line.split(), "--out", "never"])
-    printed = capsys.readouterr().err
-    assert stop.value.code == 2
-    assert printed.count("\n") == 1
-    assert next(word for word in words if word.startswith("--")) in printed
-    assert repr(words[-1]) in printed
 
 
 @pytest.mark.parametrize("name", SETTINGS)

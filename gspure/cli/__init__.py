@@ -8,16 +8,13 @@ A command module holds ``EXAMPLES`` (shown below the options), ``add_arguments(p
 import argparse
 import errno
 import importlib
-import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
 from gspure import __version__, progress
-from gspure.cli.lineage import require_related
-from gspure.cli.parser import Arguments, Parser, outputs, paths_of, require_distinct, suggestion
-from gspure.cost import LOG, cost_of, spent
+from gspure.cli.parser import Arguments, Parser, suggestion
 from gspure.errors import InputError, printable
 
 USER_COMMANDS = {
@@ -69,14 +66,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         _overview(argv)
     try:
         args = parser_of(argv[0]).parse_args(argv[1:])
-        from gspure.artifacts import replacing_only
-
         progress.quiet = getattr(args, "quiet", False)
-        is_job = LOG in os.environ  # which replaces whatever stands in results/
-        with replacing_only(argv[0], None if is_job else outputs(args)), progress.warnings_in_lines():
-            require_distinct(args)
-            require_related(args)
-            return _costed(args)
+        with progress.warnings_in_lines():
+            return _run(args)
     except InputError as error:
         return _refuse(argv[0], str(error))
     except MemoryError as error:
@@ -96,21 +88,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _costed(args: Arguments) -> int:
-    """Run a command; beside the log of its job, write its cost. An error about an argument names its file.
-
-    The source of an error may be the name of an argument, or a file that is called so.
-    """
+def _run(args: Arguments) -> int:
+    """Run a command; the source of an error may be the name of an argument, and becomes its file."""
     try:
         status = int(args.run(args) or 0)
     except InputError as error:
-        argument = getattr(args, error.source, None)
-        if isinstance(argument, Path) and Path(error.source) not in paths_of(vars(args).values()):
-            error.source = str(argument)
+        if isinstance(file := getattr(args, error.source, None), Path):
+            error.source = str(file)
         raise
     sys.stdout.flush()
-    if log := os.environ.get(LOG):
-        spent().write(cost_of(log))
     return status
 
 
@@ -129,7 +115,7 @@ def parser_of(name: str) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     module.add_arguments(parser)
-    parser.set_defaults(run=module.run)
+    parser.set_defaults(run=module.run, verb=name)
     return parser
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 from gspure.attacks import Evidence, NotApplicable, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
-from gspure.settings import DECIBELS, SEED
 from gspure.cameras import Camera, split
 from gspure.cli.options import (
     SPLITS,
@@ -34,7 +32,7 @@ from gspure.method.clustering.store import read_labels
 from gspure.model import require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
-from gspure.settings import parsed_settings
+from gspure.settings import DECIBELS, SEED, parsed_settings
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random/point_cloud.ply

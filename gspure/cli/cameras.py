@@ -9,10 +9,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 from gspure.cli.options import add_quiet, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera

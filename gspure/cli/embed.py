@@ -4,7 +4,6 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.settings import SEED
 from gspure.cli.options import add_device, add_force, described, read_device, record_command, require_own_folder
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
@@ -14,7 +13,7 @@ from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
-from gspure.settings import parsed_settings
+from gspure.settings import SEED, parsed_settings
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`

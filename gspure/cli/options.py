@@ -8,9 +8,9 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.settings import COORDINATE, SEED, SHARE
 from gspure.cli.parser import Arguments, Parser, filled
 from gspure.errors import InputError, did_you_mean
+from gspure.settings import COORDINATE, SEED, SHARE
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
@@ -197,7 +197,11 @@ def record_command(args: Arguments, folder: Path, run: str = "") -> None:
     from gspure.files import write_provenance
     from gspure.model import model_file
 
-    known = {n: value for n, value in vars(args).items() if n not in {*args.outputs, "outputs", "run", "verb", "quiet"}}
+    known = {
+        n: value
+        for n, value in vars(args).items()
+        if n not in {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
+    }
     inputs = {name: value for name, value in known.items() if isinstance(value, Path)}
     settings = {name: value for name, value in known.items() if name not in inputs}
     if "model" in inputs:
@@ -209,7 +213,8 @@ def require_own_folder(args: Arguments) -> None:
     """Refuse an output folder with files that another command, or none, has written, unless ``--force`` is set."""
     from gspure.files import PROVENANCE, read_json
 
-    if args.force or not any(args.out.glob("[!.]*")):
+    files = (file for path in args.out.glob("[!.]*") for file in (path, *path.rglob("*")) if file.is_file())
+    if args.force or not any(files):
         return
     record = read_json(file) if (file := args.out / PROVENANCE).is_file() else {}
     if not isinstance(record, dict) or record.get("command") != args.verb:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from gspure.settings import PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.cameras import Camera, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device, record_command
 from gspure.cli.parser import Arguments, Parser
@@ -23,6 +22,7 @@ from gspure.scenes.alignment import Similarity, aligning
 from gspure.scenes.photography import path_cameras, photograph
 from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
+from gspure.settings import PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.training.dataset import read_dataset, read_photographs
 
 EXAMPLES = """\
@@ -40,6 +40,7 @@ messages are turned and moved, and photographed ones keep their cameras, aligned
 
 MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours
 OPAQUE = 0.5  # least opacity of these Gaussians; ours
+
 
 def add_arguments(parser: Parser) -> None:
     parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")

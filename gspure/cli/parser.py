@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gspure.settings import Range
 from gspure.errors import did_you_mean, printable
+from gspure.settings import Range
 
 Arguments = argparse.Namespace
 _DEFAULT = " (default: %(default)s)"

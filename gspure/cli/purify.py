@@ -12,7 +12,6 @@ import numpy as np
 
 from gspure import __version__
 from gspure.attacks.learning import ITERATIONS, Teacher
-from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.resolution import TRAINING_RULE
 from gspure.cli.options import (
@@ -61,6 +60,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model, recognized
+from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified

@@ -8,8 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import add_background, add_device, read_background, read_device
-from gspure.cli.parser import Arguments, Parser, Unrelated
+from gspure.cli.options import (
+    add_background,
+    add_device,
+    add_force,
+    read_background,
+    read_device,
+    record_command,
+    require_own_folder,
+)
+from gspure.cli.parser import Arguments, Parser
 from gspure.progress import say, track
 from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
 
@@ -59,7 +67,7 @@ def add_arguments(parser: Parser) -> None:
         "320px",
     )
     meaning = "photographs, named as the views, instead of those that DATA names"
-    parser.reads("--images", "DIR", meaning, required=False, type=Unrelated)
+    parser.reads("--images", "DIR", meaning, required=False)
     add_background(parser, "the model and transparent photographs", "DATA")
     parser.number(
         "--max-gaussians",
@@ -69,19 +77,21 @@ def add_arguments(parser: Parser) -> None:
     )
     parser.flag("--skip-missing", "leave out views whose photograph is missing, instead of refusing")
     parser.number("--seed", "N", "random seed", SEED, 0)
+    add_force(parser)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.artifacts import UNMOVED, filling, remove, replacing, write_record
     from gspure.evaluation.comparison import as_text
+    from gspure.files import filling, replacing
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
     from gspure.training.dataset import fingerprint, read_dataset, read_photographs
-    from gspure.training.output import names, point_cloud, remove_results
+    from gspure.training.output import point_cloud, remove_results
 
+    require_own_folder(args)
     if args.model:
         require_writable(args.model)
     args.background = read_background(args, trained_background(args.data))
@@ -95,16 +105,16 @@ def run(args: Arguments) -> None:
     used = ("iterations", "resolution", "background", "max_gaussians", "seed")
     settings = {name: getattr(args, name) for name in used} | {"photographs and cameras": fingerprint(dataset, images)}
     device = read_device(args)
-    with filling(args.out, *names(args.out, dataset, args.iterations)) as folder:
+    record_command(args, args.out)
+    with filling(args.out) as folder:
         trainer = _train(args, dataset, images, settings, device)
-        rows = _write(folder, args, dataset, trainer.model.state().parameters, settings, device)
+        rows = _write(folder, args, dataset, trainer.model.state().parameters, device)
         remove_results(args.out)
     model = point_cloud(args.out, args.iterations)
     if args.model:
         with replacing(args.model) as temporary:
             shutil.copyfile(model, temporary)
-        write_record(args.model, inputs={}, settings=settings, motion=UNMOVED)
-    remove(_checkpoint(args))
+    _checkpoint(args).unlink(missing_ok=True)
     if rows:
         print("\n".join(as_text(rows)))
     say(f"{trainer.model.count} Gaussians in {model}")
@@ -174,43 +184,26 @@ def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera
 
 
 def _write(
-    folder: Path, args: Arguments, dataset: Dataset, parameters: Parameters, settings: dict[str, Any], device: Device
+    folder: Path, args: Arguments, dataset: Dataset, parameters: Parameters, device: Device
 ) -> list[ViewMetrics]:
-    """Write the model and the comparison of the held-out views, with records of origin; return the metrics."""
-    from gspure.artifacts import UNMOVED, write_record
-    from gspure.evaluation.comparison import write_metrics
-    from gspure.training.output import write_output
-
-    model = write_output(folder, dataset, parameters, args.iterations, args.background, place=args.out)
-    files = [model, *(folder / name for name in ("cameras.json", "input.ply", "cfg_args"))]
-    rows = _compare(folder, args, dataset, model, device) if dataset.test else []
-    if rows:
-        files.append(folder / "metrics.csv")
-        write_metrics(files[-1], rows)
-    for path in files:
-        write_record(path, inputs={}, settings=settings, motion=UNMOVED)
-    return rows
-
-
-def _compare(folder: Path, args: Arguments, dataset: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
-    """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
-    from gspure.evaluation.comparison import TRUTH, ImagePair, compare
-    from gspure.images import record_views, write_image
+    """Write the model and the comparison of the held-out views; return the metrics."""
+    from gspure.evaluation.comparison import TRUTH, ImagePair, compare, write_metrics
+    from gspure.images import write_image
     from gspure.model import read_model
     from gspure.renderer import Renderer
     from gspure.training.dataset import read_photographs
-    from gspure.training.output import comparison
+    from gspure.training.output import comparison, write_output
 
+    model = write_output(folder, dataset, parameters, args.iterations, args.background, place=args.out)
     truth, renders = comparison(folder, args.iterations)
     renderer = Renderer(read_model(model), device)
-    rows = []
     photographs = read_photographs(dataset.test, args.background)
+    rows = []
     for camera, photograph in zip(track(dataset.test, "held out"), photographs, strict=True):
         pair = ImagePair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair, TRUTH))
-    views = {camera.name: camera.numbers.tolist() for camera in dataset.test}
-    record_views(truth, views)
-    record_views(renders, views, args.background, "ewa")
+    if rows:
+        write_metrics(folder / "metrics.csv", rows)
     return rows

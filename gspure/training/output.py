@@ -1,11 +1,10 @@
 """The output folder of training, in the layout of 3DGS's trainer, which most tools read."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from gspure.artifacts import RENDERED, remove, write_text
-from gspure.artifacts.replacement import remove_images
 from gspure.cameras import write_cameras
+from gspure.files import write_text
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
 from gspure.model.points import write_point_ply
@@ -50,21 +49,12 @@ def write_output(
     return model
 
 
-def names(folder: Path, dataset: Dataset, iteration: int) -> Iterator[str]:
-    """Yield the names of the files of a run, and those of all models there, since only the last one is read."""
-    yield from ("cameras.json", "input.ply", "cfg_args", "metrics.csv", "checkpoint.npz")
-    for model in (point_cloud(folder, iteration), *saved_iterations(folder).values()):
-        yield str(model.relative_to(folder))
-    for images in comparison(Path(), iteration):
-        yield from (str(images / name) for name in (RENDERED, *(f"{view.name}.png" for view in dataset.test)))
-
-
 def remove_results(folder: Path) -> None:
-    """Remove models, images and metrics of earlier runs; files of other names stay."""
+    """Remove models and images of earlier runs, as only the last model is read; files of other names stay."""
     for iteration, model in saved_iterations(folder).items():
-        images = comparison(folder, iteration)
-        remove(model, folder / "metrics.csv")
-        remove_images(*images, images[0].parent, model.parent)
+        model.unlink()
+        for image in (image for images in comparison(folder, iteration) for image in images.glob("*.png")):
+            image.unlink()
 
 
 def _arguments(model_path: Path, dataset: Dataset, parameters: Parameters, background: Sequence[float]) -> str:
