@@ -8,10 +8,9 @@ from gspure.workflow.configuration import require_distinct_names, resolved, vali
 from gspure.cost import COSTS, LOG, cost_of
 from gspure.errors import InputError
 from gspure.evaluation.controls import BASELINES, CONTROLS
-from gspure.evaluation.detector import files_of
+from gspure.evaluation.detection import files_of
 from gspure.evaluation.outcomes import BITS
 from gspure.opencl.program import kernel_digest
-from gspure.report.templates import TEMPLATES
 from gspure.scenes.procedural import DECOYS
 from gspure.workflow.captures import capture_files
 from gspure.workflow.decisions import DEFAULT
@@ -22,7 +21,7 @@ from gspure.workflow.sources import code_digest
 from gspure.workflow.variants import Decision, Variant
 
 KERNELS = kernel_digest()
-TEMPLATE_DIGESTS = [file_digest(path) for path in TEMPLATES]
+TEMPLATE_DIGESTS = []
 
 
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"

@@ -17,8 +17,8 @@ from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.evaluation.matched import DAMAGE_TOLERANCE
 from gspure.evaluation.metrics import psnr
-from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE
 from gspure.images import read_back, read_image, write_image
 from gspure.method.pruning import prune_mask
 from gspure.model import read_model, write_model

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from gspure.artifacts import digest  # noqa: E402
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
-from gspure.figures.splats import splats  # noqa: E402
+from gspure.figures.gallery import Purified, draw_model  # noqa: E402
 from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.public_model import PublicModel  # noqa: E402
@@ -57,7 +57,7 @@ def test_scene_and_message_are_learned_from_one_map(hidden, pair):
 def test_its_rows_are_drawn_although_they_have_no_harmonics(hidden, pair, tmp_path):
     public, _ = hidden
     labels, pruned = np.zeros(len(public.model), np.int32), np.arange(len(public.model)) % 2 == 0
-    splats(tmp_path, public, pair.scene.views, labels, pruned).draw()
+    draw_model(tmp_path, Purified(public, labels, np.ones(len(labels), np.float32)), pair.scene.views)
     assert (tmp_path / "splats.png").is_file()
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from gspure.artifacts import write_record
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
-from gspure.evaluation.detector import read_marks
+from gspure.evaluation.detection import read_marks
 from gspure.images import (
     FORMATS,
     is_blank,

@@ -15,6 +15,7 @@ from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation import metrics
+from gspure.evaluation.collecting import recall
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import (
     METRICS,
@@ -26,7 +27,6 @@ from gspure.evaluation.metrics import (
     region_psnr,
     ssim,
 )
-from gspure.evaluation.recall import recall
 from gspure.images import read_image, record_views, write_image
 from tests.contest_cases import measured
 
@@ -400,8 +400,8 @@ def test_precision_and_recall() -> None:
 
 def test_precision_of_nothing_pruned_is_unknown() -> None:
     found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
-    assert np.isnan(found.precision)
-    assert found.recall == 0
+    assert np.isnan(found[0])
+    assert found[1] == 0
 
 
 def test_transparent_photographs_are_compared_on_the_background_of_the_renders(tmp_path):

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.progress import decimal, percent, signed, significant
-from gspure.report.templates import TEMPLATES
 from tests.test_layers import PACKAGE, TREES, part_of
 
 ROUNDED = re.compile(r"[%f]$")  # a format with a fixed number of decimals
@@ -74,7 +73,7 @@ def formats() -> list[str]:
                 listed.append(f"{source.relative_to(PACKAGE)}:{node.lineno}: {text}")
             if isinstance(node, ast.Constant) and isinstance(node.value, str) and FORMAT.search(node.value):
                 listed.append(f"{source.relative_to(PACKAGE)}:{node.lineno}: {node.value}")
-    for template in TEMPLATES:
+    for template in (PACKAGE / "report" / "templates").iterdir():
         listed += [
             f"{template.name}: {spec}" for spec in re.findall(r'"%[^"]*"\s*\|format|round\(', template.read_text())
         ]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gspure.cli import detect
-from gspure.evaluation.detector import read_marks
+from gspure.evaluation.detection import read_marks
 from gspure.images import write_image
 from tests.documentation import ROOT
 

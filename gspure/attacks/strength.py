@@ -11,8 +11,8 @@ import numpy as np
 from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
+from gspure.evaluation.matched import DAMAGE_TOLERANCE
 from gspure.evaluation.metrics import psnr
-from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE
 from gspure.files import Float32, Float64
 from gspure.images import read_back
 from gspure.public_model import PublicModel

@@ -49,10 +49,7 @@ JOBS = {
     "prune": "decide which Gaussians to prune, and diagnose the clustering",
     "decoys": "ray-trace random rooms, as false candidates of `gspure retrieve`",
     "retrieve": "test whether extractions retrieve the message among candidates",
-    "table": "collect the metrics of all variants in one table, with the Score",
-    "contest": "measure the survival of the message, and compare GSPure with every other attack",
-    "figures": "draw figures: point clouds and weights, renderings side by side, outcomes, sweeps, trade-offs",
-    "report": "write a self-contained HTML page with audit, tables, figures and records",
+    "report": "write the tables, figures and page of a run",
 }
 COMMANDS = USER_COMMANDS | JOBS
 

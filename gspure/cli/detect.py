@@ -43,8 +43,7 @@ def run(args: Arguments) -> None:
 
     from gspure.cli.options import record_command
     from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.detection import Reading
-    from gspure.evaluation.detector import read_marks
+    from gspure.evaluation.detection import Reading, read_marks
 
     _require_fitting_options(args)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
@@ -70,7 +69,7 @@ def _read_bits(args: Arguments) -> list[Reading]:
     """Return what the key reads from every image."""
     from gspure.cli.options import read_key
     from gspure.errors import InputError
-    from gspure.evaluation.detector import read_bits
+    from gspure.evaluation.detection import read_bits
     from gspure.files import run_of
 
     if not args.scheme:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,17 +44,15 @@ from gspure.evaluation.comparison import (
     worst,
     write_metrics,
 )
-from gspure.figures.gallery import Drawing, Evidence, drawings
-from gspure.figures.panels import write_panels
-from gspure.figures.splats import splats
+from gspure.figures.gallery import Purified, draw_model
+from gspure.figures.panels import draw_before_after
 from gspure.files import filling, save_array, write_json
-from gspure.images import read_image, write_image
+from gspure.images import write_image
 from gspure.method.clustering.selection import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
 from gspure.model import Gaussians, suspicious
-from gspure.model.signature import Signature
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
@@ -84,9 +81,6 @@ files in DIR:
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
-
-_SHOWN = 3
-"""Number of views in the before/after figure."""
 
 
 def add_arguments(parser: Parser) -> None:
@@ -147,7 +141,7 @@ def run(args: Arguments) -> None:
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = _draw(args, public, purification, cameras, [camera.name for camera in test], models, device)
+    captions = _draw(args, public, purification, cameras, models, device)
     print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(public.model))]))
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
@@ -237,34 +231,17 @@ def _draw(
     public: PublicModel,
     purification: Purification,
     cameras: Sequence[Camera],
-    views: Sequence[str],
-    titles: Collection[str],
+    titles: Mapping[str, PublicModel],
     device: Device,
 ) -> list[str]:
-    """Draw some of the compared `views` before and after, and the model; return a line for each that succeeds."""
-    folder, model = args.out / "figures", public.model
-    rows = Signature.of(model.names).rows
-    arrays = (model.means, purification.labels, purification.weights, purification.prune_mask)
-    evidence = Evidence(*arrays, tau_c=args.tau_c, tau_n=args.tau_n, rows=rows)
-    figures = [*drawings(folder, evidence, cameras)]
+    """Draw some of the compared views before and after, and the model; return a line for each that succeeds."""
+    folder = args.out / "figures"
+    model = Purified(public, purification.labels, purification.weights, tau_c=args.tau_c, tau_n=args.tau_n)
+    captions = draw_model(folder, model, cameras, device, viewer=False)
     if public.visible:
-        shown = views[:: -(-len(views) // _SHOWN)]
-        caption = f"{len(shown)} of {len(views)} compared views before and after, and the difference."
-        before_after = folder / "before_after.png"
-        draw_views = partial(_draw_views, before_after, args.out / "renders", titles, shown)
-        splat = splats(folder, public, cameras, purification.labels, purification.prune_mask, device)
-        figures[:0] = [Drawing(before_after, caption, draw_views), splat]
-    captions = []
-    for path, caption, draw in figures:
+        path = folder / "before_after.png"
         try:
-            draw()
-            captions.append(f"{path}: {caption}")
+            captions[path.name] = draw_before_after(path, {title: args.out / "renders" / title for title in titles})
         except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
             warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
-    return captions
-
-
-def _draw_views(path: Path, renders: Path, titles: Collection[str], views: Sequence[str]) -> None:
-    """Draw views of the rendered models side by side."""
-    images = {title: {view: read_image(renders / title / f"{view}.png") for view in views} for title in titles}
-    write_panels(path, images, views, difference=True)
+    return [f"{folder / name}: {caption}" for name, caption in captions.items()]

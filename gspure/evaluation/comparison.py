@@ -8,26 +8,18 @@ from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
 
-from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError
 from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
-from gspure.images import (
-    background_of,
-    mean_colour,
-    read_image,
-    require_all_images,
-    require_comparable,
-    require_only_png,
-)
+from gspure.images import mean_colour, read_image
 from gspure.progress import decimal
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
 RENDER: Final = "render"
 REFERENCES: Final[tuple[Reference, ...]] = (TRUTH, RENDER)  # photographs, or renders of the unattacked model
-FAR_BELOW: Final = 6.0  # dB below the mean PSNR beyond which a view is warned of: four times the error; ours
+FAR_BELOW: Final = 6.0  # dB below the mean PSNR beyond which a view is warned of
 
 
 class ViewMetrics(NamedTuple):
@@ -36,7 +28,7 @@ class ViewMetrics(NamedTuple):
     target: str  # subfolder of the image (`scene`, `message`), or `.`
     view: str
     reference: Reference
-    values: Annotated[Mapping[str, float], PerMetric(complete=True)]  # by name in `METRICS`
+    values: Annotated[Mapping[str, float], PerMetric()]  # by name in `METRICS`
 
     @property
     def psnr(self) -> float:
@@ -55,22 +47,22 @@ class ImagePair(NamedTuple):
 
 
 def pair_images(
-    reference: Path, images: Path, against: Mapping[str, str] | None = None, targets: Iterable[str] = ()
+    reference: Path,
+    images: Path,
+    against: Mapping[str, str] | None = None,
+    targets: Iterable[str] = (),
+    background: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[list[ImagePair], int]:
     """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
     Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. If there
     are `targets`, all others are left out. Also return the number of images of `reference` without a counterpart: a
-    reference may cover more views.
-
-    Raise `InputError` if a folder holds no PNG file or lacks one of its record, or `images` has one that `reference`
-    lacks, no target of `against` or `targets`, views by other cameras, or on another background or with another energy.
+    reference may cover more views. Raise `InputError` if a folder holds no PNG file, `images` has one that `reference`
+    lacks, or no target of `against` or `targets`.
     """
     renamed, chosen = against or {}, frozenset(targets)
     available, compared = _png_files(reference), _png_files(images, chosen)
     shown = {path.parent.as_posix() for path in compared}
-    for target in sorted(shown):
-        require_only_png(images / target)
     for target in sorted((renamed.keys() | chosen) - shown):
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))
     counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}
@@ -78,13 +70,11 @@ def pair_images(
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
-    listed = sorted(ImagePair(p.parent.as_posix(), p.stem, reference / q, images / p) for p, q in counterparts.items())
-    pairs = []
-    for folders, group in groupby(listed, key=lambda pair: (pair.reference.parent, pair.image.parent)):
-        alike = [pair._replace(background=background_of(*folders)) for pair in group]
-        require_comparable(*folders, (pair.view for pair in alike))
-        pairs += alike
-    return pairs, len(available - {*counterparts.values()})
+    pairs = [
+        ImagePair(p.parent.as_posix(), p.stem, reference / q, images / p, tuple(background))
+        for p, q in counterparts.items()
+    ]
+    return sorted(pairs), len(available - {*counterparts.values()})
 
 
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
@@ -100,16 +90,6 @@ def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None
         b = np.zeros_like(a) if baseline == BLACK else mean_colour(a)
     values = {name: metric.compute(a, b) for name, metric in METRICS.items()}
     return ViewMetrics(pair.target, pair.view, reference, values)
-
-
-def on_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
-    """Return the rows of views on the camera path."""
-    return [row for row in rows if not row.view.startswith(PREFIX)]
-
-
-def off_path(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
-    """Return the rows of views off the camera path (`gspure.cameras.off_path_cameras`)."""
-    return [row for row in rows if row.view.startswith(PREFIX)]
 
 
 def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
@@ -158,38 +138,26 @@ def write_metrics(path: Path, rows: Iterable[ViewMetrics]) -> None:
 
 
 def read_metrics(path: Path) -> list[ViewMetrics]:
-    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, lacks a view on the path, or repeats one."""
+    """Read ``metrics.csv``, or raise `InputError` if it cannot be read, is empty, or lacks a metric of a view."""
     rows = read_table(path, ViewMetrics)
-    targets = {row.target for row in rows} or {"rows"}
-    for target in sorted(targets - {row.target for row in on_path(rows)}):
-        expected = f"at least one view on the camera path, not named {PREFIX}*"
-        raise InputError(path, target, expected=expected, found="none")
-    (view, count), *_ = Counter((row.target, row.view) for row in rows).most_common(1)
-    if count > 1:
-        raise InputError(path, "rows", expected="one per target and view", found=f"{count} of {'/'.join(view)}")
+    if not rows or any(row.values.keys() != METRICS.keys() for row in rows):
+        raise InputError(path, "rows", expected="some, with all metrics", found="none" if not rows else "empty cells")
     return rows
 
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     """Return aligned lines: views, then mean and worst view of every target, then remarks."""
-    low = [row._replace(view=f"worst: {row.view}") for row in worst(on_path(rows))]
-    remarks = [f"warning: {sentence}" for sentence in far_below(on_path(rows))]
-    if empty := [_named(row) for row in rows if np.isinf(row.psnr) and row.values["structure"] == 0]:
-        remarks.append(f"warning: identical views of one colour, which show nothing: {len(empty)}, first {empty[0]}")
-    same, views = identical(on_path(rows)), Counter(row.target for row in on_path(rows))
-    off = [row._replace(view="mean off path") for row in means(off_path(rows))]
-    rows = [*rows, *means(on_path(rows)), *low, *off]
-    names = [_named(row) for row in rows]
-    width = max(map(len, names))
-    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
-    for name, row in zip(names, rows, strict=True):
-        lines.append(f"{name:<{width}}" + "".join(f"{decimal(row.values[metric], 4):>12}" for metric in METRICS))
+    low = [row._replace(view=f"worst: {row.view}") for row in worst(rows)]
+    remarks = [f"warning: {sentence}" for sentence in far_below(rows)]
+    same, views = identical(rows), Counter(row.target for row in rows)
     for target, count in same.items():
         if count < views[target]:
             place = "" if target == "." else f"{target}: "
-            lines.append(
-                f"{place}{count} of {views[target]} views are identical; the mean PSNR is over those that differ"
-            )
+            remarks.insert(0, f"{place}{count} of {views[target]} views are identical; mean PSNR: the others")
+    rows = [*rows, *means(rows), *low]
+    width = max(len(_named(row)) for row in rows)
+    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
+    lines += [f"{_named(row):<{width}}" + "".join(f"{decimal(row.values[m], 4):>12}" for m in METRICS) for row in rows]
     return lines + remarks
 
 
@@ -203,6 +171,4 @@ def _png_files(folder: Path, targets: Container[str] = ()) -> set[Path]:
     files = {path for path in files if not path.parts[0].startswith(".")}  # what a killed process left
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
-    for place in {folder / path.parent for path in files}:
-        require_all_images(place)
     return files

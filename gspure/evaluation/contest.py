@@ -9,7 +9,6 @@ from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, d
 from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.outcomes import SCENE, Condition, Outcome, by_condition, is_picture, ordered
 from gspure.evaluation.significance import holm, paired_test
-from gspure.settings import Share
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
 SCORE: Final = "score"
@@ -34,9 +33,9 @@ class Contest(NamedTuple):
     damage: float  # permitted drop of the scene's PSNR, dB; NaN if both are compared as they were run
     cells: int  # number of scenes and seeds in which both are known
     difference: Interval  # dB; positive where GSPure has more
-    p: Share = math.nan  # of the sign-flip test of the Score; NaN for other quantities
-    p_adjusted: Share = math.nan  # `p` after Holm's correction for all attacks on this condition and extraction
-    p_attainable: Share = math.nan  # the smallest `p_adjusted` possible with this number of attacks and scenes
+    p: float = math.nan  # of the sign-flip test of the Score; NaN for other quantities
+    p_adjusted: float = math.nan  # `p` after Holm's correction for all attacks on this condition and extraction
+    p_attainable: float = math.nan  # the smallest `p_adjusted` possible with this number of attacks and scenes
 
 
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:

@@ -3,33 +3,30 @@
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
 takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of
 `gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back unchanged; NaN and
-None are empty cells. Numbers out of the `Range` of a column are refused, such as a negative count.
+None are empty cells.
 """
 
 import csv
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
-from gspure.artifacts import verify, write_text
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
-from gspure.settings import Range
+from gspure.files import write_text
 
 Row = TypeVar("Row")
 Key = TypeVar("Key")
-Cells = Iterator[str]
 
 
 class PerMetric(NamedTuple):
-    """Annotation of a mapping from metric to value: the columns it takes."""
+    """Annotation of a mapping from metric to value: the columns it takes, where the braces stand for the metric."""
 
-    column: str = "{}"  # name of a column; the braces stand for the metric
-    complete: bool = False  # whether to refuse empty cells
-    differences: bool = False  # whether values are differences, which the limits of metrics do not bound
+    column: str = "{}"
 
 
 Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
@@ -43,40 +40,30 @@ def grouped(rows: Iterable[Row], key: Callable[[Row], Key]) -> dict[Key, list[Ro
     return groups
 
 
-class _Field(NamedTuple):
-    columns: list[str]
-    write: Callable[[Any], list[str]]
-    read: Callable[[Cells], Any]
-
-
-def write_table(path: Path, kind: type[Row], rows: Iterable[Row]) -> None:
-    """Write one CSV row per item below a header, whole or not at all, with a checksum beside it."""
-    fields = _fields(kind)
-    cells = ([cell for name, field in fields.items() for cell in field.write(getattr(row, name))] for row in rows)
-    write_text(path, csv_text(header(kind), cells), checksum=True)
+def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
+    """Write one CSV row per item below a header, whole or not at all."""
+    write_text(path, csv_text(header(kind), ([_text(value) for _, value in _cells(kind, row)] for row in rows)))
 
 
 def read_table(path: Path, kind: type[Row]) -> list[Row]:
     """Read what `write_table` has written.
 
-    Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type, or a value
-    that is impossible in its column.
+    Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
-    verify(path)
-    fields, columns = _fields(kind).values(), header(kind)
-    with reading(path, f"a table of {kind.__name__} rows"), path.open(encoding="utf-8", newline="") as stream:
+    columns = header(kind)
+    with reading(path, f"a table of {kind.__name__} rows"), Path(path).open(encoding="utf-8", newline="") as stream:
         first, *rows = list(csv.reader(stream, strict=True)) or [[]]
         if first != columns:
             raise InputError(path, "header", expected=",".join(columns), found=",".join(first))
         for row in rows:
             if len(row) != len(columns):
                 raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
-        return [kind(*(field.read(cells) for field in fields)) for cells in map(iter, rows)]
+        return [_read(kind, iter(cells)) for cells in rows]
 
 
-def header(kind: type[Row]) -> list[str]:
+def header(kind: type) -> list[str]:
     """Return the columns of a table of these rows."""
-    return [column for field in _fields(kind).values() for column in field.columns]
+    return [name for name, _ in _cells(kind)]
 
 
 def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
@@ -88,80 +75,57 @@ def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
     return text.getvalue()
 
 
-def _fields(kind: type) -> dict[str, _Field]:
-    hints = get_type_hints(kind, include_extras=True)
-    return {name: _field(name, hint) for name, hint in hints.items()}
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
 
 
-def _field(name: str, hint: Any) -> _Field:
-    limits = None
-    if get_origin(hint) is Annotated:
-        hint, extra = get_args(hint)
-        if isinstance(extra, PerMetric):
-            return _metrics(extra)
-        limits = extra
+def _cells(kind: type, row: Any = None, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield columns and values of a row, or of nothing."""
+    for name, hint in _hints(kind).items():
+        value, column = getattr(row, name, None), f"{prefix}{name}"
+        if get_origin(hint) is Annotated:
+            for metric in METRICS:
+                yield hint.__metadata__[0].column.format(metric), (value or {}).get(metric)
+        elif hasattr(inner := _known(hint), "_fields"):
+            yield from _cells(inner, value, f"{column}_")
+        else:
+            yield column, value
+
+
+def _read(kind: type, cells: Iterator[str]) -> Any:
+    """Return a row from the texts of its cells."""
+    values: list[Any] = []
+    for hint in _hints(kind).values():
+        if get_origin(hint) is Annotated:
+            texts = {metric: next(cells) for metric in METRICS}
+            values.append({metric: float(text) for metric, text in texts.items() if text})
+        elif hasattr(inner := _known(hint), "_fields"):
+            parts = [next(cells) for _ in header(inner)]
+            is_none = NoneType in get_args(hint) and not any(parts)
+            values.append(None if is_none else _read(inner, iter(parts)))
+        else:
+            values.append(_value(hint, next(cells)))
+    return kind(*values)
+
+
+def _known(hint: Any) -> Any:
+    """Return the type of a hint without None."""
+    return next((argument for argument in get_args(hint) if argument is not NoneType), hint)
+
+
+def _value(hint: Any, text: str) -> Any:
     if get_origin(hint) is Literal:
-        return _Field([name], lambda value: [value], lambda cells: _one_of(next(cells), get_args(hint)))
-    inner = [argument for argument in get_args(hint) if argument is not NoneType] or [hint]
-    if hasattr(inner[0], "_fields"):
-        return _nested(name, inner[0], optional=NoneType in get_args(hint))
-    read = _TEXTS.get(hint) or _reader(hint, limits or _LIMITS[hint])
-    return _Field([name], lambda value: [_text(value)], lambda cells: read(next(cells)))
-
-
-def _nested(name: str, kind: type, *, optional: bool) -> _Field:
-    parts = {part: _field(f"{name}_{part}", hint) for part, hint in get_type_hints(kind, include_extras=True).items()}
-    columns = [column for field in parts.values() for column in field.columns]
-
-    def write(value: Any) -> list[str]:
-        if value is None:
-            return [""] * len(columns)
-        return [cell for part, field in parts.items() for cell in field.write(getattr(value, part))]
-
-    def read(cells: Cells) -> Any:
-        texts = [next(cells) for _ in columns]
-        if optional and not any(texts):
+        if text not in get_args(hint):
+            raise ValueError(f"{text!r} is not one of {', '.join(map(repr, get_args(hint)))}")
+        return text
+    if not text and hint is not str:
+        if hint is float:
+            return math.nan
+        if NoneType in get_args(hint):
             return None
-        remaining = iter(texts)
-        return kind(*(field.read(remaining) for field in parts.values()))
-
-    return _Field(columns, write, read)
-
-
-def _metrics(columns: PerMetric) -> _Field:
-    """Return the columns of a mapping; a mapping of which nothing is known is read as an empty one."""
-    names = {metric: columns.column.format(metric) for metric in METRICS}
-
-    def write(values: Mapping[str, float]) -> list[str]:
-        return [_text(values.get(metric, math.nan)) for metric in names]
-
-    def read(cells: Cells) -> dict[str, float]:
-        texts = {metric: next(cells) for metric in names}
-        values = {metric: _number(text, _LIMITS[float]) for metric, text in texts.items() if text or columns.complete}
-        for metric, value in values.items() if not columns.differences else ():
-            METRICS[metric].require(value)
-        return values
-
-    return _Field([*names.values()], write, read)
-
-
-def _reader(hint: Any, limits: Range) -> Callable[[str], Any]:
-    """Return the reader of a number, which may be unknown unless it is an int."""
-    unknown = {float: math.nan}.get(hint)
-    return lambda text: unknown if not text and hint is not int else _number(text, limits)
-
-
-def _number(text: str, limits: Range) -> float:
-    number = limits.parse(text)
-    if number is None or (math.isinf(number) and "inf" not in text):
-        raise ValueError(f"{text!r} is not {limits.expected}")
-    return number
-
-
-def _one_of(text: str, choices: tuple[str, ...]) -> str:
-    if text not in choices:
-        raise ValueError(f"{text!r} is not one of {', '.join(map(repr, choices))}")
-    return text
+    inner = _known(hint)
+    return {"true": True, "false": False}[text] if inner is bool else inner(text)
 
 
 def _text(value: Any) -> str:
@@ -170,11 +134,3 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return "" if math.isnan(value) else repr(float(value)).removesuffix(".0")
     return "" if value is None else str(value)
-
-
-_TEXTS: Final[Mapping[Any, Callable[[str], Any]]] = {
-    str: str,
-    bool | None: lambda text: {"true": True, "false": False, "": None}[_one_of(text, ("true", "false", ""))],
-}
-_COUNT: Final = Range(0, 2**53)
-_LIMITS: Final[Mapping[Any, Range]] = {int: _COUNT, int | None: _COUNT, float: Range(-math.inf, math.inf)}

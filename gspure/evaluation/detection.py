@@ -1,33 +1,38 @@
-"""Whether a mark is present in a model, from what a detector reads in its renders: bits, or a score."""
+"""Whether a mark is present in a model, from what a detector reads in its renders: bits, or a score.
+
+The detector is the key of a scheme that hides bits, or a command of the user's.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import os
 import reprlib
-from collections.abc import Sequence
+import selectors
+import shlex
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from math import comb
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.artifacts import require_agreement, settings_of
-from gspure.cameras.off_path import PREFIX
 from gspure.errors import InputError
-from gspure.evaluation.controls import CLEAN, CONTROLS
+from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
-from gspure.files import Bools
-from gspure.images import SHOWN
-from gspure.settings import Share
+from gspure.files import Bools, Float32
+from gspure.images import read_image
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
-FILE: Final = "file "  # settings of readings: prefix of the files that the detector's command names, with their digests
-KEY: Final = "key"  # settings of readings: the embedding of the key that read bits, or `wrong_key`
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
 LARGEST: Final = 1e100  # the largest score, of which squares are finite
-
-_MOST_BITS: Final = 1 << 31
+LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line
 
 
 class Reading(NamedTuple):
@@ -42,19 +47,14 @@ class Reading(NamedTuple):
         """The number of correct bits, or the score."""
         return round(self.level * self.bits / 100) if self.bits else self.level
 
-    @property
-    def is_possible(self) -> bool:
-        """Whether a detector could have read this."""
-        return 0 <= self.level <= 100 and 0 < self.bits < _MOST_BITS if self.bits else abs(self.level) <= LARGEST
-
 
 class Detection(NamedTuple):
-    """The readings of one detector over the views on the camera path."""
+    """The readings of one detector over the views of a model."""
 
     level: float  # mean over views
     spread: float  # standard deviation over views
-    tpr: Share  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
-    tpr_strict: Share  # the same for `STRICT`
+    tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
+    tpr_strict: float  # the same for `STRICT`
     present: bool | None  # whether more views are above that of `tpr` than chance explains; None if no number would be
     views: int
     bits: int
@@ -130,66 +130,148 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
     )
 
 
-def read_detections(tables: Sequence[Path]) -> dict[tuple[str, str, str], dict[str, Detection]]:
-    """Return the detections of every variant by detector, from the files of `gspure detect`.
+def read_detections(model: Path) -> dict[str, dict[str, Detection]]:
+    """Return the detections of every variant in the folder of a model, by detector.
 
     Scores are compared with those of the views of the same model's clean control alone, by the same detector.
-
-    Raise `InputError` if readings are out of range, or cannot be compared with those of the model's other variants.
     """
-    on_path = [(path, _on_path(path)) for path in tables]
-    _require_comparable(on_path)
-    readings = {(*variant_of(path), path.stem): rows for path, rows in on_path}
-    by_variant: dict[tuple[str, str, str], dict[str, Detection]] = {}
-    for (scheme, folder, variant, detector), rows in readings.items():
-        clean = [row.level for row in readings.get((scheme, folder, CLEAN, detector), ())]
-        by_variant.setdefault((scheme, folder, variant), {})[detector] = detection(rows, clean)
+    tables = sorted(model.glob(f"*/{DETECTIONS}/*.csv"))
+    readings = {(path.parent.parent.name, path.stem): read_readings(path) for path in tables}
+    by_variant: dict[str, dict[str, Detection]] = {}
+    for (variant, detector), rows in readings.items():
+        clean = [row.level for row in readings.get((CLEAN, detector), ())]
+        by_variant.setdefault(variant, {})[detector] = detection(rows, clean)
     return by_variant
 
 
-def _on_path(table: Path) -> list[Reading]:
-    """Return the readings of the views on the camera path, if they are possible."""
-    rows = [row for row in read_table(table, Reading) if not row.view.startswith(PREFIX)]
+def read_readings(table: Path) -> list[Reading]:
+    """Return the readings of all views, or raise `InputError` if there is none, or one is impossible."""
+    rows = read_table(table, Reading)
     if not rows:
-        raise InputError(table, "rows", expected="at least one view on the camera path", found="none")
+        raise InputError(table, "rows", expected="at least one view", found="none")
     for row in rows:
-        if not row.is_possible or row.bits != rows[0].bits:
+        possible = 0 <= row.level <= 100 and 0 < row.bits < 1 << 31 if row.bits else abs(row.level) <= LARGEST
+        if not possible or row.bits != rows[0].bits:
             expected = f"0 to 100 % of {rows[0].bits} bits" if rows[0].bits else "a score"
             found = f"{row.level} % of {row.bits} bits" if row.bits else f"the score {row.level}"
             raise InputError(table, row.view, expected=expected, found=found)
     return rows
 
 
-def _require_comparable(on_path: Sequence[tuple[Path, list[Reading]]]) -> None:
-    """Raise `InputError` if a detector read other bits or views of a variant than of the model's other variants.
+def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
+    """Return what a command reads from each PNG file of a folder, within `timeout` seconds.
 
-    Command and message must agree, too, as far as records tell, and the files that the command names over all models of
-    a scheme. Controls may have views of their own.
+    The command gets the folder as its last argument. The last line that it prints is a JSON object that maps the name
+    of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the mark is present.
+    `message` holds the embedded bits, and is empty if the command returns scores.
+
+    Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    first_of: dict[tuple[str, ...], tuple[Path, list[Reading]]] = {}
-    first_with: dict[tuple[str, ...], Path] = {}
-    for path, rows in sorted(on_path, key=lambda table: variant_of(table[0])[2] in CONTROLS):
-        scheme, folder, variant = variant_of(path)
-        first, expected = first_of.setdefault((scheme, folder, path.stem), (path, rows))
-        same = "read all with the same detector"
-        require_agreement(first, path, _detector_of(first), _detector_of(path), same)
-        for name in (name for name in settings_of(path) if name.startswith(FILE)):
-            other = first_with.setdefault((scheme, path.stem, name), path)
-            require_agreement(other, path, {name: settings_of(other)[name]}, settings_of(path), same)
-        if rows[0].bits != expected[0].bits:
-            raise InputError(path, "bits", expected=f"{expected[0].bits}, as in {first}", found=str(rows[0].bits))
-        if variant not in CONTROLS and (views := {row.view for row in rows} ^ {row.view for row in expected}):
-            names = ", ".join(sorted(views)[:3])
-            found = f"others; in only one of the tables: {names}"
-            raise InputError(path, "views", expected=f"those in {first}", found=found)
+    views, answer = {file.stem for file in _png_files(images)}, _answer(command, images, timeout)
+    for view in sorted(views.symmetric_difference(answer)):
+        found = "no entry" if view in views else "an entry without an image"
+        raise InputError("detector", view, expected="an entry for every image", found=found)
+    return [_reading(view, answer[view], message) for view in sorted(views)]
 
 
-def _detector_of(table: Path) -> dict[str, Any]:
-    """Return the settings of readings, without what the images show, and the key."""
-    return {name: value for name, value in settings_of(table).items() if not name.startswith(SHOWN) and name != KEY}
+def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
+    """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
+    shown = {path.stem: as_bits(read(read_image(path)), len(message)) for path in _png_files(images)}
+    return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]
 
 
-def variant_of(path: Path) -> tuple[str, str, str]:
-    """Return scheme, folder and variant of a file of readings; for a symbolic link, of the link, not its target."""
-    scheme, folder, variant, *_ = path.parent.resolve().parts[-4:]
-    return scheme, folder, variant
+def words_of(command: str) -> list[str]:
+    """Return the words of a command, split as a shell does, or raise `InputError`."""
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise InputError("detector", command, expected="a command", found=str(error)) from None
+    if not words:
+        raise InputError("detector", "command", expected="a program and its options", found="nothing")
+    return words
+
+
+def files_of(command: str) -> list[str]:
+    """Return the files that a command names, as words or as ``--option=FILE``."""
+    names = (name for word in words_of(command) for name in (word, word.partition("=")[2]))
+    return [name for name in names if os.path.isfile(name)]  # noqa: PTH113 -- words may be too long for Path
+
+
+def _png_files(folder: Path) -> list[Path]:
+    files = sorted(folder.glob("*.png"))
+    if not files:
+        raise InputError(folder, "folder", expected="PNG files", found="none")
+    return files
+
+
+def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
+    words = [*words_of(command), str(images)]
+    try:
+        last, reason, status = _run(words, timeout)
+    except (TimeoutError, subprocess.TimeoutExpired):
+        raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
+    except OSError as error:
+        raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
+    if status:
+        raise InputError("detector", command, expected="success", found=reason or f"exit status {status}")
+    try:
+        answer = json.loads(last)
+    except (ValueError, RecursionError):
+        answer = None
+    if not isinstance(answer, dict):
+        raise InputError("detector", "output", expected="a JSON object in the last line", found=last or "nothing")
+    return answer
+
+
+def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
+    """Return the last lines of a command's output and errors, and its exit status.
+
+    End what the command started, and raise TimeoutError or TimeoutExpired, if it takes too long.
+    """
+    end = time.monotonic() + timeout
+    pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(words, **pipes, start_new_session=True) as process:
+        try:
+            output, errors = _last_lines((process.stdout, process.stderr), end)
+            return output, errors, process.wait(max(0.0, end - time.monotonic()))
+        except BaseException:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            raise
+
+
+def _last_lines(streams: Sequence[Any], end: float) -> list[str]:
+    """Return the last line that is not blank of each stream, whose output is not held; wait until the time `end`."""
+    tails = {stream: bytearray() for stream in streams}
+    with selectors.DefaultSelector() as selector:
+        for stream in streams:
+            selector.register(stream, selectors.EVENT_READ)
+        while selector.get_map():
+            ready = selector.select(max(0.0, end - time.monotonic()))
+            if not ready:
+                raise TimeoutError
+            for key, _ in ready:
+                chunk, tail = os.read(key.fd, 1 << 16), tails[key.fileobj]
+                tail += chunk
+                if not chunk:
+                    selector.unregister(key.fileobj)
+                elif b"\n" in chunk:
+                    del tail[: tail.rstrip().rfind(b"\n") + 1]
+                if len(tail) > LONGEST_LINE:
+                    expected = f"a last line of at most {LONGEST_LINE >> 20} MiB"
+                    raise InputError("detector", "output", expected=expected, found="a longer one")
+    return [tail.decode(errors="replace").strip() for tail in tails.values()]
+
+
+def _reading(view: str, value: object, message: str) -> Reading:
+    if message:
+        if not isinstance(value, str) or len(value) != len(message) or {*value} - {*"01"}:
+            raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))
+        decoded, truth = (np.array([*bits]) == "1" for bits in (value, message))
+        return Reading(view, share_correct(decoded, truth), len(message))
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+        hint = "if the detector returns bits, set `message` to the embedded bits" if isinstance(value, str) else None
+        raise InputError(
+            "detector", view, expected=f"a score within ±{LARGEST:g}", found=reprlib.repr(value), hint=hint
+        )
+    return Reading(view, float(value), 0)

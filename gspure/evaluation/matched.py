@@ -1,4 +1,8 @@
-"""The message's drop at equal damage to the scene, averaged over scenes."""
+"""Attacks compared at equal damage to the scene, averaged over scenes.
+
+The Score subtracts the drop of the scene from that of the message, so an attack that destroys both can score well. The
+drop of the message at a *fixed* drop of the scene, read from a sweep over the attack's strength, avoids this.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +12,20 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
 from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, ordered
-from gspure.evaluation.tradeoff import DAMAGE_TOLERANCE, MATCHED_DAMAGES, matched_message_drop
+from gspure.files import Bools
 from gspure.progress import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
 Curve = Mapping[str, Drops]  # the drops of one model by variant of a sweep
+
+MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB
+DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
 
 _MISSED: Final = re.compile(r", (-?\d+\.\d+) dB reached$")  # end of the strength of a search that missed its damage
 
@@ -141,3 +149,29 @@ def _mean_drop(points: Mapping[tuple[str, int], Point], damage: float) -> tuple[
     reached = {cell: point.scene for cell, point in points.items()}
     known = damage if {*reached.values()} == {damage} else float(np.mean([*scene_means(reached).values()]))
     return mean, sum(scene < damage for scene in reached.values()), known
+
+
+def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> Bools:
+    """Return which points no other one dominates, that is, equals or undercuts in both and undercuts in one: bool [n].
+
+    An attacker minimizes both the damage to the scene and what remains of the message, such as its PSNR. Coincident
+    points are on the front together.
+    """
+    points = np.column_stack([scene_drops, message_residuals])
+    no_worse = (points[:, None] <= points).all(axis=2)
+    better = (points[:, None] < points).any(axis=2)
+    return np.asarray(~(no_worse & better).any(axis=0))
+
+
+def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: float) -> float | None:
+    """Return the drop of the message at a fixed drop of the scene, `at`, dB; None outside the scene drops of the sweep.
+
+    Drops [n] are those of one point per strength. The result is linear between neighbouring points of the sweep's
+    Pareto front. A setting that damages the scene more and removes less than another one is skipped, since an attacker
+    would not choose it.
+    """
+    points = np.column_stack([scene_drops, message_drops])
+    if not points[:, 0].min() <= at <= points[:, 0].max():
+        return None
+    front = np.unique(points[pareto_front(points[:, 0], -points[:, 1])], axis=0)
+    return float(np.interp(at, front[:, 0], front[:, 1]))

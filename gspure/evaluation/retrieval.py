@@ -12,7 +12,6 @@ from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.significance import detectability
 from gspure.files import Float64
 from gspure.images import levels, read_image
-from gspure.settings import Share
 
 CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability; ours
 FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`
@@ -21,9 +20,9 @@ FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of
 class Retrieval(NamedTuple):
     """How well one extraction retrieves its message, over the views on the camera path."""
 
-    top1: Share  # share of the views in which no false candidate is as near as the message
-    auc: Share  # area under the ROC curve of true against false candidates, of all views together
-    tpr: Share  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
+    top1: float  # share of the views in which no false candidate is as near as the message
+    auc: float  # area under the ROC curve of true against false candidates, of all views together
+    tpr: float  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
     views: int
     candidates: int  # of a view, the true one included; the smallest number over the views
 

@@ -27,9 +27,6 @@ class Summary(NamedTuple):
     message: Interval | None  # PSNR of the message, dB, or the mean reading of a detector
     score: Interval | None
     retrieved: Interval | None  # share of views in which retrieval identifies the message
-    off_path_scene: Interval | None  # like the next two, over views off the camera path
-    off_path_message: Interval | None
-    off_path_score: Interval | None
     paper_scene: float = math.nan  # like the next two, from the Tables 1 to 3: means over the paper's scenes
     paper_message: float = math.nan
     paper_score: float = math.nan
@@ -48,12 +45,11 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
         extractions = ordered({target for o in alike for target in o.messages}) or [MESSAGE]
         for variant in dict.fromkeys(o.variant for o in alike):
             scenes = [o for o in alike if o.variant == variant]
-            off_path = [o.off_path_outcome() for o in scenes]
             printed = [psnr.get((condition.scheme, variant, target), math.nan) for target in TARGETS]
             printed.append(scores.get((condition.scheme, variant), math.nan))
             for extraction in extractions:
                 top1 = {(o.scene, o.seed): o.retrieval[extraction].top1 for o in scenes if extraction in o.retrieval}
-                means = (*_means(scenes, extraction), known_interval(top1), *_means(off_path, extraction))
+                means = (*_means(scenes, extraction), known_interval(top1))
                 rows.append(Summary(*condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
     return rows
 

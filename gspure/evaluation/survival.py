@@ -93,8 +93,8 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     return rows
 
 
-def floor(outcomes: Iterable[Outcome]) -> Cells:
-    """Return the floor of every scene and seed, dB: the highest PSNR of its controls that do not hold its message."""
+def control_levels(outcomes: Iterable[Outcome]) -> Cells:
+    """Return the highest PSNR, dB, of the controls of every scene and seed that do not hold its message."""
     return _highest(_levels(outcomes, MESSAGE))
 
 
@@ -111,7 +111,7 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     """Return scheme and folder of the models whose message is flat, not present or not retrieved before any attack."""
     absent = []
     for alike in by_condition(outcomes).values():
-        scene_floor = floor(alike)
+        scene_floor = control_levels(alike)
         for o in (o for o in alike if o.variant == UNATTACKED and MESSAGE in o.targets):
             above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
             retrieval = o.retrieval.get(MESSAGE)

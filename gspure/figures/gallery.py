@@ -1,36 +1,46 @@
 """All figures of one model and its purification."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import KW_ONLY, dataclass
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.figures import style
+from gspure.figures.charts import write_weight_histogram
 from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
-from gspure.figures.export import write_gltf, write_vtp
-from gspure.figures.plate import PAGE_WIDTH, PICTURE_WIDTH, write_plate
-from gspure.figures.plots import write_weight_histogram
-from gspure.figures.portrait import portrait
+from gspure.figures.panels import show
+from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, portrait, write_plate
 from gspure.figures.probe import gl_problem
+from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
-from gspure.files import Bools, Float32, Int32
-from gspure.progress import percent
-from gspure.public_model import RenderView
-
-TITLES: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
-"""Titles of the render and the three clouds of a purification."""
+from gspure.files import Bools, Float32, Int32, filling, write_json
+from gspure.method.pruning import prune_mask
+from gspure.model import Gaussians
+from gspure.model.gaussians import COLOUR, CORE
+from gspure.model.signature import Signature
+from gspure.opencl.device import Device
+from gspure.progress import percent, warn
+from gspure.public_model import PublicModel
+from gspure.renderer import Renderer
 
 NAMES: Final = tuple(
-    f"{name}{suffix}"
-    for name in ("before_after", "clusters", "hidden", "kept", "purification", "ranks", "splats", "weights")
-    for suffix in (".png", ".svg", ".gltf", ".vtp")
+    f"{name}.png"
+    for name in ("before_after", "splats", "weights", "clusters", "ranks", "kept", "hidden", "purification")
 )
-"""Names of the files of all figures of a model."""
-
+CAPTIONS: Final = "captions.json"  # beside the figures: the caption of each by its file's name
+_PLATE: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
+_SPLATS: Final = ("model", "clusters", "pruned rows alone")
+_WIDEST: Final = 640  # pixels of a view of splats
+_FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
+_WHITE: Final = (1.0, 1.0, 1.0)
 _RANKS: Final = (
     "Rank: the order by τ_c times the mean weight of the cluster or, outside clusters, τ_n times the weight. GSPure "
     "prunes the lowest ranks."
@@ -38,140 +48,188 @@ _RANKS: Final = (
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """The data of the figures of one model with K >= 1 rows, Gaussians or anchors.
+class Purified:
+    """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
 
-    `pruned` is true where a row is pruned; `hidden` are weights in views of the message, if there is one.
+    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Rows are
+    pruned by the factors `tau_c` and `tau_n`.
     """
 
-    means: Float32
+    public: PublicModel
     labels: Int32
     weights: Float32
-    pruned: Bools
-    _: KW_ONLY
     hidden: Float32 | None = None
     tau_c: float = TAU_C
     tau_n: float = TAU_N
-    rows: str = "Gaussians"
+
+    @property
+    def means(self) -> Float32:
+        """The centres [K,3]."""
+        return self.public.model.means
+
+    @cached_property
+    def pruned(self) -> Bools:
+        """The prune mask [K]."""
+        return prune_mask(self.labels, self.weights, self.tau_c, self.tau_n)
+
+    @property
+    def rows(self) -> str:
+        """What a row is: Gaussians or anchors."""
+        return Signature.of(self.public.model.names).rows
+
+    def ranks(self) -> Cloud:
+        """Return the cloud of the ranks by which GSPure prunes."""
+        return rank_cloud(self.means, self.labels, self.weights, self.tau_c, self.tau_n)
 
 
 class Drawing(NamedTuple):
-    """A figure before it is drawn."""
+    """A figure before it is drawn: to a file of this name in a folder."""
 
-    path: Path
+    name: str
     caption: str
-    draw: Callable[[], None]
+    draw: Callable[[Path], object]
 
 
-def drawings(
-    folder: Path, evidence: Evidence, cameras: Sequence[Camera] = (), render: RenderView | None = None
-) -> Iterator[Drawing]:
-    """Yield every figure of a model.
+def draw_model(
+    folder: Path,
+    model: Purified,
+    cameras: Sequence[Camera] = (),
+    device: Device | None = None,
+    *,
+    viewer: bool = True,
+) -> dict[str, str]:
+    """Draw all figures of a model, and return the caption of each by the name of its file.
 
-    They write ``clusters``, ``ranks``, ``kept`` and, of a model with a message, ``hidden``, each as .png, .gltf and
-    .vtp, and ``weights`` as .png and .svg. ``purification.png`` follows the paper's Fig. 6: the model, if there is a
-    function to `render` it, the message before pruning, the ranks, and the message after pruning, all from one
-    viewpoint. Without OpenGL, numpy draws the clouds, and their captions say so.
-
-    The model's views, `cameras`, determine the up direction and whether to look from outside or from within.
+    These are ``splats``, if the model has colours and views; ``weights``, also as SVG; and the clouds ``clusters``,
+    ``ranks`` and ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their
+    captions stand in `CAPTIONS`, the data of the report's 3-D `viewer` in ``viewer.json``. What cannot be drawn is left
+    out with a warning.
     """
-    means = evidence.means
-    problem = gl_problem()
-    remarks = list(_remarks(len(means), problem))
+    captions: dict[str, str] = {}
+    with filling(folder) as place:
+        if viewer:
+            sh_dc = model.public.model.columns(*COLOUR) if model.public.model.sh_degree >= 0 else None
+            write_viewer(place / "viewer.json", model, world_axes(model.means, cameras), sh_dc)
+        for name, caption, draw in _drawings(model, cameras, device):
+            try:
+                draw(place / name)
+                captions[name] = caption
+            except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
+                warn(f"{folder / name}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
+        write_json(place / CAPTIONS, captions)
+    return captions
 
-    @cache
-    def eye() -> Camera:
-        return choose(means, cameras)
 
-    def draw_cloud(name: str, make: Callable[[], Cloud]) -> None:
-        cloud = make()
+def _drawings(model: Purified, cameras: Sequence[Camera], device: Device | None) -> Iterator[Drawing]:
+    is_visible = bool(cameras) and model.public.visible
+    if is_visible:
+        yield _splats(model, cameras, device)
+    yield _histogram(model)
+    if problem := gl_problem():
+        warn(f"point clouds are not drawn: {problem}")
+        return
+    eye = choose(model.means, cameras)
+    thin = f" A random {MAX_POINTS:,} of them are drawn." if len(model.means) > MAX_POINTS else ""
+
+    def draw_cloud(cloud: Cloud, path: Path) -> None:
         shown = cloud.subset(thinned(len(cloud)))
-        picture = portrait(shown, fitted(eye(), PICTURE_WIDTH), opengl=problem is None)
-        write_plate(folder / f"{name}.png", [picture], [shown])
-        write_gltf(folder / f"{name}.gltf", shown, world_axes(means, cameras))
-        write_vtp(folder / f"{name}.vtp", shown)
+        write_plate(path, [portrait(shown, fitted(eye, PICTURE_WIDTH))], [shown])
 
-    def draw_purification(hidden: Float32) -> None:
-        clouds = [cloud.subset(thinned(len(cloud))) for cloud in _purification(evidence, hidden)]
-        count = len(clouds) + (render is not None)
-        camera = fitted(eye(), PAGE_WIDTH // count)
-        pictures = [portrait(cloud, camera, opengl=problem is None) for cloud in clouds]
-        if render:
+    def draw_purification(before: Cloud, path: Path) -> None:
+        clouds = [cloud.subset(thinned(len(cloud))) for cloud in (before, model.ranks(), before.subset(~model.pruned))]
+        camera = fitted(eye, PAGE_WIDTH // (len(clouds) + is_visible))
+        pictures = [portrait(cloud, camera) for cloud in clouds]
+        if is_visible:
+            render = model.public.scene(device, _WHITE)
             pictures.insert(0, np.rint(255 * render(camera).clip(0, 1)).astype(np.uint8))
-            clouds.insert(0, Cloud(evidence.means[:0], np.empty((0, 3), np.uint8), {}))
-        write_plate(folder / "purification.png", pictures, clouds, TITLES[-count:])
+            clouds.insert(0, Cloud(model.means[:0], np.empty((0, 3), np.uint8), {}))
+        write_plate(path, pictures, clouds, _PLATE[-len(clouds) :])
 
-    for name, make, caption in _clouds(evidence):
-        path = folder / f"{name}.png"
-        yield Drawing(path, " ".join([caption, *remarks]), partial(draw_cloud, name, make))
-    if (hidden := evidence.hidden) is not None:
-        caption = " ".join([_message_caption(evidence, hidden), _RANKS, _pruned_weight(evidence, hidden), *remarks])
-        yield Drawing(folder / "purification.png", caption, partial(draw_purification, hidden))
-    histogram = folder / "weights.png"
-    arguments = histogram, evidence.weights, evidence.pruned, evidence.tau_c, evidence.tau_n, evidence.rows
-    yield Drawing(histogram, _histogram_caption(evidence), partial(write_weight_histogram, *arguments))
+    for name, cloud, caption in _clouds(model):
+        yield Drawing(f"{name}.png", caption + thin, partial(draw_cloud, cloud))
+    if model.hidden is not None:
+        before = share_cloud(model.means, model.weights, model.hidden)
+        caption = " ".join([_message_caption(model, model.hidden), _RANKS, _pruned_weight(model, model.hidden)])
+        yield Drawing("purification.png", caption + thin, partial(draw_purification, before))
 
 
-def _clouds(evidence: Evidence) -> Iterator[tuple[str, Callable[[], Cloud], str]]:
-    means, labels, rows = evidence.means, evidence.labels, evidence.rows
+def _clouds(model: Purified) -> Iterator[tuple[str, Cloud, str]]:
+    means, labels, pruned = model.means, model.labels, model.pruned
     clusters = int(labels.max(initial=NOISE_LABEL)) + 1
     caption = (
-        f"{clusters} cluster{'s' * (clusters != 1)} of the {len(means):,} {rows}, by HDBSCAN on position, opacity "
+        f"{clusters} cluster{'s' * (clusters != 1)} of the {len(means):,} {model.rows}, by HDBSCAN on position, "
+        "opacity and weight. The legend gives their shares. Kept clusters are pale, noise is grey."
     )
-    caption += "and weight. The legend gives their shares. Kept clusters are pale, noise is grey."
-    yield "clusters", partial(cluster_cloud, means, labels, evidence.pruned), caption
-    yield "ranks", partial(ranks, evidence), _RANKS
-    caption = f"{evidence.pruned.sum():,} of {len(means):,} {rows} are pruned."
-    yield "kept", partial(kept_cloud, means, evidence.pruned), caption
-    if (hidden := evidence.hidden) is not None:
-        yield "hidden", partial(share_cloud, means, evidence.weights, hidden), _message_caption(evidence, hidden)
+    yield "clusters", cluster_cloud(means, labels, pruned), caption
+    yield "ranks", model.ranks(), _RANKS
+    yield "kept", kept_cloud(means, pruned), f"{pruned.sum():,} of {len(means):,} {model.rows} are pruned."
+    if model.hidden is not None:
+        yield "hidden", share_cloud(means, model.weights, model.hidden), _message_caption(model, model.hidden)
 
 
-def _purification(evidence: Evidence, hidden: Float32) -> list[Cloud]:
-    """Return the message before pruning, the ranks, and the message after pruning."""
-    before = share_cloud(evidence.means, evidence.weights, hidden)
-    return [before, ranks(evidence), before.subset(~evidence.pruned)]
-
-
-def ranks(evidence: Evidence) -> Cloud:
-    """Return the cloud of the ranks by which GSPure prunes."""
-    return rank_cloud(evidence.means, evidence.labels, evidence.weights, evidence.tau_c, evidence.tau_n)
-
-
-def _message_caption(evidence: Evidence, hidden: Float32) -> str:
+def _message_caption(model: Purified, hidden: Float32) -> str:
     caption = (
-        f"Share of the message in the weight of the {evidence.rows}: h / (h + ω), where h is the weight in views of "
-        "the message, and ω that in views of the scene; grey where both are 0."
+        f"Share of the message in the weight of the {model.rows}: h / (h + ω), where h is the weight in views of the "
+        "message, and ω that in views of the scene; grey where both are 0."
     )
-    if np.allclose(hidden, evidence.weights):
+    if np.allclose(hidden, model.weights):
         caption += " Both weights are equal everywhere: message and scene share all Gaussians."
     return caption
 
 
-def _pruned_weight(evidence: Evidence, hidden: Float32) -> str:
+def _pruned_weight(model: Purified, hidden: Float32) -> str:
     if not hidden.any():
         return "No row holds weight of the message."
-    message, scene = (_share(values, evidence.pruned) for values in (hidden, evidence.weights))
+    message, scene = (
+        float(values[model.pruned].sum(dtype=np.float64)) / (float(values.sum(dtype=np.float64)) or 1)
+        for values in (hidden, model.weights)
+    )
     return f"Pruning removes {percent(message)} of the weight in the message and {percent(scene)} of that in the scene."
 
 
-def _share(values: Float32, chosen: Bools) -> float:
-    total = float(values.sum(dtype=np.float64))
-    return float(values[chosen].sum(dtype=np.float64)) / total if total else 0.0
-
-
-def _remarks(count: int, problem: str | None) -> Iterator[str]:
-    if count > MAX_POINTS:
-        yield f"A random {MAX_POINTS:,} of them are drawn."
-    if problem:
-        yield f"Drawn without OpenGL ({problem})."
-
-
-def _histogram_caption(evidence: Evidence) -> str:
-    zero = percent(float(np.mean(evidence.weights == 0)))
-    return (
-        f"Histogram of the weights ω, with mean ω̄. {zero} are 0: these {evidence.rows} contribute to no pixel. "
-        f"GSPure prunes clusters if their mean weight is below ω̄/{evidence.tau_c:g}, and {evidence.rows} in no "
-        f"cluster if their weight is below ω̄/{evidence.tau_n:g}. Clusters are pruned as a whole, so {evidence.rows} "
-        "above the threshold can be pruned, and others below it kept."
+def _histogram(model: Purified) -> Drawing:
+    zero, rows = percent(float(np.mean(model.weights == 0))), model.rows
+    caption = (
+        f"Histogram of the weights ω, with mean ω̄. {zero} are 0: these {rows} contribute to no pixel. GSPure prunes "
+        f"clusters if their mean weight is below ω̄/{model.tau_c:g}, and {rows} in no cluster if their weight is below "
+        f"ω̄/{model.tau_n:g}."
     )
+    values = (model.weights, model.pruned, model.tau_c, model.tau_n, rows)
+    return Drawing("weights.png", caption, lambda path: write_weight_histogram(path, *values))
+
+
+def _splats(model: Purified, cameras: Sequence[Camera], device: Device | None) -> Drawing:
+    """Return the figure of renders: a row of pictures for each of two views, held-out ones if there are any."""
+    views = split(cameras)[1] or [*cameras]
+    shown = views[:: -(-len(views) // 2)]
+    caption = (
+        f"{' and '.join(view.name for view in shown)}, from left to right: the model; its clusters, pale if GSPure "
+        "keeps them, and noise in faint grey; only the rows that GSPure prunes."
+    )
+
+    def draw(path: Path) -> None:
+        public, pruned = model.public, model.pruned
+        colours = (cluster_cloud(model.means, model.labels, pruned).colours / 255).astype(np.float32)
+        alone = public.with_model(public.model[pruned]).scene(device, _WHITE)
+        aspect = sum(view.height / view.width for view in shown)
+        with style.page(path, style.PAGE, aspect * style.PAGE / len(_SPLATS) + 0.06 * len(shown) + 0.26) as figure:
+            grid = figure.subplots(len(shown), len(_SPLATS), squeeze=False)
+            for axes, title in zip(grid[0], _SPLATS, strict=True):
+                axes.set_title(title, pad=4, fontsize=11)
+            for view, row in zip(shown, grid, strict=True):
+                width = min(view.width, _WIDEST)
+                camera = view.resized(width, max(round(view.height * width / view.width), 1))
+                show(row[0], public.scene(device)(camera), "")
+                gaussians, rows = public.gaussians(camera)
+                show(row[1], _clusters(gaussians, model.labels[rows], colours[rows], camera, device), "")
+                show(row[2], alone(camera), "")
+
+    return Drawing("splats.png", caption, draw)
+
+
+def _clusters(gaussians: Gaussians, labels: Int32, colours: Float32, camera: Camera, device: Device | None) -> Float32:
+    """Return a picture in `colours` [K,3], from a copy without the harmonics, which are most of a model."""
+    logits = gaussians.table["opacity"]
+    faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
+    shapes = Gaussians(repack_fields(gaussians.table[[*CORE]])).with_columns({"opacity": faint})
+    return Renderer(shapes, device).feature_map(camera, colours, _WHITE)

@@ -7,15 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import METRICS, psnr
-from gspure.evaluation.names import GSPURE, display_name
-from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.figures import style
-from gspure.figures.panels import Image, show
+from gspure.figures.panels import Image, common_views, show
+from gspure.images import read_image
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,12 +38,12 @@ _LINES: Final = 6  # and its lines
 class Column:
     """The images [H,W,3] of one variant, or of the reference, by target; none if it failed.
 
-    `unreached` are the targets whose carrier the attack did not reach; `failure` says why there are no images.
+    `unaffected` are the targets that read nothing that the attack changed; `failure` says why there are no images.
     """
 
     name: str
     images: Mapping[str, Image]
-    unreached: frozenset[str] = frozenset()
+    unaffected: frozenset[str] = frozenset()
     failure: str = ""
 
 
@@ -64,10 +66,68 @@ def _merit(outcome: Outcome) -> tuple[bool, float]:
     return outcome.variant == GSPURE, outcome.score if isfinite(outcome.score) else -np.inf
 
 
-def typical(truth: Mapping[str, Image], shown: Mapping[str, Image]) -> str:
-    """Return the view with the median PSNR, the lower one of two."""
-    ranked = sorted(shown, key=lambda view: (psnr(truth[view], shown[view]), view))
-    return ranked[(len(ranked) - 1) // 2]
+class Attacks(NamedTuple):
+    """The figure of all attacks: its caption, and the view that it shows of every target."""
+
+    caption: str
+    views: dict[str, str]
+
+
+def draw_attacks(
+    path: Path,
+    folder: Path,
+    outcomes: Sequence[Outcome],
+    sweeps: Mapping[str, Sequence[str]],
+    photographs: Path | None = None,
+) -> Attacks | None:
+    """Draw one view of scene and message after every attack; None if the unattacked model has no renders.
+
+    `outcomes` are those of one model, whose renders lie in ``folder/VARIANT/renders/TARGET``. The reference are the
+    `photographs` or, without these, the renders of the unattacked model.
+    """
+    targets = ordered({target for o in outcomes for target in o.targets if not o.is_control})
+    unattacked = next((o for o in outcomes if o.variant == UNATTACKED), None)
+    if not unattacked or not unattacked.targets:
+        return None
+    folders = {o.variant: folder / o.variant / "renders" for o in outcomes if not o.is_control}
+    reference = photographs or folders[UNATTACKED]
+    compared = MESSAGE if MESSAGE in targets else SCENE
+    rendered = [o.variant for o in outcomes if compared in o.targets and o.variant in folders]
+    attacked = sorted({*rendered} - {UNATTACKED}, key=lambda name: (name != GSPURE, rendered.index(name)))
+    changed = attacked[0] if attacked and not photographs else UNATTACKED
+    view, count = _typical(reference, folders[changed], compared)
+    views = dict.fromkeys(targets, view)
+    if SCENE in targets and not (reference / SCENE / f"{view}.png").is_file():  # the message has views of its own
+        views[SCENE], _ = _typical(reference, folders[UNATTACKED], SCENE)
+    first = {target: read_image(_target_folder(reference, target) / f"{name}.png") for target, name in views.items()}
+    columns = [Column("truth" if photographs else UNATTACKED, first)]
+    shown = chosen(outcomes, sweeps)
+    for o in shown if photographs else [o for o in shown if o.variant != UNATTACKED]:
+        images = {target: read_image(folders[o.variant] / target / f"{views[target]}.png") for target in o.targets}
+        unaffected = frozenset(target for target, reached in o.reached.items() if not reached)
+        name = reached_name(o.variant, reached_damage(o))
+        columns.append(Column(name, images, unaffected if o.variant != UNATTACKED else frozenset(), o.failure))
+    write_lineup(path, targets, columns)
+    of = f"after {display_name(changed)}" if changed != UNATTACKED else "before attacks"
+    caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR {of}."
+    if any(column.unaffected for column in columns):
+        caption += " † The attack changed nothing that this extraction reads."
+    if len(shown) < len(folders):
+        caption += " Attacks with several strengths are shown at the one with the highest Score, GSPure at its default."
+    return Attacks(caption, views)
+
+
+def _typical(reference: Path, renders: Path, target: str) -> tuple[str, int]:
+    """Return the view of a target with the median PSNR, the lower one of two, and of how many."""
+    truth, shown = _target_folder(reference, target), renders / target
+    views = common_views((truth, shown))
+    level = {view: psnr(*(read_image(folder / f"{view}.png") for folder in (truth, shown))) for view in views}
+    return sorted(views, key=lambda view: (level[view], view))[(len(views) - 1) // 2], len(views)
+
+
+def _target_folder(folder: Path, target: str) -> Path:
+    """Return the folder of a target's images; the truth of all extractions is that of the message."""
+    return next((p for p in (folder / target, folder / target.partition("_")[0]) if p.is_dir()), folder / target)
 
 
 def write_lineup(path: Path, targets: Sequence[str], columns: Sequence[Column]) -> None:
@@ -105,5 +165,5 @@ def _draw(axes: Axes, column: Column, target: str, reference: Image) -> None:
     elif image is reference:
         show(axes, image, "")
     else:
-        unreached = " †" if target in column.unreached else ""
-        show(axes, image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{unreached}")
+        unaffected = " †" if target in column.unaffected else ""
+        show(axes, image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{unaffected}")

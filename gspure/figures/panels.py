@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import display_name
 from gspure.figures import style
 from gspure.files import Float32
+from gspure.images import read_image
 from gspure.progress import decimal
 
 if TYPE_CHECKING:
@@ -47,6 +49,28 @@ def write_panels(
                 show(axes, rendering[view], label)
             if difference:
                 show(row[-1], GAIN * np.abs(last[view] - reference[view]), "")
+
+
+def draw_before_after(path: Path, folders: Mapping[str, Path], rows: int = 3) -> str:
+    """Draw some views of folders of ``VIEW.png`` by title, the reference first, as a PNG; return the caption."""
+    views = common_views(folders.values())
+    chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, rows).round().astype(int))]
+    images = {title: {v: read_image(folder / f"{v}.png") for v in chosen} for title, folder in folders.items()}
+    write_panels(path, images, chosen, difference=True)
+    first, *_, last = map(display_name, folders)
+    return (
+        f"{len(chosen)} of {len(views)} views, with their PSNR against {first}. Last column: {GAIN} times the absolute "
+        f"difference between {last} and {first}."
+    )
+
+
+def common_views(folders: Iterable[Path]) -> list[str]:
+    """Return the sorted names of the views in all folders, or raise `InputError` if there is none."""
+    folders = list(folders)
+    views = sorted(set.intersection(*({path.stem for path in folder.glob("*.png")} for folder in folders)))
+    if not views:
+        raise InputError(folders[-1], "*.png", expected=f"a view of {folders[0]}", found="none")
+    return views
 
 
 def show(axes: Axes, image: Image, label: str) -> None:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from gspure.artifacts import replacing, require_replaceable
-from gspure.files import UInt8
+from gspure.files import UInt8, replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,13 +93,12 @@ def page(
     from matplotlib.figure import Figure
 
     files = [path, *[path.with_suffix(".svg")] * (vector and path.suffix.lower() != ".svg")]
-    require_replaceable(*files)
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
         for file in files:
             kind = file.suffix.lower().removeprefix(".")
-            with replacing(file, checksum=True) as temporary:
+            with replacing(file) as temporary:
                 figure.savefig(temporary, format=kind, metadata=dict.fromkeys(_VARYING[kind]))
 
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.intervals import scene_means
-from gspure.evaluation.matched import damages, reached_name
+from gspure.evaluation.intervals import known_interval, scene_means
+from gspure.evaluation.matched import damages, pareto_front, reached_name
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
-from gspure.evaluation.tradeoff import pareto_front
+from gspure.evaluation.survival import control_levels
 from gspure.figures import style
 
 if TYPE_CHECKING:
@@ -55,13 +55,12 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
     return [Place(damage, residual, tuple(names)) for (damage, residual), names in listed]
 
 
-def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None = None) -> list[Place]:
-    """Write the variants of one scheme as named points, as PNG and SVG; return those on the front, by damage.
-
-    `floor`, the mean over the scenes of the highest control in dB (`gspure.evaluation.survival.floor`), is drawn as a
-    line.
-    """
+def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
+    """Draw the variants of one condition as named points, as PNG and SVG, and return the caption; None without any."""
     listed = places(outcomes)
+    if not listed:
+        return None
+    floor = known_interval(control_levels(outcomes))
     damage, residual = [place.damage for place in listed], [place.residual for place in listed]
     on_front = pareto_front(damage, residual)
     front = [place for place, chosen in zip(listed, on_front, strict=True) if chosen]
@@ -76,13 +75,21 @@ def write_tradeoff(path: Path, outcomes: Sequence[Outcome], floor: float | None 
                 colour = style.PRUNED if name == GSPURE else style.SCENE
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")
         if floor is not None:
-            axes.axhline(floor, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="floor (highest control)")
+            axes.axhline(floor.mean, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="highest control")
         _scale(axes, damage, damages(name for place in listed for name in place.variants))
         axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
         _label(axes, [*front, *(place for place in listed if place not in front)])
-    return front
+    shown = {name for place in listed for name in place.variants}
+    left_out = [name for name in dict.fromkeys(o.variant for o in outcomes if not o.is_control) if name not in shown]
+    caption = (
+        "PSNR of the message and drop of the scene's PSNR after every variant, mean over the scenes. Attacks to the "
+        "lower left are stronger. Vertical lines: drops at which attacks are compared."
+    )
+    if left_out:
+        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(map(display_name, left_out))}."
+    return caption + " Dashed line: the highest PSNR of a control without the message." * bool(floor)
 
 
 def _scale(axes: Axes, damage: Sequence[float], marked: Sequence[float]) -> None:

@@ -1,19 +1,22 @@
 """The data of the report's 3-D viewer: points, their colours, and what pruning removes; quantized, as JSON."""
 
+from __future__ import annotations
+
 import base64
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import write_json
 from gspure.constants import NOISE_LABEL
 from gspure.figures.clouds import Cloud, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
-from gspure.figures.gallery import Evidence, ranks
-from gspure.files import Float32, Float64, Indices
+from gspure.files import Float32, Float64, Indices, write_json
 from gspure.method.pruning import cluster_weights, mean_weight
+
+if TYPE_CHECKING:
+    from gspure.figures.gallery import Purified
 
 MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly
 REACH: Final = 2.0  # of points, in half extents of their bulk: farther floaters would shrink all else
@@ -21,30 +24,30 @@ _BULK: Final = (0.02, 0.98)  # quantiles
 _CUTS: Final = 400  # positions of the slider
 
 
-def write_viewer(path: Path, evidence: Evidence, axes: NDArray[np.floating], sh_dc: Float32 | None = None) -> None:
+def write_viewer(path: Path, model: Purified, axes: NDArray[np.floating], sh_dc: Float32 | None = None) -> None:
     """Write the data of the viewer as JSON with base64 arrays, little-endian.
 
     The rows of `axes` [3,3] are the world's right, up and front (`gspure.figures.viewpoint.world_axes`). `sh_dc` [K,3]
     are the coefficients of degree 0 of the colour; None where rows have no colour.
     """
-    count = len(evidence.means)
+    count = len(model.means)
     shown = np.sort(np.random.default_rng(0).permutation(count)[:MAX_POINTS])
-    removal = _removal(evidence)
+    removal = _removal(model)
     data = {
-        "rows": evidence.rows,
+        "rows": model.rows,
         "count": count,
         "points": len(shown),
         "reach": REACH,
-        "positions": _packed(_positions(evidence.means, axes)[shown], "<i2"),
+        "positions": _packed(_positions(model.means, axes)[shown], "<i2"),
         "removal": _packed(np.rint(65535 * removal[shown]), "<u2"),
-        "weights": _packed(evidence.weights[shown], "<f4"),
-        "mean_weight": mean_weight(evidence.weights),
-        "pruned": _packed(evidence.pruned[shown], "u1"),
-        **_clusters(evidence, shown),
-        "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(evidence, sh_dc)},
-        **_cuts(evidence, removal),
+        "weights": _packed(model.weights[shown], "<f4"),
+        "mean_weight": mean_weight(model.weights),
+        "pruned": _packed(model.pruned[shown], "u1"),
+        **_clusters(model, shown),
+        "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(model, sh_dc)},
+        **_cuts(model, removal),
     }
-    write_json(path, data, checksum=True)
+    write_json(path, data)
 
 
 def _packed(values: NDArray[Any], dtype: str) -> str:
@@ -59,34 +62,34 @@ def _positions(means: Float32, axes: NDArray[np.floating]) -> Float64:
     return np.asarray(np.rint(32767 * np.clip((local - (low + high) / 2) / half / REACH, -1, 1)))
 
 
-def _removal(evidence: Evidence) -> Float64:
+def _removal(model: Purified) -> Float64:
     """Return for every row [K] the share of rows removed once it is, if the lowest ranks go first, as in GSPure."""
-    rank = ranks(evidence).scalars["rank"]
+    rank = model.ranks().scalars["rank"]
     return np.searchsorted(np.sort(rank), rank, side="right") / len(rank)
 
 
-def _clusters(evidence: Evidence, shown: Indices) -> dict[str, Any]:
+def _clusters(model: Purified, shown: Indices) -> dict[str, Any]:
     """Return the cluster of every point, 65535 for noise, and of these clusters size and mean weight."""
-    labels, index = np.unique(evidence.labels[shown], return_inverse=True)
+    labels, index = np.unique(model.labels[shown], return_inverse=True)
     noise = int(labels[0] == NOISE_LABEL)
     clusters = labels[noise:]
     return {
         "clusters": _packed(np.where(index < noise, 65535, index - noise), "<u2"),
-        "sizes": np.bincount(evidence.labels + 1)[1:][clusters].tolist(),
-        "cluster_weights": cluster_weights(evidence.labels, evidence.weights)[clusters].tolist(),
+        "sizes": np.bincount(model.labels + 1)[1:][clusters].tolist(),
+        "cluster_weights": cluster_weights(model.labels, model.weights)[clusters].tolist(),
     }
 
 
-def _clouds(evidence: Evidence, sh_dc: Float32 | None) -> Iterator[tuple[str, Cloud]]:
-    means, labels, weights = evidence.means, evidence.labels, evidence.weights
+def _clouds(model: Purified, sh_dc: Float32 | None) -> Iterator[tuple[str, Cloud]]:
+    means, labels, weights = model.means, model.labels, model.weights
     if sh_dc is not None:
         yield "colour", colour_cloud(means, sh_dc)
-    yield "cluster", cluster_cloud(means, labels, evidence.pruned)
-    yield "rank", ranks(evidence)
+    yield "cluster", cluster_cloud(means, labels, model.pruned)
+    yield "rank", model.ranks()
     yield "weight", weight_cloud(means, weights)
-    yield "pruned", kept_cloud(means, evidence.pruned)
-    if evidence.hidden is not None:
-        yield "message", share_cloud(means, weights, evidence.hidden)
+    yield "pruned", kept_cloud(means, model.pruned)
+    if model.hidden is not None:
+        yield "message", share_cloud(means, weights, model.hidden)
 
 
 def _coloured(cloud: Cloud) -> dict[str, Any]:
@@ -100,13 +103,13 @@ def _coloured(cloud: Cloud) -> dict[str, Any]:
     return {**meaning, "palette": _packed(palette, "u1"), "index": _packed(index, "u1")}
 
 
-def _cuts(evidence: Evidence, removal: Float64) -> dict[str, Any]:
+def _cuts(model: Purified, removal: Float64) -> dict[str, Any]:
     """Return the positions of the slider, that of the decision among them, and the shares removed at each."""
-    decision = float(evidence.pruned.mean())
+    decision = float(model.pruned.mean())
     cuts = np.unique([*np.linspace(0, 1, _CUTS + 1), decision])
     order = np.argsort(removal, kind="stable")
     below = np.searchsorted(removal[order], cuts, side="right")
-    amounts = (("rows", np.ones(len(removal))), ("scene", evidence.weights), ("message", evidence.hidden))
+    amounts = (("rows", np.ones(len(removal))), ("scene", model.weights), ("message", model.hidden))
     shares = {
         name: np.append(0, np.cumsum(values[order], dtype=np.float64)) / values.sum(dtype=np.float64)
         for name, values in amounts

@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
-from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import Matched, reached_names
@@ -19,13 +18,54 @@ from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.progress import UNKNOWN, decimal, percent, signed, significant
 from gspure.report.table import Cell, Column, Row, Table, change, few, interval, markdown_document, metric, share
-from gspure.report.templates import say
 
-NOTES: Final = "notes.j2"
 SHARES: Final = ("pruned_share", "precision", "recall")
-NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
-NO_COSTS: Final[Mapping[str, AttackCost]] = MappingProxyType({})
-_COST: Final = [Column("CPU time [s]"), Column("peak memory [MiB]", main=False)]
+_NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
+_SPREAD: Final = (
+    "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "
+    "95% interval."
+)
+_UNITS: Final = "PSNR in dB; marks in percentage points of correct bits, or in units of the score."
+_MODEL: Final = (
+    "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
+    "identical); in parentheses, the change from the unattacked model. Score: drop of the message's PSNR minus that of "
+    "the scene; the highest is in bold. Region PSNR: without the reference's most frequent colour. NC: normalized "
+    "correlation. GC: gradient correlation. TPR: true positive rate over the views at this false positive rate. "
+    "Precision: share of the pruned rows that carry the message. Recall: share of the message's rows that were pruned. "
+    "†: the attack changed nothing that this extraction reads."
+)
+_SURVIVAL: Final = (
+    f"{_UNITS} {_SPREAD} RMS ratio: root-mean-square damage to the message divided by that to the scene. Control "
+    "level: the highest PSNR, or mean reading, among a scene's controls that do not hold its message. Survived: of the "
+    "scenes in which the message is present before the attack, those in which it still is; (+n): n more in which it is "
+    f"only retrieved. A picture is present if it is {MARGIN:g} dB above the control level and, if retrieval ran in "
+    "enough views, retrieved; a mark, if more views than chance explains exceed the threshold of 1% false positives, "
+    "but not in the clean model. Share left: level above the controls after the attack, divided by that before. "
+    "Detectability: AUC against the control model that is hardest to distinguish. †: the attack changed nothing that "
+    "this extraction reads."
+)
+_OTHERS: Final = (
+    f"{_UNITS} {_SPREAD} Positive: GSPure has the higher Score, removes more of the message, or harms the scene more. "
+    "p: sign-flip test of the Score over scenes, Holm-corrected; in parentheses, the smallest value possible."
+)
+_EQUAL: Final = (
+    f"{_UNITS} {_SPREAD} Both attacks lower the scene's PSNR by the amount in the heading. Positive: GSPure removes "
+    "more."
+)
+_MATCHED: Final = (
+    f"{_UNITS} {_SPREAD} Drop where the attack lowers the scene's PSNR by the amount in the heading, interpolated "
+    "between tested strengths. ≥: in some scene no strength does as much damage. ≤: every strength does more. Bold: "
+    "the largest."
+)
+_SUMMARY: Final = (
+    "PSNR in dB, mean over scenes; for marks, the column Message shows correct bits in percent, or the score. In "
+    "brackets: 95% bootstrap interval over scenes; in parentheses, for fewer than six scenes: smallest and largest "
+    "value. Last column: Score from the paper, for its scenes and attack strengths; not directly comparable."
+)
+_BESIDE: Final = (
+    "In dB, except the RMS ratio. Paper: mean over the nine scenes of its Table 1, with the Score recomputed from its "
+    "PSNR. Ours: mean over our scenes in which the message was present before the attack, at our strengths."
+)
 
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
@@ -38,10 +78,9 @@ def conditions_markdown(
     survivals: Sequence[Survival] = (),
     contests: Sequence[Contest] = (),
     matched: Sequence[Matched] = (),
-    costs: Sequence[AttackCost] = (),
 ) -> str:
     """Return the tables of every condition over all of its scenes."""
-    rows = (survivals, contests, matched, costs)
+    rows = (survivals, contests, matched)
     conditions = dict.fromkeys([*(condition_of(row) for row in survivals), *(condition_of(row) for row in matched)])
     tables = {condition_name(*known): condition_tables(known, *rows) for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
@@ -52,17 +91,14 @@ def condition_tables(
     survivals: Sequence[Survival],
     contests: Sequence[Contest],
     matched: Sequence[Matched] = (),
-    costs: Sequence[AttackCost] = (),
 ) -> list[Table]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
-    known = [row for row in costs if condition_of(row) == condition]
-    cost, of_sweeps = ({row.attack: row for row in known if row.kind == kind} for kind in ("variant", "sweep"))
     names = {row.variant: row.name for row in survivals if condition_of(row) == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
-        (partial(survival_table, cost=cost), survivals),
+        (survival_table, survivals),
         (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
-        (partial(matched_table, cost=cost | of_sweeps), matched),
+        (matched_table, matched),
     ]
     alike = [(kind, [row for row in rows if condition_of(row) == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
@@ -78,7 +114,6 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     """Return every variant of one model with its metrics."""
     measured = [o for o in outcomes if not o.failure]
     targets = ordered({target for o in measured for target in o.targets})
-    off_path = [target for target in targets if any(target in o.off_path for o in measured)]
     extractions = [*filter(is_picture, targets)]
     detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
     shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
@@ -99,7 +134,6 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             for title in ("correct bits" if bits else "score", "TPR 1%", "TPR 0.1%")
         ),
         *(Column(name.removesuffix("_share"), main=name == "pruned_share") for name in shares),
-        *(Column(display_name(target), "PSNR off path", main=False) for target in off_path),
     ]
     rows = []
     for o in measured:
@@ -113,47 +147,42 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             *scores,
             *(cell for name in detectors for cell in _detection(o, name)),
             *(share(getattr(o, name)) for name in shares),
-            *(metric(o.off_path[target].psnr) if target in o.off_path else Cell() for target in off_path),
         ]
         rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
-    missed = any("†" in cell.text for row in rows for cell in row.cells)
-    note = say(NOTES, "model", measured, off_path, extractions, shares, missed, sorted({*detectors.values()}))
-    return Table("Metrics of every variant", columns, rows, note)
+    return Table("Metrics of every variant", columns, rows, _MODEL)
 
 
-def survival_table(attacks: Sequence[Survival], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
-    """Return the survival of one extraction of the message after each attack, with the cost of each."""
+def survival_table(attacks: Sequence[Survival]) -> Table:
+    """Return the survival of one extraction of the message after each attack."""
     is_shown = is_picture(attacks[0].extraction)
-    has_floor = any(row.above_floor or row.present for row in attacks)
+    has_controls = any(row.above_floor or row.present for row in attacks)
     scenes = max(row.scenes for row in attacks)
     columns = [Column("attack"), Column(*_dropped(attacks[0].extraction)), Column("scene", "PSNR drop")]
-    columns += [*_COST * bool(cost), *[Column("RMS ratio", main=False)] * is_shown]
-    if has_floor:
+    columns += [Column("RMS ratio", main=False)] * is_shown
+    if has_controls:
         above = "message above" if is_shown else "mark above"
         columns += [
             Column("survived"),
             Column("share left"),
-            *(Column(name, above, main=False) for name in ("the floor", "wrong key")),
+            *(Column(name, above, main=False) for name in ("controls", "wrong key")),
         ]
         columns += [Column("detectability", main=False)] * (scenes > 1)
     rows, text = [], _text(attacks[0].extraction)
     for row in attacks:
         name = row.name + (" †" if row.reached is False and row.variant != UNATTACKED else "")
         cells = [Cell(name, few(row.scenes, scenes)), interval(row.message_drop, row.scenes, text)]
-        cells += [interval(row.scene_drop, row.scenes), *_cost(row.variant, cost)]
-        cells += [Cell(decimal(row.rms_ratio))] * is_shown
-        if has_floor:
+        cells += [interval(row.scene_drop, row.scenes), *[Cell(decimal(row.rms_ratio))] * is_shown]
+        if has_controls:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
             cells.append(share(row.share_left.mean if row.share_left else nan))
             cells += [interval(above, row.scenes, text) for above in (row.above_floor, row.above_wrong_key)]
             cells += [_detectability(row)] * (scenes > 1)
         rows.append(Row(cells))
-    note = say(NOTES, "survival", scenes, has_floor, MARGIN, bool(cost), is_shown)
-    return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, note)
+    return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, _SURVIVAL)
 
 
-def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = NO_NAMES) -> Table:
+def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = _NO_NAMES) -> Table:
     """Return GSPure minus every other attack as both were run; some have other `names` than their display names."""
     by_attack: dict[str, dict[str, Contest]] = {}
     for row in contests:
@@ -174,7 +203,7 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = 
             cells.append(Cell(p[0], f"(≥ {p[1]})"))
         rows.append(Row([Cell(names.get(attack, display_name(attack)), few(compared, scenes)), *cells]))
     title = f"GSPure minus other attacks: {extraction_name(extraction)}"
-    return Table(title, columns, rows, say(NOTES, "other_attacks", scenes, has_score))
+    return Table(title, columns, rows, _OTHERS)
 
 
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
@@ -186,11 +215,10 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
         known = [by_damage[damage].difference if damage in by_damage else None for damage in damages]
         rows.append(Row([Cell(display_name(attack)), *(interval(mean, scenes, _text(extraction)) for mean in known)]))
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
-    note = say(NOTES, "equal_damage", scenes, is_picture(extraction))
-    return Table(title, [Column("attack"), *_permitted(damages)], rows, note)
+    return Table(title, [Column("attack"), *_permitted(damages)], rows, _EQUAL)
 
 
-def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = NO_COSTS) -> Table:
+def matched_table(matched: Sequence[Matched]) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most: dict[float, float] = {}
     scenes = _scenes(row.drop for row in matched)
@@ -202,13 +230,9 @@ def matched_table(matched: Sequence[Matched], cost: Mapping[str, AttackCost] = N
         at = {row.damage: row for row in group}
         drops = [_drop_at(at[damage], most.get(damage), scenes) if damage in at else Cell() for damage in damages]
         strengths = Cell(f"{next(iter(at.values())).strengths}")
-        rows.append(Row([Cell(display_name(sweep)), strengths, *_cost(sweep, cost), *drops]))
-    gentle, harsh = (any(sign * (row.damage - row.scene_drop) > 0 for row in matched) for sign in (1, -1))
-    extraction = matched[0].extraction
-    title = f"Drop of the {extraction_name(extraction)} at equal damage to the scene"
-    note = say(NOTES, "matched", scenes, gentle, harsh, bool(cost), is_picture(extraction))
-    columns = [Column("attack"), Column("strengths", main=False), *_COST * bool(cost), *_permitted(damages)]
-    return Table(title, columns, rows, note)
+        rows.append(Row([Cell(display_name(sweep)), strengths, *drops]))
+    title = f"Drop of the {extraction_name(matched[0].extraction)} at equal damage to the scene"
+    return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, _MATCHED)
 
 
 def summary_table(outcomes: Sequence[Outcome]) -> Table:
@@ -228,13 +252,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
             ]
             numbers = [*means, interval(row.score, scenes), Cell(decimal(row.paper_score))]
             body.append(Row([*shown, Cell(f"{scenes}"), *numbers], begins=not i))
-    has_marks = not all(is_picture(row.extraction) for row in rows)
-    return Table(
-        "Means over scenes",
-        columns,
-        body,
-        say(NOTES, "summary", has_marks, sorted({o.against_truth for o in outcomes if o.targets})),
-    )
+    return Table("Means over scenes", columns, body, _SUMMARY)
 
 
 def beside_table(rows: Sequence[Beside]) -> Table:
@@ -250,16 +268,16 @@ def beside_table(rows: Sequence[Beside]) -> Table:
             numbers = [Cell(decimal(value)) for pair in zip(paper, ours, strict=True) for value in pair]
             body.append(Row([*names, Cell(str(row.scenes or UNKNOWN)), *numbers], begins=not i))
     columns = [Column("condition"), Column("attack", text=True), Column("our scenes"), *pairs]
-    return Table("The attacks of Table 1", columns, body, say(NOTES, "beside"))
+    return Table("The attacks of Table 1", columns, body, _BESIDE)
 
 
 def failures(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return a sentence for every reason of a failure, with the models and variants that failed for it."""
+    """Return a sentence for every reason why results are missing, with the models and variants."""
     failed: dict[str, list[str]] = {}
     for o in outcomes:
         for name, reason in o.failures.items():
             failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.folder)}")
-    return [say(NOTES, "failure", names, reason) for reason, names in failed.items()]
+    return [f"Without results: {'; '.join(names)} ({reason})." for reason, names in failed.items()]
 
 
 def _dropped(extraction: str) -> tuple[str, str]:
@@ -296,14 +314,6 @@ def _detectability(row: Survival) -> Cell:
     if auc is None:
         return Cell()
     return Cell(decimal(auc.auc), f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}")
-
-
-def _cost(attack: str, cost: Mapping[str, AttackCost]) -> list[Cell]:
-    """Return the cells of `_COST`; none if no cost is known."""
-    if attack not in cost:
-        return [Cell()] * len(_COST) * bool(cost)
-    cpu = cost[attack].cpu
-    return [Cell(decimal(cpu, 0 if cpu >= 10 else 1)), Cell(decimal(cost[attack].memory, 0))]
 
 
 def _permitted(damages: Iterable[float]) -> list[Column]:

@@ -24,9 +24,8 @@ from gspure.constants import TEST_EVERY
 from gspure.datasets import SCENES
 from gspure.errors import InputError, did_you_mean, reading
 from gspure.evaluation.controls import CONTROLS
-from gspure.evaluation.detector import words_of
+from gspure.evaluation.detection import words_of
 from gspure.evaluation.names import GSPURE, variant_at
-from gspure.evaluation.origins import attacks_of
 from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.model import Gaussians
 from gspure.model.inria import point_cloud, saved_iterations
@@ -170,10 +169,6 @@ def _settle_asset(asset: dict[str, Any], source: str | Path, place: str) -> None
         hint = f"if they were moved with it, delete {asset['model']}.json"
         expected, found = "views that moved with the model", f"those from before an attack moved {asset['model']}"
         raise InputError(source, f"{place}.cameras", expected=expected, found=found, hint=hint)
-    if "model" in asset and (attacked := attacks_of(Path(asset["model"]))):
-        hint = "list attacks as variants, or delete the record (.json) of this file to audit it as it is"
-        expected, found = "an unattacked model", f"{asset['model']}, an output of {attacked}"
-        raise InputError(source, f"{place}.model", expected=expected, found=found, hint=hint)
     if "train" in asset:
         asset["photographs"] = _photographs(asset["train"])
 

@@ -18,7 +18,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.recall import MESSAGE_ROWS
+from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.files import Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.model import Gaussians
 from gspure.model.activations import logit

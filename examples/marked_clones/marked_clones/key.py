@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.recall import MESSAGE_ROWS
+from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.files import Bools, Float32, Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.model.finite import require_computed
 from gspure.schemes.scheme import Key

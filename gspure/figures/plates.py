@@ -1,38 +1,47 @@
-"""A picture of a point cloud with eye-dome lighting, drawn by pyvista, or by numpy without OpenGL.
+"""Pictures of point clouds, drawn by pyvista with eye-dome lighting, side by side above their legends."""
 
-Both draw the same dots on white; those of pyvista are shaded as spheres.
-"""
+from __future__ import annotations
 
-from typing import Any, Final
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.figures.clouds import Cloud
+from gspure.figures import style
+from gspure.figures.clouds import Cloud, Legend, Scale
 from gspure.figures.probe import prefer_egl
 from gspure.figures.viewpoint import in_view, project
 from gspure.files import Float32, UInt8
 
-_SMOOTHING: Final = 2  # factor of supersampling
-_PIXELS_AT_ONCE: Final = 4_000_000
+if TYPE_CHECKING:
+    from matplotlib.figure import SubFigure
 
+PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)  # width in pixels of a picture in a column, without resampling
+PAGE_WIDTH: Final = round(style.PAGE * style.DPI)  # width in pixels of all pictures across the page
+
+_ROW: Final = 0.15  # height of a row of the legend, inches
+_TITLE: Final = 0.2  # height of a title
+
+_SMOOTHING: Final = 2  # factor of supersampling
 _STRENGTH: Final = 30.0
 _DARKEST: Final = 0.4
 _DIRECTIONS: Final = 8
 
 
-def portrait(cloud: Cloud, camera: Camera, *, opengl: bool) -> UInt8:
+def portrait(cloud: Cloud, camera: Camera) -> UInt8:
     """Return a picture of a cloud, uint8 [H,W,3] on white.
 
-    The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). With `opengl`,
-    pyvista draws, which ends the process if OpenGL does not work (see `gspure.figures.probe.gl_problem`).
+    The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). Pyvista ends the
+    process if OpenGL does not work (see `gspure.figures.probe.gl_problem`).
     """
     cloud = cloud.subset(in_view(cloud.points, camera))
     if len(cloud) == 0:
         return np.full((camera.height, camera.width, 3), 255, np.uint8)
     fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
     size = dot_size(len(cloud), fine)
-    image, depth = (_draw_balls if opengl else draw_dots)(cloud, fine, size)
+    image, depth = _draw_balls(cloud, fine, size)
     image = eye_dome(image, depth, radius=max(size, fine.width // 200))
     blocks = image.reshape(camera.height, _SMOOTHING, camera.width, _SMOOTHING, 3)
     smooth: UInt8 = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
@@ -44,30 +53,12 @@ def dot_size(count: int, camera: Camera) -> int:
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
-def draw_dots(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
-    """Draw a cloud as dots with a diameter of `size` pixels on white; the nearest dot is visible.
+def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
+    """Draw a cloud as balls with a diameter of `size` pixels on white.
 
     All points are in view (see `gspure.figures.viewpoint.in_view`). Return colour [H,W,3], and depth [H,W] along the
     view, inf in the background.
     """
-    pixels, depth = project(cloud.points, camera)
-    shape = (camera.height + 2 * size, camera.width + 2 * size)  # dots may cross the border
-    image = np.full((*shape, 3), 255, np.uint8)
-    nearest = np.full(shape, np.inf, np.float32)
-    grid = np.indices((size, size)).reshape(2, -1).T
-    dot = grid[((grid - (size - 1) / 2) ** 2).sum(axis=1) <= size**2 / 4]
-    far_to_near = np.argsort(-depth, kind="stable")
-    for rows in np.array_split(far_to_near, len(depth) * len(dot) // _PIXELS_AT_ONCE + 1):
-        corner = np.rint(pixels[rows, ::-1] - size / 2).astype(np.intp) + size
-        y, x = (corner[:, None] + dot).reshape(-1, 2).T
-        image[y, x] = np.repeat(cloud.colours[rows], len(dot), axis=0)  # the last write is kept
-        nearest[y, x] = np.repeat(depth[rows], len(dot))
-    inner = slice(size, -size)
-    return image[inner, inner], nearest[inner, inner]
-
-
-def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
-    """Draw like `draw_dots`, with pyvista."""
     prefer_egl()
     import pyvista as pv
 
@@ -128,3 +119,43 @@ def eye_dome(image: UInt8, depth: Float32, radius: int) -> UInt8:
     shade[np.isinf(depth)] = 1
     shaded: UInt8 = np.rint(image * shade[..., None]).astype(np.uint8)
     return shaded
+
+
+def write_plate(path: Path, pictures: Sequence[UInt8], clouds: Sequence[Cloud], titles: Sequence[str] = ()) -> None:
+    """Write pictures of clouds, all of one size, each with its legend or scale and an optional title, as a PNG."""
+    height, width = pictures[0].shape[:2]
+    above, below = _TITLE if titles else 0.0, _ROW * (max(len(cloud.legend) or 2 for cloud in clouds) + 0.7)
+    total = above + height / style.DPI + below
+    with style.page(path, len(pictures) * width / style.DPI, total, layout=None) as figure:
+        parts = figure.subfigures(1, len(pictures), squeeze=False, wspace=0)[0]
+        for part, picture, cloud in zip(parts, pictures, clouds, strict=True):
+            axes = part.add_axes((0, below / total, 1, height / style.DPI / total))
+            axes.imshow(picture, interpolation="none", aspect="auto")
+            axes.set_axis_off()
+            if cloud.scale:
+                _draw_scale(part, cloud.scale, below / total)
+            else:
+                _draw_legend(part, cloud.legend, below / total)
+        for part, title in zip(parts, titles, strict=False):
+            part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
+
+
+def _draw_legend(figure: SubFigure, legend: Legend, share: float) -> None:
+    from matplotlib.lines import Line2D
+
+    for i, row in enumerate(legend):
+        dots = [Line2D([], [], marker="o", markersize=4, linewidth=0, color=c, label=label) for label, c in row]
+        place = (0.5, share * (len(legend) - i - 0.3) / len(legend))
+        figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
+
+
+def _draw_scale(figure: SubFigure, scale: Scale, share: float) -> None:
+    axes = figure.add_axes((0.06, 0.6 * share, 0.88, 0.18 * share))
+    axes.imshow(scale.colours[None], aspect="auto")
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)
+    last = len(scale.colours) - 1
+    axes.set_xticks([0, last / 2, last], list(scale.words))
+    axes.get_xticklabels()[0].set_horizontalalignment("left")
+    axes.get_xticklabels()[-1].set_horizontalalignment("right")
+    axes.tick_params(length=0, pad=2)

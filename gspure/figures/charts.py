@@ -1,15 +1,19 @@
-"""Charts: the distribution of weights with its thresholds, and the PSNR of scene and message by variant."""
+"""Charts: the weights with their thresholds, the PSNR of all variants, and PSNR against the pruning factors."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import reached_names
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
+from gspure.evaluation.names import extraction_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, is_picture
+from gspure.evaluation.summary import summarize
 from gspure.figures import style
 from gspure.files import Bools, Float32, Float64
 from gspure.method.pruning import mean_weight
@@ -22,6 +26,8 @@ if TYPE_CHECKING:
 _COLOURS: Final = {SCENE: style.SCENE, MESSAGE: style.MESSAGE}
 _BINS: Final = 72
 _DECADES: Final = 9  # at most, below the largest weight
+_LETTERS: Final = 18  # in a line beside a panel
+_FACTORS: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\tau_c$")
 _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in its lowest bin
 
 
@@ -87,8 +93,8 @@ def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> lis
     return [axes.axvline(float(np.log10(value)), linestyle=dash, label=label, **look) for label, value, dash in marks]
 
 
-def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write scene and message PSNR of every variant of one model as bars, as PNG and SVG.
+def draw_outcomes(path: Path, outcomes: Sequence[Outcome]) -> str:
+    """Draw scene and message PSNR of every variant of one model as bars, as PNG and SVG, and return the caption.
 
     Beside them is the Score or, of a model without a message, the share of the rows that the attack removed.
     """
@@ -126,7 +132,81 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
         axes.set_xlabel("PSNR (dB)" if truth else "PSNR against renders before the attack (dB)", x=1, ha="right")
         if len(targets) > 1:
             figure.legend(loc="outside upper center", ncols=2)
+    caption = f"PSNR of every variant against {'photographs' if truth else 'renders of the unattacked model'}"
+    if any(beside):
+        caption += ", and its Score, dB" if title == "Score" else ", and the share of the rows that it removed"
+    return f"{caption}; mean over the views."
 
 
 def _decibels(value: float) -> str:
     return "" if np.isnan(value) else "identical" if value == np.inf else decimal(value, 1)
+
+
+class Point(NamedTuple):
+    """GSPure with one pair of pruning factors."""
+
+    factors: tuple[float, float]  # tau_n and tau_c
+    means: Mapping[str, Interval]  # over scenes, of scene and message
+
+
+def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> list[Point]:
+    """Return the points along one factor, in ascending order, where the other one is that of `method`."""
+    chosen = {p.factors[axis]: p for p in points if p.factors[1 - axis] == method[1 - axis]}
+    return [chosen[factor] for factor in sorted(chosen)]
+
+
+def write_factor_curves(
+    path: Path, points: Sequence[Point], method: tuple[float, float], message: str = "message PSNR (dB)"
+) -> None:
+    """Write a panel for each factor and target, as PNG and SVG; a ring marks `method`, its tau_n and tau_c.
+
+    A target that some point lacks is left out. `message` is the label of the message's axis.
+    """
+    labels = {SCENE: "scene PSNR (dB)", MESSAGE: message}
+    targets = [target for target in labels if all(target in point.means for point in points)]
+    with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets), vector=True) as figure:
+        grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
+        for row, target in zip(grid, targets, strict=True):
+            for axis, axes in enumerate(row):
+                _draw_curve(axes, curve(points, axis, method), axis, target, method)
+            row[0].set_ylabel(fill(labels[target], _LETTERS))
+        for axes, label in zip(grid[-1], _FACTORS, strict=True):
+            axes.set_xlabel(label, parse_math=True)
+
+
+def _draw_curve(axes: Axes, points: Sequence[Point], axis: int, target: str, method: tuple[float, float]) -> None:
+    factors = [point.factors[axis] for point in points]
+    means, low, high = np.array([point.means[target][:3] for point in points]).T
+    axes.fill_between(factors, low, high, color=style.tint(_COLOURS[target], 0.82), linewidth=0)
+    axes.plot(factors, means, "o-", color=_COLOURS[target], linewidth=1.1, markersize=2.6)
+    at = factors.index(method[axis])
+    axes.plot(method[axis], means[at], "o", markersize=6, markerfacecolor="none", markeredgecolor=style.INK, mew=0.7)
+    axes.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    axes.grid(axis="y", color=style.tint(style.FAINT, 0.75), linewidth=0.4)
+    axes.set_axisbelow(True)
+
+
+def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, tuple[float, float]]) -> str | None:
+    """Draw scene and message of a condition against the pruning factors, and return the caption.
+
+    `points` are tau_n and tau_c of variants, those of the method first. None if too few of them are known.
+    """
+    means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
+    known = {
+        name: Point(factors, {t: mean for t in (SCENE, MESSAGE) if (mean := getattr(means[name], t))})
+        for name, factors in points.items()
+        if name in means and means[name].scene
+    }
+    method = next(iter(points.values()), (0.0, 0.0))
+    if next(iter(points), "") not in known or len(known) < 2:
+        return None
+    row = means[next(iter(known))]
+    bits = any(o.detections[row.extraction].bits for o in outcomes if row.extraction in o.detections)
+    unit = "PSNR (dB)" if is_picture(row.extraction) else "correct bits (%)" if bits else "score"
+    write_factor_curves(path, [*known.values()], method, f"{extraction_name(row.extraction)} {unit}")
+    scenes = max(mean.scenes for point in known.values() for mean in point.means.values())
+    band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
+    return (
+        f"PSNR after GSPure with other pruning factors: one varies, the other is τ_n = {method[0]:g} or τ_c = "
+        f"{method[1]:g} (ring: both). Mean over {scenes} scene{'s' * (scenes != 1)}{band}."
+    )

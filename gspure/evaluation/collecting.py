@@ -1,0 +1,242 @@
+"""Outcomes from a folder of results: what is there, and why the rest is missing; and their table, ``results.csv``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any, Final, Literal, NamedTuple
+
+import numpy as np
+
+from gspure.errors import InputError, printable
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
+from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
+from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
+from gspure.evaluation.names import UNATTACKED, model_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, ordered, with_references
+from gspure.evaluation.retrieval import Retrieval, Retrieved
+from gspure.files import Bools, load_array, read_json, run_of
+from gspure.progress import warn
+
+MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
+NOT_APPLICABLE: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
+_ERROR: Final = re.compile(r"gspure \S+: |\S*(Error|Exception|Interrupt)\b|not applicable")
+_NONE: Final[Mapping[str, float]] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class ModelPlan:
+    """What a run makes of one model, in ``results/SCHEME/SCENE``.
+
+    `variants` and `controls` have metrics, in the order of tables, the unattacked model first. `detections` are the
+    detectors that read each of them, or further controls. `targets` are the pictures that are compared, the scene and
+    extractions of the message; `photographs` the folder with their truth, ``scene`` and ``message``, or None if renders
+    are compared with those of the unattacked model. Protocol and initialization are those of its pair.
+    """
+
+    variants: Sequence[str]
+    controls: Sequence[str] = ()
+    targets: Sequence[str] = (SCENE,)
+    detections: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    photographs: Path | None = None
+    protocol: str = ""
+    initialization: str = ""
+
+    @property
+    def expected(self) -> dict[str, Sequence[str]]:
+        """The files that every variant and control should have."""
+        measured = (*self.variants, *self.controls)
+        return {
+            name: [
+                *["metrics.csv"] * (name in measured),
+                *(f"{DETECTIONS}/{detector}.csv" for detector in self.detections.get(name, ())),
+            ]
+            for name in dict.fromkeys((*measured, *self.detections))
+        }
+
+
+def collect(results: Path, models: Mapping[str, ModelPlan]) -> list[Outcome]:
+    """Return the outcomes of all variants of models ``SCHEME/SCENE``, sorted by these; `UNATTACKED` first.
+
+    Scenes that end in ``@1``, ``@2``, ... are repetitions with other random seeds. Where a file is missing, the outcome
+    names the reason: that the attack cannot apply, or the last line of a log.
+    """
+    if not models:
+        raise InputError(results, "models", expected="some model", found="none")
+    outcomes = [o for name, plan in models.items() for o in _of_model(results, name, plan)]
+    for (scheme, folder), variants in by_model(outcomes):
+        if len(runs := {o.run for o in variants if o.run and not o.is_control}) > 1:
+            warn(f"{model_name(scheme, folder)}: results of {len(runs)} runs: {', '.join(sorted(runs))}")
+    outcomes.sort(key=lambda o: (o.scheme, o.scene, o.seed, o.variant != UNATTACKED))
+    return with_references(outcomes)
+
+
+def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
+    scheme, folder = name.split("/")
+    scene, _, seed = folder.partition("@")
+    place = results / scheme / folder
+    tables = {v: path for v in plan.expected if (path := place / v / "metrics.csv").is_file()}
+    rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
+    detections = read_detections(place)
+    truth_file = place / "key" / MESSAGE_ROWS
+    for variant, files in plan.expected.items():
+        absent = [file for file in files if not (place / variant / file).is_file()]
+        missing = {file: reason_for(results, place / variant / file) for file in absent}
+        o = Outcome(
+            scheme,
+            scene,
+            variant,
+            failure=missing.pop("metrics.csv", ""),
+            undetected={Path(file).stem: reason for file, reason in missing.items()},
+            detections=detections.get(variant, {}),
+            seed=int(seed) if seed.isdecimal() else 0,
+            protocol=plan.protocol,
+            initialization=plan.initialization,
+            run=run_of(place / variant / "public") or run_of(place / variant) or run_of(place / "public"),
+        )
+        yield replace(o, **_measured(place / variant, rows[variant], truth_file)) if variant in rows else o
+
+
+def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> dict[str, Any]:
+    """Return the fields of an outcome from the files of a variant's folder."""
+    targets = {mean.target: mean for mean in means(rows)}
+    known: dict[str, Any] = {
+        "targets": targets,
+        "views": {target: sum(row.target == target for row in rows) for target in targets},
+        "identical": {target: identical(rows)[target] for target in targets},
+        **_verdict(folder / "verdict.json"),
+    }
+    if (table := folder / "retrieval.csv").is_file():
+        known["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
+    if (mask := folder / "prune_mask.npy").is_file():
+        pruned = load_array(mask, dtype=np.bool_, shape=(None,))
+        known["pruned_share"] = float(np.mean(pruned))
+        if truth_file.is_file():
+            truth = load_array(truth_file, dtype=np.bool_, shape=(len(pruned),))
+            known["precision"], known["recall"] = recall(pruned, truth)
+    return known
+
+
+def recall(pruned: Bools, truth: Bools) -> tuple[float, float]:
+    """Return precision and recall of a pruning; NaN for a division by zero.
+
+    `pruned` and `truth`, the rows that carry the message, are bool [K].
+    """
+    hits = int(np.count_nonzero(pruned & truth))
+    precision, found = (hits / rows if (rows := int(mask.sum())) else math.nan for mask in (pruned, truth))
+    return precision, found
+
+
+def _verdict(file: Path) -> dict[str, Any]:
+    """Return which extractions an attack can have affected, and its strength."""
+    if not file.is_file():
+        return {}
+    match read_json(file):
+        case {"reached": dict(reached), "strength": str(strength)} if {*map(type, reached.values())} <= {bool}:
+            return {"reached": reached, "strength": strength}
+    raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
+
+
+def reason_for(results: Path, file: Path) -> str:
+    """Return why a file of a variant is missing: the verdict of its attack, or the last line of the failed job's log.
+
+    The logs of the variant count first, then those of its model, the newest first.
+    """
+    variant = results / Path(*file.relative_to(results).parts[:3])
+    if (verdict := variant / "verdict.json").is_file():
+        match read_json(verdict):
+            case {"not applicable": str(reason)}:
+                return f"{NOT_APPLICABLE}: {reason}"
+    last = ""
+    for folder in (variant, variant.parent):
+        logs = [*(results / "logs" / folder.relative_to(results)).glob("*.log")]
+        for log in sorted(logs, key=lambda path: path.stat().st_mtime, reverse=True):
+            lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines()]
+            line = next(filter(None, reversed(lines)), "")
+            if _ERROR.match(line):
+                return printable(line)
+            last = last or f"{log.stem} ended with: {line or 'nothing'}"
+    return printable(last or "not run")
+
+
+def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[str, list[ViewMetrics]]:
+    """Leave out the views of a model that equal their photograph in some variant: no mean PSNR counts them there.
+
+    A drop is a difference of means over the same views. Where none is left, variants with such views keep them alone,
+    so that their mean PSNR is infinite, and no drop from it or to it is known.
+    """
+    equal = {(row.target, row.view) for rows in rows_of.values() for row in filter(_equals_photograph, rows)}
+    kept: dict[str, list[ViewMetrics]] = {}
+    for variant, rows in rows_of.items():
+        kept[variant] = []
+        for target in dict.fromkeys(row.target for row in rows):
+            views = [row for row in rows if row.target == target]
+            others = [row for row in views if (target, row.view) not in equal]
+            kept[variant] += others or [*filter(_equals_photograph, views)] or views
+    return kept
+
+
+def _equals_photograph(row: ViewMetrics) -> bool:
+    return row.reference == TRUTH and not math.isfinite(row.psnr)
+
+
+class Result(NamedTuple):
+    """One target of one variant; for a variant or detector without results, only the reason."""
+
+    scheme: str
+    protocol: str
+    initialization: str
+    scene: str
+    seed: int
+    variant: str
+    target: str = ""
+    reference: Literal["truth", "render", ""] = ""
+    views: int | None = None
+    identical: int | None = None
+    values: Values = _NONE
+    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")] = _NONE
+    score: float = math.nan
+    reached: bool | None = None
+    pruned_share: float = math.nan
+    precision: float = math.nan
+    recall: float = math.nan
+    strength: str = ""
+    failure: str = ""
+    retrieval: Retrieval | None = None
+    detection: Detection | None = None  # of a target that is a detector
+    run: str = ""
+
+
+def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
+    """Write one CSV row per target of every outcome; unknown numbers are empty."""
+    write_table(path, Result, (row for outcome in outcomes for row in _rows(outcome)))
+
+
+def _rows(o: Outcome) -> Iterator[Result]:
+    row = Result(*o.condition, o.scene, o.seed, o.variant, run=o.run)
+    if o.failure:
+        yield row._replace(failure=o.failure)
+    for target in ordered(o.targets):
+        mean = o.targets[target]
+        yield row._replace(
+            target=target,
+            reference=mean.reference,
+            views=o.views[target],
+            identical=o.identical.get(target),
+            values=mean.values,
+            drops=o.drops(target),
+            score=o.score_of(target if target in o.messages else MESSAGE),
+            reached=o.reached.get(target),
+            pruned_share=o.pruned_share,
+            precision=o.precision,
+            recall=o.recall,
+            strength=o.strength,
+            retrieval=o.retrieval.get(target),
+        )
+    for name in ordered({*o.detections, *o.undetected}):
+        found = row._replace(target=name, failure=o.undetected.get(name, ""))
+        yield found._replace(detection=o.detections.get(name), reached=o.reached.get(name))

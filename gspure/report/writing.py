@@ -1,0 +1,165 @@
+"""All tables and figures of a run, and its report, from the folder of results as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+from gspure.errors import InputError
+from gspure.evaluation.collecting import ModelPlan, collect, write_results
+from gspure.evaluation.contest import Contest, contest
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.matched import Matched, Sweeps, match
+from gspure.evaluation.names import GSPURE, model_name
+from gspure.evaluation.outcomes import Condition, Outcome, by_model
+from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.survival import Survival, not_embedded, survival
+from gspure.figures.charts import draw_factors, draw_outcomes
+from gspure.figures.gallery import CAPTIONS
+from gspure.figures.lineup import Attacks, chosen, draw_attacks
+from gspure.figures.panels import draw_before_after
+from gspure.figures.tradeoff import draw_tradeoff
+from gspure.files import read_json, write_text
+from gspure.progress import track, warn
+from gspure.report.audit import Audit, audits
+from gspure.report.page import Comparison, Model, Picture, lineup, picture, read_parts, write_page
+from gspure.report.tables import condition_tables, conditions_markdown, results_markdown, summary_table
+
+Drawn = TypeVar("Drawn")
+
+_CLOUDS: Final = ("clusters", "ranks", "kept", "hidden")  # what the viewer shows
+
+
+@dataclass(frozen=True)
+class ReportPlan:
+    """What a run makes.
+
+    `models` are by ``SCHEME/SCENE``. `sweeps` name the variants that are one attack at several strengths, `points` for
+    each scheme the tau_n and tau_c of variants that differ from GSPure in these alone, its own first. `links` are
+    further files to link on the page.
+    """
+
+    models: Mapping[str, ModelPlan]
+    sweeps: Sweeps = field(default_factory=dict)
+    points: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    links: Sequence[Path] = ()
+
+
+def write_report(results: Path, plan: ReportPlan) -> None:
+    """Write ``tables/``, ``figures/``, the figures of every model that need several variants, and ``report.html``.
+
+    Variants without results are named with the reason. Figures that cannot be drawn are left out with a warning.
+    """
+    outcomes = collect(results, plan.models)
+    survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
+    _write_tables(results / "tables", outcomes, survivals, contests, matched)
+    _warn(outcomes)
+    page = results / "report.html"
+    models = {(o.scheme, o.folder): variants for (scheme, folder), variants in by_model(outcomes) for o in variants[:1]}
+    comparisons = []
+    for audit in audits(outcomes, survivals):
+        alike = {key: variants for key, variants in models.items() if variants[0].condition == audit.condition}
+        shown = [_model(results, key, alike[key], plan, audit) for key in track([*alike], "figures")]
+        tables = condition_tables(audit.condition, survivals, contests, matched)
+        pictures = _condition_pictures(results, audit.condition, [o for v in alike.values() for o in v], plan)
+        comparisons.append(Comparison(audit, shown, tables, pictures))
+    names = ("results", "summary", "survival", "contest", "matched")
+    write_page(page, comparisons, [*(results / "tables" / f"{name}.csv" for name in names), *plan.links])
+
+
+def _write_tables(
+    folder: Path,
+    outcomes: Sequence[Outcome],
+    survivals: Sequence[Survival],
+    contests: Sequence[Contest],
+    matched: Sequence[Matched],
+) -> None:
+    write_results(folder / "results.csv", outcomes)
+    write_table(folder / "summary.csv", Summary, summarize(outcomes))
+    write_table(folder / "survival.csv", Survival, survivals)
+    write_table(folder / "contest.csv", Contest, contests)
+    write_table(folder / "matched.csv", Matched, matched)
+    write_text(folder / "results.md", results_markdown(outcomes))
+    write_text(folder / "contest.md", conditions_markdown(survivals, contests, matched))
+    write_text(folder / "summary.tex", summary_table(outcomes).latex())
+
+
+def _warn(outcomes: Sequence[Outcome]) -> None:
+    """Warn of incomplete declarations of what an extraction reads, and of models without a message."""
+    for o in outcomes:
+        for extraction in filter(o.contradicts, o.reached):
+            warn(
+                f"{model_name(o.scheme, o.folder)}, {o.variant}: the extraction {extraction} changed, although no "
+                "column did that it is declared to read; the attack counts as having affected the message"
+            )
+    for scheme, folder in not_embedded(outcomes):
+        warn(
+            f"{model_name(scheme, folder)}: no message is embedded, or the key does not match the model: even before "
+            "any attack, the message is a single colour, is not above every control, or is not retrieved"
+        )
+
+
+def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, audit: Audit) -> Model:
+    """Draw the figures of a model, and return it as the page shows it."""
+    folder, page = results / key[0] / key[1], results / "report.html"
+    figures, settings = folder / "figures", plan.models["/".join(key)]
+    pictures: dict[str, Picture] = {}
+    if caption := _drawn(draw_outcomes, figures / "outcomes.png", variants):
+        pictures["outcomes"] = picture(figures / "outcomes.png", caption, page)
+    path = figures / "attacks.png"
+    attacks: Attacks | None = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
+    if attacks:
+        pictures["attacks"] = picture(path, attacks.caption, page)
+    for target in settings.targets:
+        columns = _columns(folder, target, settings.photographs)
+        if len(columns) > 1 and (caption := _drawn(draw_before_after, figures / f"{target}.png", columns)):
+            pictures[target] = picture(figures / f"{target}.png", caption, page)
+    captions = figures / "model" / CAPTIONS
+    for name, caption in (read_json(captions) if captions.is_file() else {}).items():
+        pictures[Path(name).stem] = picture(captions.with_name(name), caption, page)
+    attack = audit.strongest.variant if audit.strongest else GSPURE
+    names = [*(o.variant for o in chosen(variants, plan.sweeps) if o.targets), attack]
+    renders = lineup(folder, names, attacks.views) if attacks else None
+    viewer = read_parts(figures / "model" / "viewer.json")
+    replaced = {"attacks", *settings.targets} if renders else set()
+    replaced |= {*_CLOUDS} if viewer else set()
+    return Model(
+        *key,
+        variants,
+        attack,
+        [shown for name, shown in pictures.items() if name not in replaced],
+        [file for name in pictures.keys() & replaced for file in pictures[name].files],
+        renders,
+        viewer,
+        read_parts(folder / "diagnosis.json", folder / "hidden.json"),
+    )
+
+
+def _columns(folder: Path, target: str, photographs: Path | None) -> dict[str, Path]:
+    """Return the folders of images of a target by title: photographs, before GSPure, and after it."""
+    truth = {"truth": photographs / target.partition("_")[0]} if photographs else {}
+    renders = {name: folder / name / "renders" / target for name in ("unattacked", GSPURE)}
+    return truth | {name: path for name, path in renders.items() if path.is_dir()}
+
+
+def _condition_pictures(
+    results: Path, condition: Condition, outcomes: Sequence[Outcome], plan: ReportPlan
+) -> list[Picture]:
+    """Draw the figures of a condition over all of its scenes."""
+    folder = results / "figures" / condition.key
+    points = plan.points.get(condition.scheme, {})
+    drawn = {
+        folder / "tradeoff.png": _drawn(draw_tradeoff, folder / "tradeoff.png", outcomes),
+        folder / "sweep.png": _drawn(draw_factors, folder / "sweep.png", outcomes, points) if points else None,
+    }
+    return [picture(path, caption, results / "report.html") for path, caption in drawn.items() if caption]
+
+
+def _drawn(draw: Callable[..., Drawn | None], path: Path, *facts: Any) -> Drawn | None:
+    try:
+        return draw(path, *facts)
+    except (InputError, OSError, ValueError) as error:
+        warn(f"{path}: not drawn: {error}")
+        return None
