@@ -56,7 +56,7 @@ def test_scene_and_message_are_learned_from_one_map(hidden, pair):
 
 def test_its_rows_are_drawn_although_they_have_no_harmonics(hidden, pair, tmp_path):
     public, _ = hidden
-    labels, pruned = np.zeros(len(public.model), np.int32), np.arange(len(public.model)) % 2 == 0
+    labels = np.zeros(len(public.model), np.int32)
     draw_model(tmp_path, Purified(public, labels, np.ones(len(labels), np.float32)), pair.scene.views)
     assert (tmp_path / "splats.png").is_file()
 

@@ -3,3 +3,4 @@
 from tests.hostile import user_files
 
 READERS = user_files.READERS
+BY_NAME = {reader.name: reader for reader in READERS}
