@@ -22,12 +22,9 @@ from gspure.progress import say, track
 from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
 
 if TYPE_CHECKING:
-    from gspure.cameras import Camera
     from gspure.evaluation.comparison import ViewMetrics
     from gspure.files import Float32
     from gspure.opencl.device import Device
-    from gspure.opencl.trainable import Parameters
-    from gspure.training.checkpoints import Snapshot
     from gspure.training.dataset import Dataset
     from gspure.training.trainer import Trainer
 
@@ -46,6 +43,7 @@ in DIR are those of 3DGS's trainer and render script:
   metrics.csv                             metrics of these
 """
 
+CHECKPOINT = "checkpoint.npz"
 _SECONDS_BETWEEN_CHECKPOINTS = 30.0
 _WATCHED = 3  # number of held-out views over which progress reports average the PSNR
 
@@ -88,59 +86,63 @@ def run(args: Arguments) -> None:
     from gspure.files import filling, replacing
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
-    from gspure.training.dataset import fingerprint, read_dataset, read_photographs
-    from gspure.training.output import point_cloud, remove_results
+    from gspure.training import dataset, output
 
     require_own_folder(args)
     if args.model:
         require_writable(args.model)
     args.background = read_background(args, trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
-    dataset = read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
-    args.max_gaussians = args.max_gaussians or dataset.max_gaussians
-    images = read_photographs(track(dataset.train, "photographs"), args.background)
-    size = f"{dataset.train[0].width}x{dataset.train[0].height}"
-    views = f"{len(dataset.train)} views of {size}, {len(dataset.test)} held out"
-    say(f"{views}, {len(dataset.xyz)} points, extent {dataset.extent:.3g}")
-    used = ("iterations", "resolution", "background", "max_gaussians", "seed")
-    settings = {name: getattr(args, name) for name in used} | {"photographs and cameras": fingerprint(dataset, images)}
+    data = dataset.read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
+    args.max_gaussians = args.max_gaussians or data.max_gaussians
+    images = dataset.read_photographs(track(data.train, "photographs"), args.background)
+    size = f"{data.train[0].width}x{data.train[0].height}"
+    views = f"{len(data.train)} views of {size}, {len(data.test)} held out"
+    say(f"{views}, {len(data.xyz)} points, extent {data.extent:.3g}")
     device = read_device(args)
     record_command(args, args.out)
     with filling(args.out) as folder:
-        trainer = _train(args, dataset, images, settings, device)
-        rows = _write(folder, args, dataset, trainer.model.state().parameters, device)
-        remove_results(args.out)
-    model = point_cloud(args.out, args.iterations)
+        trainer = _train(args, data, images, device)
+        parameters = trainer.model.state().parameters
+        model = output.write_output(folder, data, parameters, args.iterations, args.background, place=args.out)
+        rows = _compare(folder, args, data, model, device) if data.test else []
+        output.remove_results(args.out)
     if args.model:
         with replacing(args.model) as temporary:
-            shutil.copyfile(model, temporary)
-    _checkpoint(args).unlink(missing_ok=True)
+            shutil.copyfile(output.point_cloud(args.out, args.iterations), temporary)
+    (args.out / CHECKPOINT).unlink(missing_ok=True)
     if rows:
         print("\n".join(as_text(rows)))
-    say(f"{trainer.model.count} Gaussians in {model}")
+    say(f"{trainer.model.count} Gaussians in {output.point_cloud(args.out, args.iterations)}")
 
 
-def _train(
-    args: Arguments, dataset: Dataset, images: Sequence[Float32], settings: dict[str, Any], device: Device
-) -> Trainer:
-    """Train to the end, and write checkpoints."""
+def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: Device) -> Trainer:
+    """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
     from gspure.opencl.trainable import TrainableModel
-    from gspure.training.checkpoints import write_checkpoint
+    from gspure.training.checkpoints import read_checkpoint, write_checkpoint
+    from gspure.training.dataset import fingerprint, read_photographs
+    from gspure.training.initialization import gaussians_at, thinned
     from gspure.training.monitor import watched
     from gspure.training.schedule import Schedule
-    from gspure.training.trainer import Trainer
+    from gspure.training.trainer import Trainer, beginning
 
-    start = _start(args, dataset, settings)
+    checkpoint = args.out / CHECKPOINT
+    used = ("iterations", "resolution", "background", "max_gaussians", "seed")
+    settings = {name: getattr(args, name) for name in used} | {"photographs and cameras": fingerprint(data, images)}
+    if args.resume and checkpoint.is_file():
+        start = read_checkpoint(checkpoint, settings)
+        say(f"continuing from iteration {start.iteration}")
+    else:
+        start = beginning(gaussians_at(*thinned(data.xyz, data.rgb, args.max_gaussians, args.seed)), args.seed)
     model = TrainableModel(start.state, start.iteration, device)
     model.set_targets(images)
-    trainer = Trainer(
-        *(model, dataset.train, Schedule.scaled(args.iterations), start),
-        extent=dataset.extent,
-        background=args.background,
-        max_gaussians=args.max_gaussians,
-    )
-    views, photographs = _watched(dataset, args.background)
+    bounds: dict[str, Any] = {"extent": data.extent, "max_gaussians": args.max_gaussians}
+    schedule = Schedule.scaled(args.iterations)
+    trainer = Trainer(model, data.train, schedule, start, background=args.background, **bounds)
+    views = data.test or data.train
+    views = views[:: -(-len(views) // _WATCHED)]
+    photographs = read_photographs(views, args.background)
 
     def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
@@ -151,59 +153,29 @@ def _train(
     began = saved = time.monotonic()
     for _ in watched(trainer, args.iterations, quality, start.iteration):
         if trainer.rests and time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-            write_checkpoint(_checkpoint(args), trainer.snapshot(), settings)
+            write_checkpoint(checkpoint, trainer.snapshot(), settings)
             saved = time.monotonic()
     say(f"trained {args.iterations - start.iteration} iterations in {time.monotonic() - began:.1f} s")
     return trainer
 
 
-def _start(args: Arguments, dataset: Dataset, settings: dict[str, Any]) -> Snapshot:
-    """Return the checkpoint of an interrupted run, or the beginning."""
-    from gspure.training.checkpoints import read_checkpoint
-    from gspure.training.initialization import gaussians_at, thinned
-    from gspure.training.trainer import beginning
-
-    if args.resume and _checkpoint(args).is_file():
-        snapshot = read_checkpoint(_checkpoint(args), settings)
-        say(f"continuing from iteration {snapshot.iteration}")
-        return snapshot
-    return beginning(gaussians_at(*thinned(dataset.xyz, dataset.rgb, args.max_gaussians, args.seed)), args.seed)
-
-
-def _checkpoint(args: Arguments) -> Path:
-    return Path(args.out) / "checkpoint.npz"
-
-
-def _watched(dataset: Dataset, background: Sequence[float]) -> tuple[list[Camera], list[Float32]]:
-    """Return a few views, held out if there are any, and their photographs."""
-    from gspure.training.dataset import read_photographs
-
-    views = dataset.test or dataset.train
-    views = views[:: -(-len(views) // _WATCHED)]
-    return views, read_photographs(views, background)
-
-
-def _write(
-    folder: Path, args: Arguments, dataset: Dataset, parameters: Parameters, device: Device
-) -> list[ViewMetrics]:
-    """Write the model and the comparison of the held-out views; return the metrics."""
+def _compare(folder: Path, args: Arguments, data: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
+    """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
     from gspure.evaluation.comparison import TRUTH, ImagePair, compare, write_metrics
     from gspure.images import write_image
     from gspure.model import read_model
     from gspure.renderer import Renderer
     from gspure.training.dataset import read_photographs
-    from gspure.training.output import comparison, write_output
+    from gspure.training.output import comparison
 
-    model = write_output(folder, dataset, parameters, args.iterations, args.background, place=args.out)
     truth, renders = comparison(folder, args.iterations)
     renderer = Renderer(read_model(model), device)
-    photographs = read_photographs(dataset.test, args.background)
+    photographs = read_photographs(data.test, args.background)
     rows = []
-    for camera, photograph in zip(track(dataset.test, "held out"), photographs, strict=True):
+    for camera, photograph in zip(track(data.test, "held out"), photographs, strict=True):
         pair = ImagePair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
         write_image(pair.image, renderer.image(camera, background=args.background))
         rows.append(compare(pair, TRUTH))
-    if rows:
-        write_metrics(folder / "metrics.csv", rows)
+    write_metrics(folder / "metrics.csv", rows)
     return rows
