@@ -10,10 +10,9 @@ from findings import Findings
 from timing import Measure
 
 from gspure.constants import MIN_SAMPLES
-from gspure.method.clustering import reference
-from gspure.method.clustering.selection import SELECTIONS, select
-from gspure.method.clustering.tree import spanning_tree
+from gspure.method.clusters import SELECTIONS, select
 from gspure.method.features import features
+from gspure.method.tree import hdbscan_tree, spanning_tree
 
 ORACLE = 200_000
 """Most points of which hdbscan computes the tree too, in a minute of CPU time."""
@@ -51,7 +50,7 @@ def test_spanning_tree(points: np.ndarray, measure: Measure, findings: Findings)
     variants = {"spanning tree": partial(spanning_tree, points)}
     if len(points) <= ORACLE:
         ones = np.ones(len(points), int)
-        variants["by hdbscan"] = partial(reference.minimum_spanning_tree, points, ones, MIN_SAMPLES)
+        variants["by hdbscan"] = partial(hdbscan_tree, points, ones, MIN_SAMPLES)
     times = measure(variants, rounds=1, warm_ups=0)
     if "by hdbscan" in times:
         findings.figure("by hdbscan / spanning tree", times["by hdbscan"] / times["spanning tree"])

@@ -14,9 +14,9 @@ from room import camera, panning, room
 from scenes import LARGE
 from timing import Measure, Times
 
-from gspure.method.clustering.selection import select
-from gspure.method.clustering.tree import spanning_tree
+from gspure.method.clusters import select
 from gspure.method.contributions import contribute
+from gspure.method.tree import spanning_tree
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 

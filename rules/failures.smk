@@ -7,7 +7,6 @@ import sys
 
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 
-from gspure.corruption import problems_in
 from gspure.failures import Failure, failures_below, is_interrupted, reason_in, status_of, summary, unfinished
 from gspure.workflow.job_progress import COMMAND
 from gspure.workflow.notes import note_of
@@ -82,17 +81,6 @@ def summarize(run):
     return [path for path in before if os.path.exists(path) and os.path.getmtime(path) == before[path]]
 
 
-def forget_corrupt():
-    """Delete the notes of the jobs that made corrupt inputs of failed jobs, so that the next run does them again."""
-    failed = set().union(*map(get_jobs, workflow.scheduler.failed))
-    read = {path for job in failed for path in job.input}
-    for job in workflow.dag.jobs:
-        _, problems = problems_in(map(Path, read.intersection(job.output)))
-        if problems:
-            note_of(job.log[0]).unlink(missing_ok=True)
-            print(f"gspure: to be recomputed by the next run: {problems[0]}", file=sys.stderr)
-
-
 def print_failures(failures, run, outdated):
     """Print failed jobs with reasons, variants without results, outdated results, log, and the command to try again."""
     count = f"{len(failures)} jobs" if len(failures) > 1 else "1 job"
@@ -116,6 +104,5 @@ onerror:
     outdated = []
     if workflow.execution_settings.keep_going and not stopped and len(RUNS) < 2:
         outdated = summarize(log[0])
-    forget_corrupt()
     if failures:
         atexit.register(print_failures, failures, log[0], outdated)  # after Snakemake's last message

@@ -17,7 +17,7 @@ from gspure.artifacts import save_array, write_record
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.images import write_image
-from gspure.method.clustering.store import Clusters, write_clusters
+from gspure.method.clusters import Clusters, write_clusters
 from gspure.model import Gaussians, read_model, write_model
 from tests.models import blobs, camera
 

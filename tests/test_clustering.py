@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
 from gspure.errors import InputError
-from gspure.method.clustering import reference
-from gspure.method.clustering.diagnosis import diagnose
-from gspure.method.clustering.selection import SELECTIONS, select
-from gspure.method.clustering.tree import coincident_points, spanning_tree
+from gspure.method.clusters import SELECTIONS, select
+from gspure.method.diagnosis import diagnose
+from gspure.method.tree import coincident_points, hdbscan_tree, spanning_tree
 from gspure.opencl import spanning
 
 
@@ -116,7 +115,7 @@ def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int, sprea
 def test_tree_and_clusters_equal_those_of_hdbscans_tree(selection: str, monkeypatch: pytest.MonkeyPatch) -> None:
     points = with_ties(12, 20_000)
     ours = spanning_tree(points, 10)
-    hdbscans = reference.minimum_spanning_tree
+    hdbscans = hdbscan_tree
     monkeypatch.setattr(spanning, "minimum_spanning_tree", lambda _engine, *points: hdbscans(*points))
     theirs = spanning_tree(points, 10)
     np.testing.assert_allclose(ours[:, 2], theirs[:, 2], rtol=1e-14)

@@ -20,7 +20,7 @@ from gspure.cli.options import SPLITS
 from gspure.cli.parser import Parser
 from gspure.cli.train import add_arguments
 from gspure.errors import InputError
-from gspure.method.clustering.selection import SELECTIONS
+from gspure.method.clusters import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
 from gspure.model import write_model

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.attacks import find_attack
-from gspure.method.clustering.diagnosis import diagnose
+from gspure.method.diagnosis import diagnose
 from gspure.method.purify import Purification
 from gspure.progress import Described
 from tests.models import blobs, camera

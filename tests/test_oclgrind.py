@@ -71,8 +71,8 @@ model.replace(model.state())
 """
 
 CLUSTER = """
-from gspure.method.clustering.selection import select
-from gspure.method.clustering.tree import spanning_tree
+from gspure.method.clusters import select
+from gspure.method.tree import spanning_tree
 from gspure.opencl.device import matching_devices
 from tests.test_clustering import with_ties
 device = matching_devices("oclgrind")[0]

@@ -92,7 +92,7 @@ def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend
     assert "gspure.renderer" in reached("gspure.cli.contributions")
     assert "gspure.method.pruning" in reached("gspure.cli.prune")
     assert not {"gspure.renderer", "gspure.method.contributions"} & reached("gspure.cli.prune")
-    assert not any(name.startswith("gspure.method.clustering") for name in reached("gspure.cli.contributions"))
+    assert not any(name.startswith("gspure.method.tree") for name in reached("gspure.cli.contributions"))
 
 
 def reached(module):

@@ -12,8 +12,8 @@ NARROW = {"POCL_LLVM_CPU_NAME": "haswell", "POCL_KERNELLIB_NAME": "avx2"}
 DIGESTS = """
 import numpy as np
 from gspure.artifacts import digest
-from gspure.method.clustering.selection import select
-from gspure.method.clustering.tree import spanning_tree
+from gspure.method.clusters import select
+from gspure.method.tree import spanning_tree
 from gspure.opencl.device import choose_device
 from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera

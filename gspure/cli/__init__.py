@@ -32,7 +32,6 @@ USER_COMMANDS = {
     "train": "train a 3DGS model from photographs",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "failures": "list the failed jobs of the workflow, with reasons and logs",
-    "stages": "delete unused stage files (contributions per view), or verify files by their checksums",
     "paper-check": "recompute the paper's tables, and list numbers that do not follow from them",
     "doctor": "check OpenCL devices, OpenGL and packages, and print how to fix what is missing",
     "completion": "print a script for tab completion in a shell",

@@ -28,7 +28,7 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import load_array, save_array
 from gspure.images import read_image
-from gspure.method.clustering.store import read_labels
+from gspure.method.clusters import read_labels
 from gspure.model import require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel

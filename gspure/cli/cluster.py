@@ -3,9 +3,8 @@
 from gspure.artifacts import write_record
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE
-from gspure.method.clustering.selection import SELECTIONS, select
-from gspure.method.clustering.store import Clusters, read_tree, write_clusters
-from gspure.method.clustering.tree import coincident_points
+from gspure.method.clusters import SELECTIONS, Clusters, select, write_clusters
+from gspure.method.tree import coincident_points, read_tree
 from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE
 
 EXAMPLES = """\

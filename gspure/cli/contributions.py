@@ -34,7 +34,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     from gspure.artifacts import write_record
     from gspure.cameras import views_digest
-    from gspure.method.contributions import Measurement, contribute, write_index
+    from gspure.method.contributions import contribute, write_index
     from gspure.model import model_file
     from gspure.model.suspicious import lines, suspicious_rows
     from gspure.schemes.registry import geometry_of, read_public_model
@@ -47,7 +47,7 @@ def run(args: Arguments) -> None:
         say(line)
     device = read_device(args)
     stages = contribute(public, views[part - 1 :: parts], args.stages, device=device, energy=args.energy)
-    write_index(args.index, stages, Measurement.of(public, geometry, views, args.energy, device))
+    write_index(args.index, stages)
     settings = {"energy": args.energy, "split": args.split, "part": f"{part}/{parts}"}
     inputs, ancestors = {"model": model_file(args.model), "cameras": args.cameras}, {"views": views_digest(views)}
     write_record(args.index, inputs=inputs, settings=settings, geometry=geometry, ancestors=ancestors)

@@ -25,8 +25,8 @@ def run(args: Arguments) -> None:
     import numpy as np
 
     from gspure.artifacts import facts_of, load_array, require_kind, save_array, write_json, write_record
-    from gspure.method.clustering.diagnosis import diagnose
-    from gspure.method.clustering.store import read_clusters
+    from gspure.method.clusters import read_clusters
+    from gspure.method.diagnosis import diagnose
     from gspure.method.pruning import prune_mask
     from gspure.model import model_file, read_model
     from gspure.model.suspicious import suspicious_rows, to_json

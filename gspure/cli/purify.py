@@ -48,7 +48,7 @@ from gspure.figures.gallery import Purified, draw_model
 from gspure.figures.panels import draw_before_after
 from gspure.files import filling, save_array, write_json
 from gspure.images import write_image
-from gspure.method.clustering.selection import SELECTIONS
+from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS

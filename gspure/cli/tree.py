@@ -5,8 +5,8 @@ import numpy as np
 from gspure.artifacts import load_array, save_array, write_record
 from gspure.cli.method_options import add_min_samples
 from gspure.cli.parser import Arguments, Parser
-from gspure.method.clustering.tree import spanning_tree
 from gspure.method.features import COLUMNS, PARTS, take
+from gspure.method.tree import spanning_tree
 
 EXAMPLES = """\
   gspure tree --features features.npy --out tree.npy

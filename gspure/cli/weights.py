@@ -24,18 +24,17 @@ def run(args: Arguments) -> None:
     import numpy as np
 
     from gspure.artifacts import save_array, settings_of, write_record
-    from gspure.method.contributions import read_index, read_stage, require_result_of
+    from gspure.method.contributions import read_contributions, read_index
     from gspure.method.weights import accumulate, evenly_spread, few_in_view, require_in_view
     from gspure.model import model_file
     from gspure.schemes.registry import read_public_model
 
     public = read_public_model(args.model)
     count, geometry = len(public.model), public.geometry_digest()
-    require_result_of(geometry, args.index)
     stages = read_index(*args.index)
     if args.views is not None:
         stages = evenly_spread(stages, args.views)
-    weights = accumulate((read_stage(stage.path, count) for stage in stages), count, args.reduction)
+    weights = accumulate((read_contributions(stage.path, count) for stage in stages), count, args.reduction)
     require_in_view(weights)
     save_array(args.out, weights)
     inputs = {"model": model_file(args.model)} | {f"index {i}": path for i, path in enumerate(args.index, start=1)}

@@ -15,10 +15,10 @@ from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, T
 from gspure.errors import InputError
 from gspure.files import Bools, Float32
 from gspure.method import pruning
-from gspure.method.clustering.diagnosis import Diagnosis, diagnose
-from gspure.method.clustering.selection import Labels, Selection, select
-from gspure.method.clustering.tree import coincident_points, spanning_tree
+from gspure.method.clusters import Labels, Selection, select
+from gspure.method.diagnosis import Diagnosis, diagnose
 from gspure.method.features import features
+from gspure.method.tree import coincident_points, spanning_tree
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
 from gspure.progress import Described, decimal, percent, say, track
@@ -105,7 +105,7 @@ def purify(
     reduction : {"sum", "max", "mean_touched"}
         Reduction over the pixels of a view.
     min_samples, min_cluster_size, selection, max_cluster_share
-        See `gspure.method.clustering`.
+        See `gspure.method.tree` and `gspure.method.clusters`.
     tau_c, tau_n : float
         Cluster and noise pruning factors.
 

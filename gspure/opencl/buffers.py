@@ -1,22 +1,27 @@
 """The buffers that an engine keeps from frame to frame."""
 
-from __future__ import annotations
-
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import pyopencl as cl
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from gspure.opencl.engine import Engine
+
+class Memory(Protocol):
+    """What buffers need of an engine (`gspure.opencl.engine.Engine`)."""
+
+    def allocate(self, nbytes: int) -> cl.Buffer:
+        """Return a new buffer of at least `nbytes`."""
+
+    def copied(self, array: NDArray[Any], buffer: cl.Buffer) -> cl.Buffer:
+        """Copy `array` into `buffer`, and return it."""
 
 
 class Scratch:
     """A buffer that grows as needed; growing loses its contents."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
         self._buffer: cl.Buffer | None = None
 
     def sized(self, *shape: int) -> cl.Buffer:
@@ -25,12 +30,12 @@ class Scratch:
         if self._buffer is None or self._buffer.size < nbytes:
             if self._buffer is not None:
                 self._buffer.release()
-            self._buffer = self._engine.allocate(nbytes)
+            self._buffer = self._memory.allocate(nbytes)
         return self._buffer
 
     def holding(self, array: NDArray[Any]) -> cl.Buffer:
         """Return the buffer, with a copy of `array`."""
-        return self._engine.copied(array, self.sized(-(-array.nbytes // 4)))
+        return self._memory.copied(array, self.sized(-(-array.nbytes // 4)))
 
 
 class Buffers:
@@ -85,6 +90,6 @@ class Buffers:
     centre_gradients: Scratch  # [K,2]
     rates: Scratch  # [GEOMETRY_ATTRIBUTES]
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, memory: Memory) -> None:
         for name in Buffers.__annotations__:
-            setattr(self, name, Scratch(engine))
+            setattr(self, name, Scratch(memory))

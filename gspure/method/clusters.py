@@ -1,14 +1,16 @@
-"""Flat clusters from a spanning tree: the condensed hierarchy, stability, selection."""
+"""Flat clusters from a spanning tree (condensed hierarchy, stability, selection), and their file."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, Literal, get_args
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
 from gspure.errors import InputError
-from gspure.files import Bools, Float64, Indices, Int32
+from gspure.files import Bools, Float64, Indices, Int32, Kind, load_array, load_arrays, save_arrays
 from gspure.settings import CLUSTER_SIZE
 
 if TYPE_CHECKING:
@@ -120,3 +122,39 @@ def _check(min_cluster_size: int, selection: str, max_cluster_share: float) -> N
         raise InputError("clustering", "selection", expected=f"one of {', '.join(SELECTIONS)}", found=repr(selection))
     if not 0 < max_cluster_share <= 1:
         raise InputError("clustering", "max_cluster_share", expected="in (0, 1]", found=str(max_cluster_share))
+
+
+class Clusters(NamedTuple):
+    """Labels [K], int32, and the number of coincident points (see `gspure.method.tree.coincident_points`)."""
+
+    labels: Labels
+    coincident: int
+
+
+def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | float | str]) -> None:
+    """Write clusters and their settings as .npz."""
+    entries = clusters._asdict() | dict(settings)
+    save_arrays(path, {name: np.asarray(value) for name, value in entries.items()})
+
+
+def read_clusters(path: Path) -> Clusters:
+    """Read clusters, or raise `InputError` if the file is not one of `write_clusters`."""
+    kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
+    labels, coincident = load_arrays(path, kinds, "clusters, as .npz").values()
+    return Clusters(_require_labels(path, labels), int(coincident))
+
+
+def read_labels(path: Path) -> Labels:
+    """Read the labels [K] of clusters, .npz, or those that `gspure purify` writes, .npy."""
+    if path.suffix != ".npy":
+        return read_clusters(path).labels
+    return _require_labels(path, load_array(path, dtype=np.int32, shape=(None,)))
+
+
+def _require_labels(path: Path, labels: Labels) -> Labels:
+    """Refuse numbers of clusters out of range or with a gap."""
+    sizes = np.bincount(labels[labels > NOISE_LABEL]) if labels.max(initial=0) < max(len(labels), 1) else np.zeros(1)
+    if labels.min(initial=NOISE_LABEL) < NOISE_LABEL or not sizes.all():
+        found = f"{labels.min()} to {labels.max()}, or a gap"
+        raise InputError(path, "labels", expected=f"{NOISE_LABEL} for noise, 0 .. M-1 without a gap", found=found)
+    return labels

@@ -29,7 +29,7 @@ class Diagnosis:
     gaussians, weighted, clusters : int
         Their numbers; `weighted` are those of weight above 0.
     coincident : int
-        Surplus points in piles of equal features (see `gspure.method.clustering.coincident_points`).
+        Surplus points in piles of equal features (see `gspure.method.tree.coincident_points`).
     largest_share, noise_share : float
         Of the largest cluster; of noise.
     pruned_share, pruned_as_cluster, pruned_as_noise : float
@@ -140,7 +140,7 @@ def diagnose(
 ) -> Diagnosis:
     """Compare pruning by clusters with the rule without clustering.
 
-    `coincident` is the number of `gspure.method.clustering.coincident_points`; `quantity` names what `weights` holds,
+    `coincident` is the number of `gspure.method.tree.coincident_points`; `quantity` names what `weights` holds,
     "weights" or "opacities". Raise `InputError` if there are not as
     many labels [K], -1 for noise, as weights [K].
     """
