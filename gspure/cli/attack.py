@@ -83,7 +83,7 @@ def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows and transform."""
     attack = find_attack(args.name)
     require_writable(args.out)
-    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, args.set)
+    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
     public = read_public(args)
     evidence = _read_evidence(args, public, attack.needs)
     views = _read_training_views(args) if "cameras" in attack.parameters else []

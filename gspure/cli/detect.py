@@ -45,24 +45,12 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading, read_marks
 
-    _require_fitting_options(args)
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     record_command(args, args.out.parent)
     mean = f"{np.mean([reading.level for reading in readings]):.4g}"
     found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
     print(f"{found} over {len(readings)} images")
-
-
-def _require_fitting_options(args: Arguments) -> None:
-    """Refuse options that the chosen source of readings does not use."""
-    from gspure.errors import InputError
-
-    of_key = {"--scheme": args.scheme, "--wrong-key": args.wrong_key, "--control": args.control or None}
-    unused = {"--message": args.message} if args.key else of_key
-    for option in (option for option, value in unused.items() if value not in (None, "")):
-        expected = f"none with --{'key' if args.key else 'command'}"
-        raise InputError("detect", option, expected=expected, found=str(unused[option]))
 
 
 def _read_bits(args: Arguments) -> list[Reading]:

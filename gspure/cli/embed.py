@@ -44,7 +44,7 @@ def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
     require_own_folder(args)
     scheme = find_scheme(args.scheme)
-    settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, args.set)
+    settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, dict(args.set))
     pair = read_pair(args.pair, initialization=args.initialization)
     poses = "the same poses" if pair.shares_poses else "poses of its own"
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
@@ -60,6 +60,7 @@ def run(args: Arguments) -> None:
         elif key is not None:
             check = readability(pair.message, public, key, device)
         run = file_digest(public.write(folder / model)[0])[:16]
+        # Without settings, since the seed may give the key away.
         write_provenance(folder / "public", "embed", inputs={}, settings={"scheme": scheme.name}, run=run)
         record_command(args, folder, run)
         if key is not None:

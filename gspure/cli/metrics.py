@@ -35,7 +35,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    pairs, unused = pair_images(args.images, args.other, args.against, args.targets or ())
+    pairs, unused = pair_images(args.images, args.other, dict(args.against), args.targets or ())
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     if unused:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gspure.cli.parser import Arguments, Parser, filled
-from gspure.errors import InputError, did_you_mean
+from gspure.errors import InputError
 from gspure.settings import COORDINATE, SEED, SHARE
 
 if TYPE_CHECKING:
     from gspure.cameras import Camera
-    from gspure.evaluation.outcomes import Outcome
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
     from gspure.schemes.scheme import Key
@@ -226,61 +224,6 @@ def require_own_folder(args: Arguments) -> None:
 def add_force(parser: Parser) -> None:
     """Add ``--force``, for `require_own_folder`."""
     parser.flag("--force", "write to a folder that holds other files")
-
-
-def add_files(parser: Parser, files: Mapping[str, tuple[str, str]], **settings: Any) -> None:
-    """Add options that take any number of files, each with its metavar and help."""
-    for option, (metavar, meaning) in files.items():
-        parser.reads(option, metavar, meaning, nargs="*", default=[], **settings)
-
-
-def add_sweeps(parser: Parser) -> None:
-    """Add ``--sweep``, for `read_sweeps`."""
-    meaning = "variants of one attack at several strengths"
-    parser.pairs("--sweep", "NAME=VARIANT,...", meaning, lambda variants: variants.split(","))
-
-
-def read_sweeps(args: Arguments, outcomes: Sequence[Outcome]) -> dict[str, list[str]]:
-    """Return the variants of every ``--sweep``; refuse other attacks, and names of others."""
-    from gspure.evaluation.names import UNATTACKED
-
-    attacks = [o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control]
-    sweeps: dict[str, list[str]] = args.sweep
-    for name, variants in sweeps.items():
-        require_variants(args.table, variants, attacks, "an attack of the table")
-        require_one_attack(args.table, variants)
-        if name in attacks and name not in variants:
-            raise InputError("--sweep", name, expected=f"{name} among its variants", found=",".join(variants))
-    return sweeps
-
-
-def require_variants(table: Path, variants: Iterable[str], known: Iterable[str], expected: str) -> None:
-    """Refuse variants that are not among the `known` ones of a table."""
-    known = set(known)
-    for variant in variants:
-        if variant not in known:
-            hint = did_you_mean(variant, known)
-            raise InputError(table, "variant", expected=expected, found=variant, hint=hint)
-
-
-def require_one_attack(table: Path, variants: Iterable[str], attack: str = "") -> None:
-    """Refuse variants that the table's record knows as different attacks, or as others than `attack`.
-
-    The strengths of one attack differ in numbers alone.
-    """
-    from gspure.artifacts import settings_of
-    from gspure.attacks import find_attack
-
-    first: dict[str, list[str]] = {}
-    recorded = settings_of(table).get("attacks", {})
-    for variant, place in product(variants, recorded):
-        model, _, name = place.rpartition("/")
-        if name == variant:
-            kind = find_attack(recorded[place]["attack"]).kind(recorded[place])
-            expected = first.setdefault(model, kind)
-            if kind != expected or attack not in {"", recorded[place]["attack"]}:
-                found = " ".join([recorded[place]["attack"], *kind[1:]])
-                raise InputError(table, variant, expected=attack or " ".join(expected), found=found)
 
 
 def described(name: str, defaults: Mapping[str, Any]) -> str:

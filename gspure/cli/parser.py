@@ -67,10 +67,9 @@ class Parser(argparse.ArgumentParser):
         *names, meaning = names_and_meaning
         self.add_argument(*names, action="store_true", help=meaning)
 
-    def pairs(self, name: str, metavar: str, meaning: str, parse: Callable[[str], Any] = str, **settings: Any) -> None:
-        """Add an option ``NAME=VALUE`` for a mapping of names to values; `parse` converts a value or raises."""
-        meaning += "; repeatable"
-        self.add_argument(name, action=_Pairs, parse=parse, metavar=metavar, help=meaning, default={}, **settings)
+    def pairs(self, name: str, metavar: str, meaning: str) -> None:
+        """Add a repeatable option ``NAME=VALUE``: a list of pairs."""
+        self.add_argument(name, action="append", type=_pair, metavar=metavar, help=f"{meaning}; repeatable", default=[])
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse all words; those after ``--`` are passed on by a command that has `passed_on`."""
@@ -80,8 +79,6 @@ class Parser(argparse.ArgumentParser):
         parsed, unknown = super().parse_known_args(self._words, namespace)
         if end < len(words):
             parsed.passed_on = words[end + 1 :]
-        if unknown:
-            self.error(f"unrecognized arguments: {' '.join(unknown)}")
         return parsed, unknown
 
     def error(self, message: str) -> NoReturn:
@@ -92,25 +89,6 @@ class Parser(argparse.ArgumentParser):
         if unknown and re.search("required|unrecognized", message):
             message = f"no option {unknown[0]}{suggestion(unknown[0], known)}"
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
-
-
-class _Pairs(argparse.Action):
-    """Collects options ``NAME=VALUE`` in a mapping."""
-
-    def __init__(self, parse: Callable[[str], Any], **settings: Any) -> None:
-        super().__init__(**settings)
-        self._parse = parse
-
-    def __call__(self, _parser: Any, namespace: Arguments, text: Any, _option: str | None = None) -> None:
-        """Add the value of one option."""
-        name, _, value = text.partition("=")
-        try:
-            parsed = self._parse(value) if name and value else None
-        except ValueError:
-            parsed = None
-        if parsed is None:
-            raise argparse.ArgumentError(self, f"expected {self.metavar}, found {text!r}")
-        setattr(namespace, self.dest, {**getattr(namespace, self.dest), name: parsed})
 
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:
@@ -130,6 +108,13 @@ def _number(limits: Range, text: str) -> float:
     if (value := limits.parse(text)) is None:
         raise argparse.ArgumentTypeError(f"expected {limits.expected}, found {text!r}")
     return value
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, _, value = text.partition("=")
+    if not name or not value:
+        raise argparse.ArgumentTypeError(f"expected NAME=VALUE, found {text!r}")
+    return name, value
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

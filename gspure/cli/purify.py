@@ -13,37 +13,12 @@ from gspure import __version__
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.resolution import TRAINING_RULE
-from gspure.cli.options import (
-    add_cameras,
-    add_device,
-    add_energy,
-    add_force,
-    read_source,
-    record_command,
-    require_own_folder,
-    write_views,
-)
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
-from gspure.constants import (
-    ANCHOR_TAU_C,
-    ANCHOR_TAU_N,
-    MAX_CLUSTER_SHARE,
-    MIN_CLUSTER_SIZE,
-    MIN_SAMPLES,
-    TAU_C,
-    TAU_N,
-)
+from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.evaluation.comparison import (
-    ViewMetrics,
-    as_text,
-    compare,
-    far_below,
-    means,
-    pair_images,
-    worst,
-    write_metrics,
-)
+from gspure.evaluation import comparison
+from gspure.evaluation.comparison import ViewMetrics
 from gspure.figures.gallery import Purified, draw_model
 from gspure.figures.panels import draw_before_after
 from gspure.files import filling, save_array, write_json
@@ -52,7 +27,7 @@ from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
-from gspure.model import Gaussians, suspicious
+from gspure.model import suspicious
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
@@ -85,9 +60,11 @@ _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    add_cameras(parser, "views (scaled to 1600 px if wider; sorted by name, every eighth is held out for the metrics)")
+    options.add_cameras(
+        parser, "views (scaled to 1600 px if wider; sorted by name, every eighth is held out for the metrics)"
+    )
     parser.writes("--out", "DIR", "folder for the results")
-    add_energy(parser, "ray", "ewa", "center_ray")
+    options.add_energy(parser, "ray", "ewa", "center_ray")
     parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", REDUCTIONS[0])
     parser.number("--min-samples", "N", "HDBSCAN's min_samples", NEIGHBOURS, MIN_SAMPLES)
     parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", CLUSTER_SIZE, MIN_CLUSTER_SIZE)
@@ -109,35 +86,40 @@ def add_arguments(parser: Parser) -> None:
         "%(const)s iterations)"
     )
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
-    add_force(parser)
-    add_device(parser)
+    options.add_force(parser)
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    require_own_folder(args)
+    options.require_own_folder(args)
     stored = read_public_model(args.model)
     suspects = suspicious.suspicious_rows(stored.model)
     public = stored.drawable(args.model)
-    _choose_factors(args, public.model)
+    scheme = recognized(public.model)
+    args.tau_c = args.tau_c or (scheme.tau_c if scheme else TAU_C)
+    args.tau_n = args.tau_n or (scheme.tau_n if scheme else TAU_N)
     if args.repair and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
-    cameras = scaled(read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
-    train, test = _split(cameras)
+    cameras = scaled(options.read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
+    train, test = split(cameras)
+    if not train:
+        warn("a single view: it measures the weights, and none is held out for the metrics")
+        train = test
     settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
         models = _models(public, purification, train, args.repair, device)
         models["purified"].write(folder / "purified.ply")
-        write_views(folder, cameras)
+        options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
         rows = _compare(folder, models, test, device) if public.visible else []
         suspicions = {"suspicious": suspicious.to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
-        record_command(args, folder)
+        options.record_command(args, folder)
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
@@ -147,25 +129,12 @@ def run(args: Arguments) -> None:
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))
     near = near_lines(public.model, purification.weights, train) if public.rows_are_gaussians else []
-    place, table = f"results in {args.out}", as_text(rows) if rows else []
-    print("\n".join([*near, *_repair_lines(diagnosis), place, *table, *captions]))
-
-
-def _split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
-    """Return the views that measure weights, and the held-out ones to compare; a single view does both."""
-    train, test = split(cameras)
-    if not train:
-        warn("a single view: it measures the weights, and none is held out for the metrics")
-    return train or test, test
-
-
-def _choose_factors(args: Arguments, model: Gaussians) -> None:
-    """Set missing pruning factors to the paper's for the scheme of the model's columns."""
-    scheme = recognized(model)
-    defaults = (scheme.tau_c, scheme.tau_n) if scheme else (TAU_C, TAU_N)
-    for name, value in zip(("tau_c", "tau_n"), defaults, strict=True):
-        if getattr(args, name) is None:
-            setattr(args, name, value)
+    repaired = []
+    if {"psnr_before_repair", "psnr"} <= diagnosis.keys():
+        before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
+        repaired = [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
+    place, table = f"results in {args.out}", comparison.as_text(rows) if rows else []
+    print("\n".join([*near, *repaired, place, *table, *captions]))
 
 
 def _models(
@@ -196,27 +165,20 @@ def _compare(
     pairs = [
         pair._replace(target=_RENDERS[title])
         for title in reversed([*models][1:])
-        for pair in pair_images(renders / "unattacked", renders / title)[0]
+        for pair in comparison.pair_images(renders / "unattacked", renders / title)[0]
     ]
-    rows = [compare(pair) for pair in track(pairs, "metrics")]
-    write_metrics(folder / "metrics.csv", rows)
+    rows = [comparison.compare(pair) for pair in track(pairs, "metrics")]
+    comparison.write_metrics(folder / "metrics.csv", rows)
     return rows
 
 
 def _with_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> dict[str, Any]:
     """Add the mean PSNR of the held-out views, and the worst of them with its warning; nothing if all are identical."""
-    for mean, low in zip(means(rows), worst(rows), strict=True):
+    for mean, low in zip(comparison.means(rows), comparison.worst(rows), strict=True):
         if math.isfinite(low.psnr):
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
             diagnosis[key] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
-    return diagnosis | {"warnings": diagnosis["warnings"] + far_below(rows)}
-
-
-def _repair_lines(diagnosis: Mapping[str, Any]) -> list[str]:
-    if not {"psnr_before_repair", "psnr"} <= diagnosis.keys():
-        return []
-    before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
-    return [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
+    return diagnosis | {"warnings": diagnosis["warnings"] + comparison.far_below(rows)}
 
 
 def _remove_older(folder: Path) -> None:
