@@ -8,10 +8,8 @@ from typing import Any, ClassVar, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import filling, require_replaceable
 from gspure.cameras.camera import Camera, spread
-from gspure.errors import InputError
-from gspure.files import Float32, Indices
+from gspure.files import Float32, Indices, filling
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import drawable, undrawable_rows
@@ -127,34 +125,16 @@ class PublicModel:
         return cls(read_model(path))
 
     def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the networks beside it, unless they are there; return what was written."""
-        names = self.names(path)
-        with filling(path.parent, *names) as folder:
+        """Write the .ply and the file of networks beside it; return what was written."""
+        with filling(path.parent) as folder:
             write_model(folder / path.name, self.model)
-            if len(names) > 1:
-                self.write_networks(folder)
-        return [*map(path.with_name, names)]
-
-    def names(self, path: Path) -> list[str]:
-        """Return the names of the files that `write` writes: the .ply and the networks, unless they are there."""
-        return [path.name, *([self.network_name] if self.network_name and not self.has_networks(path.parent) else [])]
-
-    def require_place(self, path: Path) -> None:
-        """Raise `InputError` if `write` would replace files of the user's, or the networks of other models."""
-        others = {*path.parent.glob("*.ply")} - {path}
-        if others and self.has_networks(path.parent) is False:
-            found, hint = f"those of {min(others).name}", "name another folder"
-            raise InputError(path.parent, "networks", expected="none of another model", found=found, hint=hint)
-        require_replaceable(*map(path.with_name, self.names(path)))
+            self.write_networks(folder)
+        return [path, *([path.with_name(self.network_name)] if self.network_name else [])]
 
     @property
     def network_name(self) -> str:
         """Name of the file of networks beside the .ply; empty if there is none."""
         return ""
-
-    def has_networks(self, folder: Path) -> bool | None:  # noqa: ARG002
-        """Return whether the networks in a folder are those of this model; None if there are none."""
-        return None
 
     def write_networks(self, folder: Path) -> None:
         """Write the networks to a folder."""

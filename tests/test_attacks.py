@@ -309,9 +309,9 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ("no_such_module:ATTACK", "expected an importable attack, found ModuleNotFoundError"),
-        ("MISSING", "expected an importable attack, found AttributeError"),
-        ("half", "expected a gspure.attacks.Attack, found function"),
+        ("no_such_module:ATTACK", "expected an importable gspure.attacks.Attack, found ModuleNotFoundError"),
+        ("MISSING", "expected an importable gspure.attacks.Attack, found AttributeError"),
+        ("half", "expected an importable gspure.attacks.Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
         ("GREEDY", "needs: expected of cameras, columns, device, labels, opacities, .*, weights, found key"),
     ],

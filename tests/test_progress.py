@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import pytest
 
 from gspure.progress import track
-from gspure.training.monitor import watched
+from gspure.training.trainer import watched
 
 
 class Terminal(io.StringIO):

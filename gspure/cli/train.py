@@ -123,9 +123,8 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
     from gspure.training.checkpoints import read_checkpoint, write_checkpoint
     from gspure.training.dataset import fingerprint, read_photographs
     from gspure.training.initialization import gaussians_at, thinned
-    from gspure.training.monitor import watched
     from gspure.training.schedule import Schedule
-    from gspure.training.trainer import Trainer, beginning
+    from gspure.training.trainer import Trainer, beginning, watched
 
     checkpoint = args.out / CHECKPOINT
     used = ("iterations", "resolution", "background", "max_gaussians", "seed")

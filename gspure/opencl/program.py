@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from gspure import constants
-from gspure.artifacts import digest
+from gspure.files import digest
 
 Defines = Mapping[str, int]
 

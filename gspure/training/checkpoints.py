@@ -8,9 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.artifacts import load_arrays, replacing
-from gspure.artifacts.arrays import Kind, Shape
 from gspure.errors import InputError, reading
+from gspure.files import Kind, Shape, load_arrays, replacing
 from gspure.opencl.trainable import Parameters, TrainState
 
 _PARTS: Final = tuple(field.name for field in fields(TrainState))
@@ -42,7 +41,7 @@ def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]
     """Write a snapshot and the settings of its run as .npz without pickle, whole or not at all."""
     run = {"iteration": snapshot.iteration, "unseen": snapshot.pending_views, "rng": snapshot.rng, "settings": settings}
     arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _SHAPES}
-    with replacing(path, checksum=True) as temporary:
+    with replacing(path) as temporary:
         np.savez(temporary, run=np.array(json.dumps(run)), **arrays)
 
 

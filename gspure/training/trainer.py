@@ -1,6 +1,8 @@
-"""The training loop: steps on random views, densification and opacity resets."""
+"""The training loop: steps on random views, densification and opacity resets, and its progress."""
 
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
@@ -11,11 +13,15 @@ from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
+from gspure.progress import say, shows_bars
 from gspure.training.checkpoints import Snapshot
 from gspure.training.densification import grow, plan, reset_opacities
-from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
+
+Show = Callable[[int, str], None]
+
+_SECONDS: Final = {True: 1.0, False: 10.0}  # between two reports, on a terminal (True) and in a log (False)
 
 RECOVERY: Final = 150  # iterations after which images have recovered from a reset of opacities
 
@@ -150,3 +156,45 @@ def densified(
         hint = "every one became transparent; do the views and the points belong together?"
         raise InputError("training", "Gaussians", expected="at least one", found=found, hint=hint)
     return reset_opacities(after) if schedule.resets_opacities(iteration) else after
+
+
+def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:
+    """Yield `losses`, one per iteration, and report their mean since the last report, `state` and speed.
+
+    `state` describes the current model, such as ``"PSNR 30.12 12000 Gaussians"``, and is called once per report; `done`
+    iterations were done before.
+    """
+    terminal = shows_bars()
+    with (_bar if terminal else _lines)(iterations) as show:
+        recent: list[float] = []
+        last = time.monotonic()
+        for iteration, loss in enumerate(losses, done + 1):
+            yield loss
+            recent.append(loss)
+            seconds = time.monotonic() - last
+            if seconds > _SECONDS[terminal] or iteration == iterations:
+                show(iteration, f"loss {np.mean(recent):.4f}  {state()}  {len(recent) / seconds:.1f} it/s")
+                recent, last = [], time.monotonic()
+
+
+@contextmanager
+def _bar(iterations: int) -> Iterator[Show]:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False), TimeRemainingColumn())
+    with Progress(TextColumn("train"), *columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task("", total=iterations)
+
+        def show(iteration: int, text: str) -> None:
+            progress.update(task, completed=iteration, description=text)
+
+        yield show
+
+
+@contextmanager
+def _lines(iterations: int) -> Iterator[Show]:
+    def show(iteration: int, text: str) -> None:
+        say(f"train: {iteration} of {iterations}  {text}")
+
+    yield show

@@ -8,8 +8,7 @@ from gspure.cameras.reading import CAMERA_FILES
 from gspure.model import model_file
 from gspure.model.compressed.sog import INDEX
 from gspure.schemes.registry import schemes
-from gspure.training.dataset import POINT_FILES
-from gspure.training.views import BLENDER_HELD_OUT
+from gspure.training.dataset import BLENDER_HELD_OUT, POINT_FILES
 
 
 def camera_files(source: str) -> list[str]:

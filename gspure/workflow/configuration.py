@@ -32,7 +32,7 @@ from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.staging import NAMES, scene_builder
 from gspure.schemes.registry import schemes
 from gspure.settings import require_settings
-from gspure.training.views import read_views
+from gspure.training.dataset import read_views
 from gspure.workflow.decisions import DEFAULT
 from gspure.workflow.pairs import pair_arguments
 

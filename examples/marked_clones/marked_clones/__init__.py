@@ -18,7 +18,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import PYTORCH, Key, Scheme, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.monitor import watched
+from gspure.training.trainer import watched
 
 RENDERED = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
 

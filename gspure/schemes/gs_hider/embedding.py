@@ -15,7 +15,7 @@ from gspure.schemes.gs_hider.public_model import FeatureModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.monitor import watched
+from gspure.training.trainer import watched
 
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.training import Training

@@ -14,8 +14,8 @@ from gspure.schemes.keyss.network import RATE, parameters_of
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import MESSAGE, Run, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
+from gspure.training.trainer import watched
 
 
 def embed(

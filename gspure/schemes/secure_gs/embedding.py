@@ -24,7 +24,7 @@ from gspure.schemes.secure_gs.networks import fresh
 from gspure.schemes.secure_gs.public_model import AnchorModel
 from gspure.settings import Amount, Range, Steps
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
-from gspure.training.monitor import watched
+from gspure.training.trainer import watched
 
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.training import Training

@@ -23,8 +23,8 @@ from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.monitor import watched
 from gspure.training.output import as_gaussians
+from gspure.training.trainer import watched
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
 REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
