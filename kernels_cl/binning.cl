@@ -1,13 +1,18 @@
 // Binning: depth-ordered Gaussians -> one depth-ordered list per tile, for a band of tile rows.
 //
-// The visible Gaussians are already in depth order; a stable counting sort by tile keeps that order in every list.
-// The depth order is cut into `chunks` contiguous parts, one work-item each:
+// The visible Gaussians are already in depth order; a stable sort by tile keeps that order in every list. In the cpu
+// style, it is a counting sort: the depth order is cut into `chunks` contiguous parts, one work-item each:
 //   bound_entries      the most entries of each chunk: the area of its tile rectangles
 //   bound_band         the same for a band of tile rows, if one band does not fit
 //   (host)             prefix sums: the first entry of each chunk
 //   emit_entries       walk the tiles of each Gaussian: its position and tile per entry, and the histogram of tiles
 //   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
 //   scatter_entries    move the entries to their tiles' lists
+// In the gpu style, it is a radix sort of pairs:
+//   bound_entries      as above, by groups of Gaussians
+//   count_entries      the entries of each Gaussian, then their running sums (sorting.cl)
+//   emit_pairs         tile and slot of each entry, then sorted by tile (sorting.cl)
+//   find_tile_starts, place_entries  (pairs.cl)
 // The place of an entry in emission order is its *slot*: slots of a Gaussian are contiguous, in tile order. Slots and
 // places do not depend on the number of threads.
 
@@ -40,22 +45,18 @@ inline Footprint load_footprint(float8 f, int band_first, int band_last) {
 // Several tile rows at a time in the cpu style.
 #if LANES == 16
 #define SPAN_ROWS 8
-#define EMITTED_AT_A_TIME 8
 typedef float8 R;
 typedef int8 N;
 #define STEPS ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
 #define TO_ROWS(x) convert_float8(x)
 #define TO_COLUMNS(x) convert_int8(x)
-#define COUNT(bin) (bin)++
 #else
 #define SPAN_ROWS 1
-#define EMITTED_AT_A_TIME 1
 typedef float R;
 typedef int N;
 #define STEPS 0
 #define TO_ROWS(x) convert_float(x)
 #define TO_COLUMNS(x) convert_int(x)
-#define COUNT(bin) atomic_inc(&(bin))  // whose result nobody waits for
 #endif
 
 inline R half_width(const Footprint *p, R y) {
@@ -140,7 +141,9 @@ inline int2 touched_span(__global const float *s, int2 span, int ty) {
 }
 #endif
 
+#if LANES == 16
 #define STAGED 32  // footprints
+#define EMITTED_AT_A_TIME 8
 
 #define CHUNK_OF_VISIBLE                                        \
     uint chunk = get_global_id(0);                              \
@@ -177,11 +180,7 @@ inline void emit(uint tile, uint position, int count, __global ulong *out) {
     ulong first = (ulong)position << 32 | tile;
     int i = 0;
     do {
-#if LANES == 16
         vstore8(first + i + (ulong8)(0, 1, 2, 3, 4, 5, 6, 7), 0, out + i);
-#else
-        out[i] = first + i;
-#endif
         i += EMITTED_AT_A_TIME;
     } while (i < count);
 }
@@ -225,7 +224,7 @@ __kernel void emit_entries(uint visible, uint chunks, int tiles_x, int band_firs
     uint band_tiles = (band_last - band_first + 1) * tiles_x;
     __global uint *h = histogram + (size_t)chunk * band_tiles;
     for (uint tile = 0; tile < band_tiles; tile++) h[tile] = 0;
-    for (uint i = chunk_starts[chunk]; i < slot; i++) COUNT(h[(uint)emitted[i]]);
+    for (uint i = chunk_starts[chunk]; i < slot; i++) h[(uint)emitted[i]]++;
 }
 
 __kernel void scatter_entries(uint chunks, uint band_tiles,
@@ -243,3 +242,70 @@ __kernel void scatter_entries(uint chunks, uint band_tiles,
         entries[tile_starts[tile] + h[tile]++] = (uint2)(emitted[slot] >> 32, slot);
     }
 }
+#else
+// The gpu style: one work-item per Gaussian, and the radix sort of sorting.cl in place of the counting sort.
+
+// Bounds of the entries of each 256 visible Gaussians: for more than 2^32 in all, the image is split into bands.
+__kernel void bound_entries(uint visible, uint groups,
+                            __global const uint *order,  // [V]
+                            __global const uint *areas,  // [K]
+                            __global uint *bounds) {     // [groups,2], low and high half
+    __local ulong sums[256];
+    uint item = get_local_id(0), rank = get_global_id(0);
+    sums[item] = rank < visible ? areas[order[rank]] : 0;
+    for (uint step = 128; step > 0; step /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item < step) sums[item] += sums[item + step];
+    }
+    if (item == 0 && get_group_id(0) < groups) vstore2((uint2)((uint)sums[0], (uint)(sums[0] >> 32)), get_group_id(0), bounds);
+}
+
+inline int2 span_of(const Footprint *f, __global const float *splat, int ty) {
+    int begin, end;
+    row_spans(f, ty, &begin, &end);
+#if RAY
+    if (f->unbounded) {
+        int2 span = touched_span(splat, (int2)(begin, end), ty);
+        begin = span.x, end = span.y;
+    }
+#endif
+    return (int2)(begin, max(begin, end));
+}
+
+__kernel void count_entries(uint visible, int band_first, int band_last,
+                            __global const uint *order,        // [V]
+                            __global const float *splats,      // [K,SPLAT]
+                            __global const float *footprints,  // [K,FOOTPRINT_FLOATS]
+                            __global uint *counts) {           // [V]
+    uint rank = get_global_id(0), count = 0;
+    if (rank >= visible) return;
+    Footprint f = load_footprint(vload8(order[rank], footprints), band_first, band_last);
+    for (int ty = f.top; ty <= f.bottom; ty++) {
+        int2 span = span_of(&f, splats + (size_t)SPLAT * order[rank], ty);
+        count += span.y - span.x;
+    }
+    counts[rank] = count;
+}
+
+__kernel void emit_pairs(uint visible, int tiles_x, int band_first, int band_last,
+                         __global const uint *order,         // [V]
+                         __global const float *splats,       // [K,SPLAT]
+                         __global const float *footprints,   // [K,FOOTPRINT_FLOATS]
+                         __global const uint *first_slots,   // [V+1]
+                         __global ulong *pairs,              // [E], tile << 32 | slot
+                         __global uint *slot_positions,      // [E]
+                         __global uint2 *slot_ranges) {      // [V]
+    uint rank = get_global_id(0);
+    if (rank >= visible) return;
+    uint position = order[rank], slot = first_slots[rank];
+    Footprint f = load_footprint(vload8(position, footprints), band_first, band_last);
+    slot_ranges[rank] = (uint2)(slot, first_slots[rank + 1]);
+    for (int ty = f.top; ty <= f.bottom; ty++) {
+        int2 span = span_of(&f, splats + (size_t)SPLAT * position, ty);
+        for (int tx = span.x; tx < span.y; tx++, slot++) {
+            pairs[slot] = (ulong)((ty - band_first) * tiles_x + tx) << 32 | slot;
+            slot_positions[slot] = position;
+        }
+    }
+}
+#endif

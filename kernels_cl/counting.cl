@@ -1,10 +1,7 @@
 // The common steps of the stable counting sorts: the next item of a bin in a chunk goes to the bin's first place plus the
 // chunk's offset in the bin.
-//
-// A work-group has SCAN_ITEMS work-items: 1 in the cpu style.
 
 // Each bin of a histogram becomes an exclusive sum over the chunks, and a total. A work-group handles SCAN_BINS bins.
-#if LANES == 16
 __kernel void scan_chunks(uint chunks, uint bins,
                           __global uint *histogram,  // [chunks,bins]
                           __global uint *totals) {   // [bins]
@@ -21,31 +18,6 @@ __kernel void scan_chunks(uint chunks, uint bins,
     }
     for (uint bin = begin; bin < end; bin++) totals[bin] = sums[bin - begin];
 }
-#else
-// A work-item handles a slice of the chunks of one bin.
-#define SLICES (SCAN_ITEMS / SCAN_BINS)
-
-__kernel void scan_chunks(uint chunks, uint bins,
-                          __global uint *histogram,  // [chunks,bins]
-                          __global uint *totals) {   // [bins]
-    __local uint sums[SLICES][SCAN_BINS];
-    uint slice = get_local_id(0) / SCAN_BINS, column = get_local_id(0) % SCAN_BINS;
-    uint bin = get_group_id(0) * SCAN_BINS + column, sum = 0;
-    uint begin = slice * chunks / SLICES, end = bin < bins ? (slice + 1) * chunks / SLICES : 0;
-    for (uint chunk = begin; chunk < end; chunk++) sum += histogram[(size_t)chunk * bins + bin];
-    sums[slice][column] = sum;
-    barrier(CLK_LOCAL_MEM_FENCE);
-    sum = 0;
-    for (uint earlier = 0; earlier < slice; earlier++) sum += sums[earlier][column];
-    for (uint chunk = begin; chunk < end; chunk++) {
-        size_t place = (size_t)chunk * bins + bin;
-        uint count = histogram[place];
-        histogram[place] = sum;
-        sum += count;
-    }
-    if (slice == SLICES - 1 && bin < bins) totals[bin] = sum;
-}
-#endif
 
 // The first place of each bin, and behind the last one the number of items. One work-group handles all, a run of bins per
 // work-item.

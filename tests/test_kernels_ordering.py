@@ -20,7 +20,7 @@ def sorted_rows(device, style, keys_by_row):
     return storage.order[engine.read(order.positions, (order.visible,), np.uint32)]
 
 
-@pytest.mark.parametrize("count", [1, 16, 17, 1000, 20_000])
+@pytest.mark.parametrize("count", [1, 16, 17, 1000, 2048, 2049, 20_000])
 @pytest.mark.parametrize("distinct", [1, 7, 2**31])
 def test_visible_rows_come_front_to_back_and_equal_depths_in_row_order(device, style, count, distinct):
     rng = np.random.default_rng(count)

@@ -12,6 +12,7 @@ from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame
 from gspure.opencl.ordering import DepthOrder
 from gspure.opencl.projection import Projected
+from gspure.opencl.sorting import GROUP, running_sums, sort_pairs
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,12 @@ class TileLists:
 
 def bound_entries(frame: Frame, projected: Projected, order: DepthOrder) -> Bounds:
     """Bound the entries of a whole frame."""
+    if frame.engine.style == "gpu":
+        groups = max(-(-order.visible // GROUP), 1)
+        bounds = frame.engine.buffers.bounds.sized(groups, 2)
+        arguments = (order.visible, groups, order.positions, projected.areas, bounds)
+        _program(frame).launch("bound_entries", groups * GROUP, *arguments, group=GROUP)
+        return Bounds(order, bounds, groups)
     parts = chunks(frame.engine, order.visible)
     bounds = frame.engine.buffers.bounds.sized(parts)
     _program(frame).launch(
@@ -52,9 +59,7 @@ def bound_entries(frame: Frame, projected: Projected, order: DepthOrder) -> Boun
 def bands(frame: Frame, projected: Projected, bounds: Bounds, entry_budget: int) -> list[range]:
     """Split the tile rows so that no band can hold more than `entry_budget` entries, unless a single row does."""
     _, rows = frame.tiles
-    with frame.engine.mapped(bounds.entries, (bounds.chunks,), np.uint32) as entries:
-        most = int(entries.sum(dtype=np.uint64))
-    if most <= entry_budget:
+    if _most_entries(frame, bounds) <= entry_budget:
         return [range(rows)]
     split, first, held = [], 0, 0
     for row, bound in enumerate(_entries_per_row(frame, projected, bounds.order)):
@@ -65,8 +70,16 @@ def bands(frame: Frame, projected: Projected, bounds: Bounds, entry_budget: int)
     return [*split, range(first, rows)]
 
 
+def _most_entries(frame: Frame, bounds: Bounds) -> int:
+    dtype = np.uint64 if frame.engine.style == "gpu" else np.uint32
+    with frame.engine.mapped(bounds.entries, (bounds.chunks,), dtype) as entries:
+        return int(entries.sum(dtype=np.uint64))
+
+
 def bin_tiles(frame: Frame, projected: Projected, bounds: Bounds, band: range) -> TileLists:
     """Build the tile lists of one band."""
+    if frame.engine.style == "gpu":
+        return _sort_into_tiles(frame, projected, bounds.order, band)
     engine, buffers, program = frame.engine, frame.engine.buffers, _program(frame)
     columns, rows = frame.tiles
     tiles, band_rows = len(band) * columns, (band[0], band[-1])
@@ -91,6 +104,29 @@ def bin_tiles(frame: Frame, projected: Projected, bounds: Bounds, band: range) -
     first_places(engine, histogram, parts, tiles, tile_starts)
     arguments = (chunk_starts, chunk_ends, emitted, histogram, tile_starts, entries)
     program.launch("scatter_entries", parts, parts, tiles, *arguments, group=CHUNK_GROUP)
+    return TileLists(band, order, entries, tile_starts, slot_ranges, capacity)
+
+
+def _sort_into_tiles(frame: Frame, projected: Projected, order: DepthOrder, band: range) -> TileLists:
+    """Build the tile lists of one band by a radix sort (gpu style)."""
+    engine, buffers, program = frame.engine, frame.engine.buffers, _program(frame)
+    columns, _ = frame.tiles
+    tiles, band_rows, visible = len(band) * columns, (band[0], band[-1]), order.visible
+    places = (order.positions, projected.splats, projected.footprints)
+    slots = buffers.first_slots.sized(visible + 1)
+    program.launch("count_entries", visible, visible, *band_rows, *places, slots)
+    running_sums(engine, slots, visible)
+    capacity = int(engine.read(slots, (visible + 1,), np.uint32)[-1])
+    pairs = buffers.emitted.sized(capacity, 2), buffers.spare_pairs.sized(capacity, 2)
+    slot_positions, slot_ranges = buffers.slot_positions.sized(capacity), buffers.slot_ranges.sized(visible, 2)
+    emitted = (pairs[0], slot_positions, slot_ranges)
+    program.launch("emit_pairs", visible, visible, columns, *band_rows, *places, slots, *emitted)
+    length = buffers.chunk_ends.holding(np.array([capacity], np.uint32))
+    ordered = sort_pairs(engine, pairs, length, capacity, bits=tiles.bit_length())
+    tile_starts, entries = buffers.tile_starts.sized(tiles + 1), buffers.entries.sized(capacity, 2)
+    pairing = engine.program("layout", "pairs")
+    pairing.launch("find_tile_starts", tiles + 1, tiles, length, ordered, tile_starts)
+    pairing.launch("place_entries", capacity, length, ordered, slot_positions, entries)
     return TileLists(band, order, entries, tile_starts, slot_ranges, capacity)
 
 

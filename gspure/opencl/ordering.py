@@ -7,6 +7,7 @@ import pyopencl as cl
 
 from gspure.opencl.counting import CHUNK_GROUP, chunks, first_places
 from gspure.opencl.engine import Engine
+from gspure.opencl.sorting import sort_pairs
 from gspure.opencl.storage import Storage
 
 _RADIX_BITS = 11
@@ -23,6 +24,8 @@ class DepthOrder:
 
 def sort_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> DepthOrder:
     """Sort the visible Gaussians by (depth, row)."""
+    if engine.style == "gpu":
+        return _sort_pairs_by_depth(engine, storage, depth_keys)
     buffers, count, digits = engine.buffers, storage.count, 1 << _RADIX_BITS
     parts = chunks(engine, count)
     starts, histogram = buffers.digit_starts.sized(digits + 1), buffers.histogram.sized(parts, digits)
@@ -37,3 +40,15 @@ def sort_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> De
         items = pairs
     program.launch("order_ties", parts, count, parts, starts, items, storage.rows, positions, group=CHUNK_GROUP)
     return DepthOrder(positions, int(engine.read(starts, (digits + 1,), np.uint32)[-1]))
+
+
+def _sort_pairs_by_depth(engine: Engine, storage: Storage, depth_keys: cl.Buffer) -> DepthOrder:
+    """Sort pairs that begin in row order, which a stable sort keeps for equal depths."""
+    buffers, count = engine.buffers, storage.count
+    program = engine.program("layout", "pairs")
+    pairs = buffers.even_pairs.sized(count, 2), buffers.odd_pairs.sized(count, 2)
+    counts, positions = buffers.digit_starts.sized(2), buffers.positions.sized(count)  # [all, visible]
+    program.launch("pair_keys", count, count, storage.places, depth_keys, pairs[0], counts)
+    ordered = sort_pairs(engine, pairs, counts, count, bits=32)
+    program.launch("take_positions", count, count, ordered, positions, counts)
+    return DepthOrder(positions, int(engine.read(counts, (2,), np.uint32)[1]) if count else 0)

@@ -30,13 +30,14 @@ Rows = UInt32
 class Storage:
     """The geometry of a model on the device, and where each Gaussian lies.
 
-    `order` [K] is the row at each position; `rows` is it on the device. `geometry` holds activated means, quaternions,
-    scales and opacities, in blocks.
+    `order` [K] is the row at each position; `rows` is it on the device, `places` [K] the position of each row.
+    `geometry` holds activated means, quaternions, scales and opacities, in blocks.
     """
 
     order: Rows
     rows: cl.Buffer
     geometry: cl.Buffer
+    places: cl.Buffer
 
     @property
     def count(self) -> int:
@@ -46,7 +47,7 @@ class Storage:
     @staticmethod
     def along(engine: Engine, order: Rows, geometry: cl.Buffer) -> Storage:
         """Take activated geometry [K,GEOMETRY_ATTRIBUTES] that was uploaded in `order`."""
-        return Storage(order, engine.uploaded(order), geometry)
+        return Storage(order, engine.uploaded(order), geometry, engine.uploaded(positions_of(order)))
 
 
 def blocked_shape(count: int, attributes: int) -> tuple[int, int, int]:
