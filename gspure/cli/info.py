@@ -37,6 +37,7 @@ def run(args: Arguments) -> None:
 
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
+    from gspure.files import run_of
     from gspure.model.compressed.sog import INDEX
     from gspure.model.filtered import FILTER
     from gspure.model.suspicious import lines
@@ -48,6 +49,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
         str(file),
         f"  {summary.gaussians:,} {summary.signature.rows}, {colour}, {len(summary.columns)} properties, {size}",
         f"  {summary.signature.title}",
+        *([f"  run {run}"] if (run := run_of(file)) else []),
         *([f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []),
         "",
         *_quantile_table(summary),

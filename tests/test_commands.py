@@ -1,0 +1,200 @@
+"""What commands write: each once on small inputs, with its provenance and the run ID of the embedding."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cameras import read_cameras, split, write_cameras
+from gspure.cli import main
+from gspure.evaluation.comparison import read_metrics
+from gspure.files import file_digest, read_json, run_of
+from gspure.images import read_image, write_image
+from gspure.model import read_model, write_model
+from gspure.renderer import Renderer
+from tests.models import blobs, camera
+
+OTHER_RUN = "expected {}, as of the model, found {} (--control accepts the key of another model, a negative control)"
+EXTRACT = "extract marked/public --scheme planted --cameras pair --split test"
+
+
+def gspure(line: str, *words: str) -> int:
+    return main([*line.split(), *words])
+
+
+@pytest.fixture(scope="module")
+def made(pair_folder, tmp_path_factory):
+    """A pair, a marked model and another one."""
+    folder = tmp_path_factory.mktemp("made")
+    shutil.copytree(pair_folder, folder / "pair")
+    for name, seed in (("marked", 0), ("other", 1)):
+        words = f"embed planted {folder}/pair --set gaussians=300 --seed {seed} --out {folder}/{name}"
+        assert gspure(words) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """A copy of it, with a vanilla model and its cameras; it is the current folder."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    write_model(tmp_path / "model.ply", blobs(30))
+    write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def record(path):
+    """The provenance of a folder, without its settings."""
+    found = read_json(Path(path) / "provenance.json")
+    return found["command"], {name: entry["path"] for name, entry in found["inputs"].items()}, found.get("run")
+
+
+def test_embed_gives_public_model_and_key_one_run_and_keeps_the_seed_private(folder):
+    run = run_of(Path("marked"))
+    assert run == file_digest(Path("marked/public/point_cloud.ply"))[: len(run)]
+    assert run_of(Path("marked/public")) == run_of(Path("marked/key")) == run != run_of(Path("other/key"))
+    assert read_json(Path("marked/key/provenance.json"))["settings"]["seed"] == 0
+    assert read_json(Path("marked/public/provenance.json"))["settings"] == {"scheme": "planted"}
+    assert "readable" in read_json(Path("marked/key/readability.json"))
+
+
+def test_info_names_the_run(folder, capsys):
+    assert gspure("info marked/public/point_cloud.ply") == 0
+    assert f"  run {run_of(Path('marked'))}\n" in capsys.readouterr().out
+
+
+def test_embed_replaces_its_results_and_no_others(folder, capsys):
+    words = "embed planted pair --set gaussians=200 --set message_weight=0 --out"
+    assert gspure(words, "marked") == 0
+    assert not [*Path("marked/key").glob("*")], "a clean model has no key"
+    assert len(read_model("marked/public/point_cloud.ply")) == 100
+    assert gspure(words, "pair") == 2
+    assert "pair: --out: expected an empty folder or results of `gspure embed`" in capsys.readouterr().err
+
+
+def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
+    runs = [run_of(Path(name)) for name in ("marked", "other")]
+    assert gspure(EXTRACT, "--key", "marked/key", "--out", "message") == 0
+    command, inputs, run = record("message")
+    assert (command, inputs["model"], run) == ("extract", "marked/public/point_cloud.ply", runs[0])
+    assert {path.stem for path in Path("message").glob("*.png")} == {v.name for v in split(read_cameras("pair"))[1]}
+    capsys.readouterr()
+    assert gspure(EXTRACT, "--key", "other/key", "--out", "refused") == 2
+    assert f"other/key: run: {OTHER_RUN.format(*runs)}" in capsys.readouterr().err
+    assert not Path("refused").exists()
+    assert gspure(EXTRACT, "--key", "other/key", "--out", "control", "--control") == 0
+    assert gspure(EXTRACT, "--key", "marked/key", "--out", "wrong", "--wrong-key", "1") == 0
+    images = [read_image(next(Path(name).glob("*.png"))) for name in ("message", "wrong")]
+    assert (images[0] != images[1]).any()
+
+
+def test_results_of_an_attacked_model_belong_to_the_run_of_the_model(folder, capsys):
+    run = run_of(Path("marked"))
+    assert gspure("attack random_pruning --model marked/public/point_cloud.ply --out attacked/point_cloud.ply") == 0
+    assert record("attacked") == ("attack", {"model": "marked/public/point_cloud.ply"}, run)
+    assert gspure("render attacked/point_cloud.ply --cameras pair --split test --out renders") == 0
+    assert gspure("render marked/public --cameras pair --split test --out before") == 0
+    assert gspure("metrics before renders --out measured/metrics.csv") == 0
+    assert {run_of(Path(name)) for name in ("renders", "before", "measured")} == {run}
+    words = "extract attacked/point_cloud.ply --scheme planted --cameras pair --split test --out message --key"
+    assert gspure(words, "other/key") == 2
+    assert gspure(words, "marked/key") == 0
+
+
+def test_an_extraction_that_shows_nothing_is_a_warning(folder, monkeypatch, capsys):
+    monkeypatch.setattr("gspure.images.is_blank", lambda image: True)
+    assert gspure(EXTRACT, "--key", "marked/key", "--out", "message") == 0
+    assert "warning: all extracted images are blank" in capsys.readouterr().err
+    assert gspure(EXTRACT, "--key", "marked/key", "--out", "message", "--extraction", "bits") == 2
+    assert "scheme planted: --extraction: expected one of message" in capsys.readouterr().err
+
+
+def test_render_names_images_after_views(folder):
+    assert gspure("render model.ply --cameras cameras.json --split test --npy --background 0 0.5 1 --out renders") == 0
+    held_out = split(read_cameras("cameras.json"))[1]
+    images = {f"{view.name}.{kind}" for view in held_out for kind in ("npy", "png")}
+    assert {path.name for path in Path("renders").iterdir()} == {*images, "provenance.json"}
+    floats = np.load(f"renders/{held_out[0].name}.npy")
+    assert floats.dtype == np.float32
+    np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
+    image = read_image(f"renders/{held_out[0].name}.png")
+    np.testing.assert_allclose(image, np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
+
+
+def test_generated_views_are_written_beside_their_renders_and_render_the_same_again(folder):
+    assert gspure("render model.ply --cameras orbit --split test --up 0 0 1 --out renders") == 0
+    assert {view.name for view in read_cameras("renders")} == {path.stem for path in Path("renders").glob("*.png")}
+    assert gspure("render model.ply --cameras renders/cameras.json --split all --out again") == 0
+    for path in Path("again").glob("*.png"):
+        np.testing.assert_allclose(read_image(path), read_image(Path("renders") / path.name), atol=3 / 255)
+
+
+def test_a_moved_model_looks_the_same_in_views_that_move_with_it(folder):
+    words = "attack rigid_transform --model model.ply --set angle=40 --out moved.ply --transform transform.npy"
+    assert gspure(words) == 0
+    for name, options in (("model", ""), ("moved", "--transform transform.npy")):
+        assert gspure(f"render {name}.ply --cameras cameras.json --split test --out {name} {options}") == 0
+    assert gspure("metrics model moved --out metrics.csv") == 0
+    assert min(row.psnr for row in read_metrics(Path("metrics.csv"))) > 40
+
+
+def test_attack_writes_the_mask_of_removed_rows_and_its_settings(folder):
+    words = "attack lowest_weight --model model.ply --weights weights.npy --set fraction=0.5 --out out.ply"
+    np.save("weights.npy", np.arange(30, dtype=np.float32))
+    assert gspure(words, "--removed", "removed.npy") == 0
+    removed = np.load("removed.npy")
+    np.testing.assert_array_equal(removed, np.arange(30) < 15)
+    assert read_model("out.ply").table.tobytes() == blobs(30).table[~removed].tobytes()
+    assert read_json(Path("provenance.json"))["settings"]["set"] == {"fraction": 0.5}
+
+
+def test_attack_searches_for_a_damage(folder, capsys):
+    words = "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out damaged/model.ply"
+    assert gspure(words) == 0
+    assert "lowers the scene's PSNR by an estimated" in "".join(capsys.readouterr())
+    assert 0 < read_json(Path("damaged/provenance.json"))["settings"]["set"]["fraction"] < 1
+
+
+def test_an_attack_that_leaves_nothing_does_not_apply(folder, capsys):
+    np.save("prune_mask.npy", np.ones(30, bool))
+    assert gspure("attack gspure --model model.ply --prune-mask prune_mask.npy --out out.ply") == 2
+    assert "attack gspure: not applicable: none of 30 rows would remain" in capsys.readouterr().err
+    assert not Path("out.ply").exists()
+
+
+def test_a_killed_render_leaves_no_mixture_of_two_models(folder, monkeypatch):
+    words = "render model.ply --cameras cameras.json --out renders"
+    assert gspure(words) == 0
+    before = {path: path.read_bytes() for path in Path("renders").iterdir()}
+    write_model("model.ply", blobs(40))
+    images = []
+
+    def interrupted(path, image):
+        if images:
+            raise KeyboardInterrupt
+        images.append(path)
+        write_image(path, image)
+
+    monkeypatch.setattr("gspure.images.write_image", interrupted)
+    assert gspure(words) == 130
+    assert {path: path.read_bytes() for path in Path("renders").iterdir()} == before
+
+
+@pytest.mark.parametrize(("printed", "shown"), [('{"1": 0.25, "2": 0.75}', "mean score 0.5 over 2 images")])
+def test_detect_tabulates_what_a_detector_prints(folder, capsys, printed, shown):
+    for view in "12":
+        write_image(f"images/{view}.png", np.full((8, 8, 3), 0.5))
+    Path("detector.sh").write_text(f"echo '{printed}'")
+    assert gspure("detect images --out found/scores.csv --command", "sh detector.sh") == 0
+    assert shown in capsys.readouterr().out
+    assert Path("found/scores.csv").read_text().splitlines()[1:] == ["1,0.25,0", "2,0.75,0"]
+    assert record("found") == ("detect", {"images": "images"}, None)
+
+
+def test_cameras_and_pair_name_their_sources(folder):
+    assert gspure("cameras cameras.json --resolution 1/2 --out half/cameras.json") == 0
+    assert record("half") == ("cameras", {"source": "cameras.json"}, None)
+    assert read_json(Path("pair/provenance.json"))["settings"]["scene"] == "room"
