@@ -5,9 +5,8 @@ import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
-from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 _LONGEST: Final = 500  # characters of each part of a message other than the path; ours
 
@@ -18,17 +17,8 @@ class InputError(ValueError):
     Every part may quote a file: line breaks, escape sequences and other characters that do not print are escaped, and
     long text is cut, so that no file controls the terminal or hides the message.
 
-    Parameters
-    ----------
-    source : str or Path
-        File, device or configuration that the input came from.
-    field : str
-        The property, key or entry at fault.
-    expected, found : str
-        The expected value, and the actual one.
-    hint : str, optional
-        A remedy.
-
+    `source` is the file, device or configuration that the input came from, `field` the property, key or entry at fault,
+    `hint` a remedy.
     """
 
     def __init__(self, source: str | Path, field: str, *, expected: str, found: str, hint: str | None = None) -> None:
@@ -43,14 +33,9 @@ class InputError(ValueError):
         line = f"{self.source}: {self.field}: expected {self.expected}, found {self.found}"
         return f"{line} ({self.hint})" if self.hint else line
 
-    def __reduce__(self) -> tuple[Any, tuple[str, str]]:
-        """Support copies to other processes; by default, exceptions are rebuilt from their message alone."""
-        rebuild = partial(type(self), expected=self.expected, found=self.found, hint=self.hint)
-        return rebuild, (self.source, self.field)
-
 
 class MissingFileError(InputError, FileNotFoundError):
-    """A file that is not there."""
+    """A file that is not there, as raised by `reading`."""
 
     def __str__(self) -> str:
         return f"{self.source}: no such file"
@@ -79,8 +64,6 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     Libraries raise almost any exception when a file is corrupt or hostile, so every exception counts as the file's
     fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings about
     corruption that a library copes with are discarded, as they take several lines and name places in its code.
-
-    A missing file becomes a `MissingFileError`, which is also a `FileNotFoundError`.
     """
     try:
         with warnings.catch_warnings():
@@ -90,29 +73,13 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     except InputError:
         raise
     except Exception as error:
-        is_missing = isinstance(error, FileNotFoundError) and not os.path.lexists(path)
-        kind = MissingFileError if is_missing else InputError
-        raise kind(path, field, expected=content, found=_reason(error)) from error
+        kind = MissingFileError if isinstance(error, FileNotFoundError) and not os.path.lexists(path) else InputError
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        found = " ".join(reason.split()) or type(error).__name__
+        raise kind(path, field, expected=content, found=found) from error
 
 
 def _refuse_special(path: Path) -> None:
-    """Refuse what is there but no regular file: a pipe may never end, and a device holds any number of bytes."""
-    if path.is_dir():
-        raise ValueError("a folder")
+    """Refuse what is there but no file: a pipe may never end, and a device holds any number of bytes."""
     if path.exists() and not path.is_file():
-        raise ValueError("a pipe or a device")
-
-
-def _reason(error: Exception) -> str:
-    match error:
-        case FileNotFoundError():
-            return "no such file"
-        case MemoryError():
-            return "more than fits into memory"
-        case RecursionError():
-            return "too deep nesting"
-        case OSError(strerror=str(reason)):
-            return reason
-        case ValueError() | SyntaxError() if "set_int_max_str_digits" in str(error):
-            return "a whole number of too many digits"
-    return " ".join(str(error).split()) or type(error).__name__
+        raise ValueError("a folder, a pipe or a device")

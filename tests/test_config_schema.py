@@ -480,7 +480,7 @@ def test_a_configuration_nested_too_deep_is_refused(nested):
     value = 1
     for _ in range(3000):
         value = {"a": value} if nested is dict else [value]
-    with pytest.raises(InputError, match=r"mine\.yaml: file: expected settings, found too deep nesting"):
+    with pytest.raises(InputError, match=r"mine\.yaml: file: expected settings, found maximum recursion depth"):
         filled({"assets": value})
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import copy
-import json
 import lzma
 import os
 import struct
@@ -18,10 +15,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import load_array, load_arrays, read_json
 from gspure.cameras import read_cameras
 from gspure.errors import InputError, reading
 from gspure.evaluation.comparison import read_metrics
+from gspure.files import load_array, load_arrays, read_json
 from gspure.images import read_image
 from gspure.method.contributions import read_index
 from gspure.model import read_model
@@ -54,8 +51,6 @@ def test_bad_input_is_caught_as_python_names_it(tmp_path):
     with pytest.raises(FileNotFoundError) as caught:
         read_model(absent)
     assert str(caught.value) == f"{absent}: no such file"
-    assert isinstance(copy.copy(caught.value), FileNotFoundError)
-    assert str(copy.copy(caught.value)) == str(caught.value)
     other.write_text("no ply")
     with pytest.raises(ValueError, match="a 3DGS") as caught:
         read_model(other)
@@ -70,19 +65,12 @@ def test_long_text_is_cut_but_the_path_is_kept():
     assert len(message) < 3000
 
 
-@pytest.mark.parametrize("read", [int, ast.literal_eval, json.loads])
-def test_a_number_of_thousands_of_digits_does_not_quote_the_setting_of_python(read):
-    with pytest.raises(InputError, match=r"found a whole number of too many digits$"), reading("a", "a number"):
-        read("9" * 5000)
-
-
 @pytest.mark.parametrize(
     ("error", "found"),
     [
         (PermissionError(13, "Permission denied", ".secret.1234.npy"), "Permission denied"),
         (OSError("image file is truncated"), "image file is truncated"),
-        (MemoryError("Unable to allocate 7 EiB"), "more than fits into memory"),
-        (RecursionError("maximum recursion depth exceeded"), "too deep nesting"),
+        (MemoryError("Unable to allocate 7 EiB"), "Unable to allocate 7 EiB"),
         (ValueError("two\n\n  lines"), "two lines"),
         (EOFError(), "EOFError"),
         *((kind("corrupt"), "corrupt") for kind in (AttributeError, OverflowError, TypeError, SyntaxError)),
@@ -118,7 +106,7 @@ def test_a_pipe_and_a_device_are_refused_by_every_reader(tmp_path, read):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "zero").symlink_to("/dev/zero")
     for name in ("pipe", "zero"):
-        with pytest.raises(InputError, match=f"{name}: file: expected .*, found a pipe or a device"):
+        with pytest.raises(InputError, match=f"{name}: file: expected .*, found a folder, a pipe or a device"):
             read(tmp_path / name)
 
 
@@ -130,13 +118,6 @@ def test_a_folder_in_place_of_a_file_is_refused(tmp_path):
 def test_warnings_about_a_file_are_discarded():
     with reading("x.json", "JSON"):
         warnings.warn("skipped tag 7", stacklevel=1)
-
-
-def test_an_error_passes_from_one_process_to_another():
-    error = InputError("x.json", "[3].fx", expected="a number", found="nothing", hint="add it")
-    again = copy.copy(error)  # as pickling does
-    assert str(again) == str(error)
-    assert (again.source, again.field, again.hint) == ("x.json", "[3].fx", "add it")
 
 
 def test_a_more_precise_error_is_kept():

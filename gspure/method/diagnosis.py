@@ -20,54 +20,25 @@ _CHANGED_SHARE_WARNED = 0.05
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise.
+    """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise."""
 
-    Parameters
-    ----------
-    quantity : {"weights", "opacities"}
-        What the rows are pruned by.
-    gaussians, weighted, clusters : int
-        Their numbers; `weighted` are those of weight above 0.
-    coincident : int
-        Surplus points in piles of equal features (see `gspure.method.tree.coincident_points`).
-    largest_share, noise_share : float
-        Of the largest cluster; of noise.
-    pruned_share, pruned_as_cluster, pruned_as_noise : float
-        Pruned in total; with their cluster; as noise.
-    pruned_weight_share : float
-        Share of the pruned ones in the total weight.
-    holding : int
-        Number of the heaviest rows that hold `gspure.method.weights.HELD_SHARE` of the total weight.
-    heavy : tuple of int
-        The rows of `gspure.method.weights.heavy_rows`.
-    heavy_weight_share : float
-        Their share in the total weight.
-    plain_share : float
-        Pruned by the rule without clustering, ω_k < ω̄/τ_n.
-    changed_share : float
-        One minus the Jaccard index of the pruned sets with and without clustering.
-    changed_share_clustered : float
-        The same among clustered points (both rules agree on noise).
-
-    """
-
-    quantity: str
+    quantity: str  # what the rows are pruned by: "weights" or "opacities"
     gaussians: int
-    weighted: int
+    weighted: int  # rows of weight above 0
     clusters: int
-    coincident: int
-    largest_share: float
+    coincident: int  # surplus points in piles of equal features (`gspure.method.tree.coincident_points`)
+    largest_share: float  # of the largest cluster
     noise_share: float
     pruned_share: float
     pruned_as_cluster: float
     pruned_as_noise: float
-    pruned_weight_share: float
-    holding: int
-    heavy: tuple[int, ...]
-    heavy_weight_share: float
-    plain_share: float
-    changed_share: float
-    changed_share_clustered: float
+    pruned_weight_share: float  # of the pruned rows in the total weight
+    holding: int  # number of the heaviest rows that hold `HELD_SHARE` of the total weight
+    heavy: tuple[int, ...]  # rows of `gspure.method.weights.heavy_rows`
+    heavy_weight_share: float  # of these in the total weight
+    plain_share: float  # pruned by the rule without clustering, ω_k < ω̄/τ_n
+    changed_share: float  # one minus the Jaccard index of the pruned sets with and without clustering
+    changed_share_clustered: float  # the same among clustered points (both rules agree on noise)
 
     @property
     def _total(self) -> str:
@@ -76,40 +47,34 @@ class Diagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the clustering, one sentence each."""
-        sentences = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
+        said = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
         if self.largest_share > _LARGEST_SHARE_WARNED:
-            sentences.append(
-                f"the largest cluster holds {percent(self.largest_share, 0)} of all rows: "
-                "the clustering has collapsed; try selection eom_capped or leaf"
-            )
+            held = f"the largest cluster holds {percent(self.largest_share, 0)} of all rows"
+            said.append(f"{held}: the clustering has collapsed; try selection eom_capped or leaf")
         if self.pruned_share == 1:
-            sentences.append("every row is pruned: nothing remains to be written; larger factors prune less")
+            said.append("every row is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
-            sentences.append("there is no cluster: the noise rule applies to every row")
+            said.append("there is no cluster: the noise rule applies to every row")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
-            sentences.append(
-                "clustering changes little: the rule without it prunes nearly the same rows "
-                f"({percent(self.changed_share)} differ)"
-            )
+            nearly = f"the rule without it prunes nearly the same rows ({percent(self.changed_share)} differ)"
+            said.append(f"clustering changes little: {nearly}")
         if self.coincident and self.clusters:
-            sentences.append(
+            said.append(
                 f"{self.coincident} rows have the same features as more than min_samples others: "
                 "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster or, "
                 "if it exceeds max_cluster_share, noise"
             )
         if self.gaussians > LIGHT_FACTOR * self.holding:
             factor = decimal(self.gaussians / self.holding, 0)
-            sentences.append(
+            said.append(
                 f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the "
                 f"others lower the thresholds by a factor of up to {factor}, so fewer of the {self.holding} are pruned"
             )
         if self.heavy:
-            sentences.append(
-                f"{len(self.heavy)} of {self.gaussians} rows hold {percent(self.heavy_weight_share, 0)} of "
-                f"{self._total} ({listed(self.heavy)}): they raise the thresholds and compress the {self.quantity} of "
-                "all others"
-            )
-        return tuple(sentences)
+            rows = f"{len(self.heavy)} of {self.gaussians} rows hold {percent(self.heavy_weight_share, 0)} of"
+            effect = f"they raise the thresholds and compress the {self.quantity} of all others"
+            said.append(f"{rows} {self._total} ({listed(self.heavy)}): {effect}")
+        return tuple(said)
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
@@ -141,8 +106,7 @@ def diagnose(
     """Compare pruning by clusters with the rule without clustering.
 
     `coincident` is the number of `gspure.method.tree.coincident_points`; `quantity` names what `weights` holds,
-    "weights" or "opacities". Raise `InputError` if there are not as
-    many labels [K], -1 for noise, as weights [K].
+    "weights" or "opacities". Raise `InputError` if there are not as many labels [K], -1 for noise, as weights [K].
     """
     if len(labels) != len(weights):
         raise InputError("clustering", "labels", expected=f"{len(weights)}, as many as weights", found=str(len(labels)))
