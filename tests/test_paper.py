@@ -16,16 +16,23 @@ import pytest
 from gspure.cli import main
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.paper import (
+    ATTACKS,
+    SCHEMES,
+    TARGETS,
     Claim,
+    ablations,
     beside,
     check_claims,
+    drop,
     find_inconsistencies,
+    lead,
     read_cells,
     rms_ratio_of,
+    score,
     score_interval,
+    score_lead,
+    table_1,
 )
-from gspure.evaluation.paper.cells import ATTACKS, SCHEMES, TARGETS
-from gspure.evaluation.paper.quantities import ablations, drop, lead, score, score_lead, table_1
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
 
@@ -74,11 +81,6 @@ def test_the_ablations_have_six_configurations_with_psnr_and_ssim(table, columns
     assert all(0 < c.value < 1 for c in found if c.metric == "ssim")
     configurations = {"opacity", "weight", "opacity_weight", "opacity_clustering", "weight_clustering", "gspure"}
     assert {c.variant for c in found} == configurations
-
-
-def test_every_cell_says_where_it_is_printed():
-    assert len({(c.table, c.row, c.column) for c in CELLS}) == len(CELLS)
-    assert all(c.row and c.column for c in CELLS)
 
 
 # Means that the text or another table prints; any wrong cell of such a row would move them.
@@ -150,11 +152,6 @@ def test_the_scene_damage_quoted_for_gof_equals_its_message_drop():
     assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (10.61, False, "the drop of the message")
 
 
-def test_an_unexplained_number_agrees_with_no_source():
-    found = check_of("Original Scene Fidelity", "gaussian_noise", "gs_hider")
-    assert (round(found.recomputed, 2), found.holds, found.agrees_with) == (2.00, False, "")
-
-
 def test_a_bound_for_all_schemes_is_checked_against_the_largest_value():
     found = next(check for check in CHECKS if check.claim.relation == "<")
     assert not found.holds
@@ -167,9 +164,8 @@ def test_known_inconsistencies_of_the_table_are_found():
     assert "feature scaling and Gaussian noise print the same message PSNR in all 9 scenes" in text
     for attack in ("feature scaling", "Gaussian noise"):
         assert f"Splats in Splats: {attack} raises the message's PSNR in all 9 scenes" in text
-    assert "GSPure lowers the message's PSNR by up to 20.72 dB (bicycle)" in text
     assert "25.62 is bold, Opacity has 26.25" in text
-    assert "GOF and GSPure print the same message PSNR: kitchen 12.83" in text
+    assert "GOF and GSPure print the same message PSNR in some: kitchen 12.83" in text
 
 
 def test_consistent_cells_are_not_reported():
@@ -181,12 +177,6 @@ def test_consistent_cells_are_not_reported():
     assert "print the same message PSNR in all" not in text
     assert "Gaussian noise raises" not in text
     assert "feature scaling raises" in text
-
-
-def test_in_table_1_gspure_alone_harms_the_message_of_gs_hider_far_more_than_the_scene():
-    ratios = {attack: rms_ratio_of(CELLS, "gs_hider", attack) for attack in ATTACKS}
-    assert ratios.pop("gspure") == pytest.approx(18.18, abs=0.005)
-    assert all(0.9 < ratio < 1.7 for ratio in ratios.values())
 
 
 def test_without_results_of_ours_table_1_stands_alone():

@@ -32,8 +32,7 @@ def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
     from gspure.artifacts import write_text
     from gspure.evaluation.csv_tables import read_table
-    from gspure.evaluation.paper import beside, check_claims, find_inconsistencies, read_cells
-    from gspure.evaluation.paper.checks import ROUNDING
+    from gspure.evaluation.paper import ROUNDING, beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.survival import Survival
     from gspure.report.tables import beside_table
 

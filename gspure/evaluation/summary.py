@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, ordered
-from gspure.evaluation.paper import read_cells
-from gspure.evaluation.paper.cells import TARGETS
-from gspure.evaluation.paper.quantities import ablations, printed_scores, table_1
+from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_cells, table_1
 
 
 class Summary(NamedTuple):

@@ -175,4 +175,4 @@ def _drops(row: Survival) -> str:
     shown = is_picture(row.extraction)
     number = (decimal(-drop.mean, 1) if shown else significant(-drop.mean)) if drop else "?"
     unit, what = ("dB", "message") if shown else ("points", "mark")
-    return f"{what} {number} {unit}, scene {decimal(-scene.mean, 1) if scene else '?'} dB"
+    return f"{'PSNR: ' * shown}{what} {number} {unit}, scene {decimal(-scene.mean, 1) if scene else '?'} dB"

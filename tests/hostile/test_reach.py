@@ -17,9 +17,7 @@ COMMANDS = {"cli", "report"}
 
 WITHOUT_READER = {
     "artifacts/files.py:_running_system": "of the operating system",
-    "evaluation/detector.py:_answer": "the output of a program",
-    "evaluation/paper/cells.py:read_cells": "in the package",
-    "evaluation/paper/checks.py:read_claims": "in the package",
+    "evaluation/detection.py:_answer": "the output of a program",
     "method/contributions.py:_content": "in the package",
     "method/contributions.py:rendering_digest": "in the package",
     "model/compressed/writing.py:_write_spz": "its own temporary file",

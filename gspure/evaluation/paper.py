@@ -1,0 +1,308 @@
+"""The paper's printed numbers (Huang et al. 2026) as data: references beside our own results, and input of a check.
+
+``paper.csv`` holds the cells of Tables 1 to 3, with an asterisk where they are bold; ``paper_claims.csv`` the numbers
+of the text that follow from them. The numbers are references, never targets.
+"""
+
+import csv
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations, groupby
+from math import nan
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.intervals import Interval, mean_interval
+from gspure.evaluation.metrics import rms_ratio
+from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, condition_of
+from gspure.evaluation.survival import Survival
+from gspure.progress import decimal
+
+SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
+ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")
+TARGETS: Final = (SCENE, MESSAGE)
+PSNR, SCORE = "psnr", "score"
+ROUNDING: Final = 0.02  # dB: the error of a Score of four means that are rounded to 0.01 each
+DATA: Final = Path(__file__).parent
+
+Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
+
+
+class Cell(NamedTuple):
+    """One printed number."""
+
+    table: int
+    row: str  # its label in the paper, like that of the column
+    column: str
+    scheme: str
+    variant: str  # an attack, `unattacked`, or a configuration of the ablation such as `opacity_weight`
+    scene: str  # a scene, or `mean` over all nine
+    target: str  # `scene` or `message`; empty for a Score
+    metric: str
+    value: float  # dB, or an SSIM
+    bold: bool
+
+
+def read_cells() -> list[Cell]:
+    """Return all cells of Tables 1 to 3, row by row."""
+    with (DATA / "paper.csv").open(encoding="utf-8", newline="") as stream:
+        rows = [*csv.DictReader(stream)]
+    cells = []
+    for _, alike in groupby(rows, key=lambda row: (row["table"], row["row"])):
+        printed = [*alike]
+        for scene in [*rows[0]][6:]:
+            for row in (row for row in printed if row[scene]):
+                where = (row["scheme"], row["variant"], scene, row["target"], row["metric"])
+                value = row[scene]
+                number = float(value.removesuffix("*"))
+                cells.append(Cell(int(row["table"]), row["row"], _column(row, scene), *where, number, value[-1] == "*"))
+    return cells
+
+
+def _column(row: Mapping[str, str], scene: str) -> str:
+    """Return the printed title of a cell's column."""
+    if row["metric"] == SCORE:
+        return "Score"
+    if row["table"] == "1":
+        return f"{scene} {row['target']}".title()
+    return f"{display_name(row['scheme']) if row['table'] == '2' else row['target'].title()} {row['metric'].upper()}"
+
+
+def by_scene(cells: Sequence[Cell], scheme: str, variant: str, target: str) -> dict[str, float]:
+    """Return the PSNR of every scene in Table 1."""
+    row = (1, scheme, variant, target, PSNR)
+    return {c.scene: c.value for c in cells if (c.table, c.scheme, c.variant, c.target, c.metric) == row}
+
+
+def table_1(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
+    """Return the means over the nine scenes of Table 1."""
+    rows = {(c.scheme, c.variant, c.target) for c in cells if c.table == 1 and c.metric == PSNR}
+    return {row: float(np.mean([*by_scene(cells, *row).values()])) for row in rows}
+
+
+def ablations(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
+    """Return the means of Tables 2 and 3, which repeat those of GSPure."""
+    return {(c.scheme, c.variant, c.target): c.value for c in cells if c.table > 1 and c.metric == PSNR}
+
+
+def printed_scores(cells: Sequence[Cell]) -> dict[tuple[str, str], float]:
+    """Return the last column of Table 1, by scheme and variant."""
+    return {(c.scheme, c.variant): c.value for c in cells if c.metric == SCORE}
+
+
+def psnr(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return a mean PSNR, dB."""
+    return means[scheme, variant, target]
+
+
+def drop(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return the drop of a mean PSNR from that of the unattacked model, dB."""
+    return means[scheme, UNATTACKED, target] - means[scheme, variant, target]
+
+
+def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
+    r"""Return :math:`\Delta PSNR_{message} - \Delta PSNR_{scene}`; the Score of the means is the mean of the Scores."""
+    return drop(means, scheme, variant, MESSAGE) - drop(means, scheme, variant, SCENE)
+
+
+def lead(means: Means, scheme: str, variant: str, target: str) -> float:
+    """Return the lowest mean PSNR of the other attacks minus that of this one, dB."""
+    others = [means[scheme, attack, target] for attack in ATTACKS if attack != variant]
+    return min(others) - means[scheme, variant, target]
+
+
+def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> float:
+    """Return a Score minus the highest of the other attacks, dB."""
+    return score(means, scheme, variant) - max(score(means, scheme, attack) for attack in ATTACKS if attack != variant)
+
+
+QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
+    function.__name__: function for function in (psnr, drop, score, lead, score_lead)
+}
+
+
+def rms_ratio_of(cells: Sequence[Cell], scheme: str, variant: str) -> float:
+    """Return the damage to the message relative to that of the scene over the nine scenes of Table 1."""
+    levels = {t: [[*by_scene(cells, scheme, v, t).values()] for v in (UNATTACKED, variant)] for t in TARGETS}
+    return rms_ratio(np.transpose(levels[MESSAGE]), np.transpose(levels[SCENE]))
+
+
+def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
+    """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
+    before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (UNATTACKED, variant))
+    drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
+    return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])
+
+
+class Claim(NamedTuple):
+    """A printed number that follows from others."""
+
+    place: str  # the table or paragraph
+    words: str  # the row, or words of the text
+    quantity: str  # one of `QUANTITIES`
+    scheme: str  # empty if the paper refers to all schemes; then the largest value counts
+    variant: str
+    target: str
+    relation: str  # `=`, or `<` if the paper gives a bound
+    value: float
+
+
+class Check(NamedTuple):
+    """A claim, and the value that follows from Table 1."""
+
+    claim: Claim
+    recomputed: float
+    agrees_with: str  # another source that the printed number follows from, if the check fails; empty if none is known
+
+    @property
+    def difference(self) -> float:
+        """Printed minus recomputed, dB."""
+        return self.claim.value - self.recomputed
+
+    @property
+    def holds(self) -> bool:
+        """Whether the printed number follows from Table 1."""
+        return self.difference > 0 if self.claim.relation == "<" else _equal(self.claim.value, self.recomputed)
+
+
+def check_claims(cells: Sequence[Cell]) -> list[Check]:
+    """Return the Scores of Table 1, GSPure's PSNR in Tables 2 and 3 and the numbers of the text, recomputed."""
+    means = table_1(cells)
+    claims = [
+        Claim("Table 1", c.row, SCORE, c.scheme, c.variant, "", "=", c.value)
+        for c in cells
+        if c.metric == SCORE and c.variant != UNATTACKED
+    ]
+    claims += [
+        Claim(f"Table {c.table}", f"{c.row}, {c.column}", PSNR, c.scheme, c.variant, c.target, "=", c.value)
+        for c in cells
+        if c.table > 1 and c.metric == PSNR and c.variant == GSPURE
+    ]
+    claims += read_table(DATA / "paper_claims.csv", Claim)
+    checks = [Check(claim, _recompute(claim, means), "") for claim in claims]
+    return [check if check.holds else check._replace(agrees_with=_agreement(check.claim, cells)) for check in checks]
+
+
+def _recompute(claim: Claim, means: Means) -> float:
+    quantity = QUANTITIES[claim.quantity]
+    return max(quantity(means, s, claim.variant, claim.target) for s in ([claim.scheme] if claim.scheme else SCHEMES))
+
+
+def _agreement(claim: Claim, cells: Sequence[Cell]) -> str:
+    values = _other_sources(claim, cells) if claim.relation == "=" else ()
+    return ", ".join(source for source, value in values if _equal(claim.value, value))
+
+
+def _other_sources(claim: Claim, cells: Sequence[Cell]) -> Iterator[tuple[str, float]]:
+    """Yield other sources of a printed number, with the value that follows from each."""
+    means = table_1(cells)
+    if claim.place not in {"Table 2", "Table 3"}:
+        yield "GSPure's means in Tables 2 and 3", _recompute(claim, {**means, **ablations(cells)})
+    for target in set(TARGETS) - {claim.target} if claim.target else ():
+        yield f"the {claim.quantity} of the {target}", _recompute(claim._replace(target=target), means)
+    if claim.quantity == "score_lead":
+        scores = printed_scores(cells)
+        best = max(scores[claim.scheme, attack] for attack in ATTACKS if attack != claim.variant)
+        yield "the printed Scores", scores[claim.scheme, claim.variant] - best
+
+
+def _equal(a: float, b: float) -> bool:
+    return abs(a - b) <= ROUNDING
+
+
+class Beside(NamedTuple):
+    """One attack: means over the paper's nine scenes, and over our scenes of one condition; NaN if unknown.
+
+    The paper's Score is recomputed from its PSNR, since some of the printed ones do not follow from it.
+    """
+
+    scheme: str
+    protocol: str
+    initialization: str
+    variant: str
+    paper_scene_drop: float  # dB, like the other drops and Scores
+    paper_message_drop: float
+    paper_score: float
+    paper_rms_ratio: float
+    scenes: int = 0  # number of our scenes
+    scene_drop: float = nan
+    message_drop: float = nan
+    score: float = nan
+    rms_ratio: float = nan
+
+
+def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Beside]:
+    """Return every attack of Table 1 beside ours, under every condition of ours for the paper's schemes.
+
+    Ours count if the message was present in any scene.
+    """
+    ours = {(condition_of(row), row.variant): row for row in survivals if row.extraction == MESSAGE}
+    conditions = dict.fromkeys(condition for condition, _ in ours)
+    means, rows = table_1(cells), []
+    for scheme in SCHEMES:
+        for condition in [known for known in conditions if known.scheme == scheme] or [Condition(scheme)]:
+            for attack in ATTACKS:
+                drops = [drop(means, scheme, attack, target) for target in TARGETS]
+                printed = Beside(*condition, attack, *drops, drops[1] - drops[0], rms_ratio_of(cells, scheme, attack))
+                row = ours.get((condition, attack))
+                if row and row.present and row.scene_drop and row.message_drop:
+                    lost = (row.scene_drop.mean, row.message_drop.mean)
+                    printed = printed._replace(scenes=row.message_drop.scenes, scene_drop=lost[0], message_drop=lost[1])
+                    printed = printed._replace(score=lost[1] - lost[0], rms_ratio=row.rms_ratio)
+                rows.append(printed)
+    return rows
+
+
+def find_inconsistencies(cells: Sequence[Cell]) -> list[str]:
+    """Return other inconsistencies of the paper's tables, each as a sentence."""
+    return [*_same_psnr(cells), *_raised_messages(cells), *_wrong_bold(cells)]
+
+
+def _same_psnr(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield pairs of attacks with the same PSNR: in all scenes, one was not measured; in some, by chance or mistake."""
+    for scheme in SCHEMES:
+        for target in TARGETS:
+            for pair in combinations((UNATTACKED, *ATTACKS), 2):
+                first, second = (by_scene(cells, scheme, variant, target) for variant in pair)
+                if scenes := [scene for scene in first if first[scene] == second[scene]]:
+                    some = ", ".join(f"{scene} {decimal(first[scene])}" for scene in scenes)
+                    where = f"in all {len(scenes)} scenes" if len(scenes) == len(first) else f"in some: {some}"
+                    both = " and ".join(map(display_name, pair))
+                    yield f"Table 1, {display_name(scheme)}: {both} print the same {target} PSNR {where}"
+
+
+def _raised_messages(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield attacks that improve the message in every scene: they did not change what the extraction reads."""
+    for scheme in SCHEMES:
+        for attack in ATTACKS:
+            before, after = (by_scene(cells, scheme, variant, MESSAGE) for variant in (UNATTACKED, attack))
+            gains = [after[scene] - before[scene] for scene in before]
+            if min(gains) > 0:
+                text = f"raises the message's PSNR in all {len(gains)} scenes, by {decimal(min(gains))} to"
+                yield f"Table 1, {display_name(scheme)}: {display_name(attack)} {text} {decimal(max(gains))} dB"
+
+
+def _wrong_bold(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield bold cells ("the best performance") that are not the best of their column, and columns without any."""
+    columns: dict[tuple[int, str, str], list[Cell]] = {}
+    for cell in (cell for cell in cells if cell.variant != UNATTACKED):
+        columns.setdefault((cell.table, cell.scheme, cell.column), []).append(cell)
+    plain: dict[str, list[str]] = {}
+    for column in columns.values():
+        best = min(column, key=_rank)
+        for cell in column:
+            if cell.bold and _rank(cell) > _rank(best):
+                where = f"Table {cell.table}, {cell.row}, {cell.column}"
+                yield f"{where}: {decimal(cell.value)} is bold, {best.row} has {decimal(best.value)}"
+        if not any(cell.bold for cell in column):
+            plain.setdefault(f"Table {best.table}, {display_name(best.scheme)}", []).append(best.column)
+    for where, names in plain.items():
+        yield f"{where}: the best value is not bold in {len(names)} columns: {', '.join(names)}"
+
+
+def _rank(cell: Cell) -> float:
+    """Return a number that is lower for better cells: high scenes and Scores, low messages."""
+    return cell.value if cell.target == MESSAGE else -cell.value
