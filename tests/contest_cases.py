@@ -1,10 +1,17 @@
 """Outcomes of attacks over scenes and seeds, with controls, from what each removes and leaves."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
-from gspure.evaluation.comparison import TRUTH, ViewMetrics
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.evaluation.collecting import ModelPlan
+from gspure.evaluation.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome
+from gspure.files import write_json
+from gspure.images import write_image
 
 BEFORE = {"scene": 30.0, "message": 28.0}
 CONTROLS = {"clean": 8.0, "wrong_key": 7.0, "other_scene": 6.0, "black": 5.0, "mean_colour": 10.0}
@@ -39,3 +46,36 @@ def benchmark(drops: Mapping[str, Mapping[str, tuple[float, float]]], seeds: int
             outcomes += [attacked(name, a, b + seed / 10, *cell, **known) for name, (a, b) in variants.items()]
             outcomes += [outcome(name, *cell, targets={"message": psnr}, **known) for name, psnr in CONTROLS.items()]
     return outcomes
+
+
+VIEWS = ("view_0", "view_1", "view_2")
+
+
+def photograph(view: int, target: str) -> NDArray[np.float32]:
+    """A smooth picture [24,32,3], different for every view and target."""
+    coarse = np.random.default_rng((view, len(target))).random((6, 8, 3))
+    return np.kron(coarse, np.ones((4, 4, 1))).astype(np.float32)
+
+
+def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, float]]) -> ModelPlan:
+    """Write renders, metrics and verdicts of a model whose attacks add these errors to scene and message.
+
+    Its controls are a clean model without the message, and black images.
+    """
+    truth = results / "pairs" / name.rpartition("/")[2]
+    errors = {"unattacked": (0.01, 0.02), **attacks, "clean": (0.01, 0.6), "black": (0.5, 0.5)}
+    for variant, of_targets in errors.items():
+        folder, rows = results / name / variant, []
+        for target, error in zip(("scene", "message"), of_targets, strict=True):
+            for i, view in enumerate(VIEWS):
+                image = photograph(i, target)
+                write_image(truth / target / f"{view}.png", image)
+                noise = np.random.default_rng(i).random(image.shape, np.float32)
+                write_image(folder / "renders" / target / f"{view}.png", (1 - error) * image + error * noise)
+        rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders")[0]]
+        write_metrics(folder / "metrics.csv", rows)
+        if variant in attacks:
+            verdict = {"reached": {"message": of_targets[1] > 0.02}, "strength": "sigma=0.1"}
+            write_json(folder / "verdict.json", verdict)
+    names = ("unattacked", *attacks)
+    return ModelPlan(names, ("clean", "black"), ("scene", "message"), {}, truth, "shared", "both")

@@ -11,11 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gspure.artifacts import read_json
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation import metrics
-from gspure.evaluation.collecting import recall
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import (
     METRICS,
@@ -27,7 +25,7 @@ from gspure.evaluation.metrics import (
     region_psnr,
     ssim,
 )
-from gspure.images import read_image, record_views, write_image
+from gspure.images import read_image, write_image
 from tests.contest_cases import measured
 
 IMAGES = hnp.arrays(np.uint8, st.tuples(st.integers(1, 16), st.integers(1, 16), st.just(3))).map(lambda a: a / 255.0)
@@ -146,7 +144,7 @@ def test_the_background_of_the_reference_is_no_part_of_its_region() -> None:
     assert region_psnr(a, np.zeros_like(a)) < psnr(a, np.zeros_like(a))
 
 
-@pytest.mark.parametrize("background", [(0, 0, 0), (1, 1, 1), (0, 255, 0), (0, 0, 255), (255, 255, 255)])
+@pytest.mark.parametrize("background", [(0, 0, 0), (0, 255, 0), (255, 255, 255)])
 @pytest.mark.parametrize("channel", range(3))
 @pytest.mark.parametrize("bit", range(8))
 def test_colours_that_differ_in_one_bit_are_two(background: tuple[int, ...], channel: int, bit: int) -> None:
@@ -155,17 +153,6 @@ def test_colours_that_differ_in_one_bit_are_two(background: tuple[int, ...], cha
     b = a.copy()
     b[0, 0] ^= 128
     assert region_psnr(a / 255, b / 255) == np.inf
-
-
-def test_colours_of_full_and_least_channels_differ() -> None:
-    a = np.tile(np.array([0.0, 1.0, 0.0]), (3, 4, 1))
-    a[1, 2] = 1 / 255, 0, 0
-    assert region_psnr(a, np.where(a == 1.0, 0.5, a)) == np.inf
-
-
-def test_the_region_of_images_of_different_shapes_is_refused() -> None:
-    with pytest.raises(InputError):
-        region_psnr(image(1, 4, 5), image(1, 4, 6))
 
 
 def test_all_pixels_of_one_colour_are_a_region() -> None:
@@ -242,34 +229,16 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     a, b = folders(tmp_path, "scene", "message")
     assert main(["metrics", str(a), str(b), "--reference", "truth", "--out", str(tmp_path / "metrics.csv")]) == 0
     rows = read_metrics(tmp_path / "metrics.csv")
-    assert [(row.target, row.view) for row in rows] == [
-        ("message", "001"),
-        ("message", "002"),
-        ("scene", "001"),
-        ("scene", "002"),
-    ]
+    assert [f"{row.target}/{row.view}" for row in rows] == ["message/001", "message/002", "scene/001", "scene/002"]
     assert {row.reference for row in rows} == {"truth"}
     one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
     assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
-    assert rows[3].values["ssim"] == pytest.approx(ssim(one, other), abs=1e-8)
-    assert read_json(tmp_path / "metrics.csv.json")["inputs"].keys() == {str(p) for p in tmp_path.rglob("*.png")}
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
     (mean,) = [words for words in printed if words[0] == "scene/mean"]
     assert float(mean[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)
-
-
-def test_flat_folders_are_compared_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b = folders(tmp_path, "")
-    assert main(["metrics", str(a), str(b)]) == 0
-    rows = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
-    assert rows == ["view", "001", "002", "mean", "worst:"]
-
-
-def test_unused_views_of_the_reference_are_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b = folders(tmp_path, "scene")
-    (b / "scene" / "001.png").unlink()
-    assert main(["metrics", str(a), str(b)]) == 0
-    assert "1 images of" in capsys.readouterr().err
+    write_image(b / "scene" / "002.png", image(0, 20, 31))
+    assert main(["metrics", str(a), str(b)]) == 2
+    assert "size: expected 30x20, as " in capsys.readouterr().err
 
 
 def test_an_image_without_reference_is_refused(tmp_path: Path) -> None:
@@ -294,14 +263,6 @@ def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:
     assert {pair.target for pair in pair_images(a, b, targets=["scene"])[0]} == {"scene"}
     with pytest.raises(InputError, match="found 'message'"):
         pair_images(a, b, targets=["scene", "message"])
-
-
-def test_images_of_different_sizes_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b = folders(tmp_path, "scene")
-    write_image(b / "scene" / "002.png", image(0, 20, 31))
-    assert main(["metrics", str(a), str(b), "--out", str(tmp_path / "metrics.csv")]) == 2
-    assert "size: expected 30x20, as " in capsys.readouterr().err
-    assert not (tmp_path / "metrics.csv").exists()
 
 
 @pytest.mark.parametrize("empty", [True, False])
@@ -354,11 +315,6 @@ def test_identical_views_give_no_warning(psnrs: list[float], low: str) -> None:
     assert not any("warning" in line or "nan" in line for line in lines)
 
 
-def test_identical_views_of_one_colour_are_warned_of() -> None:
-    views = [measured("scene", math.inf, structure, view=view) for view, structure in (("a", 0.0), ("b", 0.5))]
-    assert [line for line in as_text(views) if line.startswith("warning: identical") and ": 1, first scene/a" in line]
-
-
 HEADER = f"target,view,reference,{','.join(METRICS)}\n"
 
 
@@ -393,26 +349,13 @@ def test_tables_show_a_metric_with_its_decimals(name: str, value: float, text: s
     assert METRICS[name].text(value) == text
 
 
-def test_precision_and_recall() -> None:
-    pruned, truth = np.array([1, 1, 1, 1, 0, 0], bool), np.array([1, 0, 0, 0, 1, 0], bool)
-    assert recall(pruned, truth) == (0.25, 0.5)
-
-
-def test_precision_of_nothing_pruned_is_unknown() -> None:
-    found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
-    assert np.isnan(found[0])
-    assert found[1] == 0
-
-
 def test_transparent_photographs_are_compared_on_the_background_of_the_renders(tmp_path):
     rgba = np.random.default_rng(0).random((24, 32, 4))
     write_image(tmp_path / "photographs" / "view.png", rgba)
     for name, background in (("white", 1.0), ("black", 0.0)):
         write_image(tmp_path / name / "view.png", rgba[..., :3] * rgba[..., 3:] + background * (1 - rgba[..., 3:]))
-        record_views(tmp_path / name, {"view": []}, [background] * 3, "ewa")
-        for folders in ((tmp_path / "photographs", tmp_path / name), (tmp_path / name, tmp_path / "photographs")):
-            (pair,), _ = pair_images(*folders)
-            assert compare(pair).psnr > 50
+        (pair,), _ = pair_images(tmp_path / "photographs", tmp_path / name, background=[background] * 3)
+        assert compare(pair).psnr > 50
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 3), (5, 40, 3), (12, 11, 1), (47, 23, 3), (200, 61, 3)])

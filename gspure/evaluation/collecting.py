@@ -24,7 +24,7 @@ from gspure.progress import warn
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 NOT_APPLICABLE: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
-_ERROR: Final = re.compile(r"gspure \S+: |\S*(Error|Exception|Interrupt)\b|not applicable")
+_ERROR: Final = re.compile(r"gspure \S+: |\S*(Error|Exception|Interrupt)\b")
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
@@ -79,13 +79,14 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
     scheme, folder = name.split("/")
     scene, _, seed = folder.partition("@")
     place = results / scheme / folder
-    tables = {v: path for v in plan.expected if (path := place / v / "metrics.csv").is_file()}
+    refused = {variant: _refusal(place / variant) for variant in plan.expected}
+    tables = {v: path for v in plan.expected if not refused[v] and (path := place / v / "metrics.csv").is_file()}
     rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
     detections = read_detections(place)
     truth_file = place / "key" / MESSAGE_ROWS
     for variant, files in plan.expected.items():
-        absent = [file for file in files if not (place / variant / file).is_file()]
-        missing = {file: reason_for(results, place / variant / file) for file in absent}
+        absent = [file for file in files if refused[variant] or not (place / variant / file).is_file()]
+        missing = {file: refused[variant] or _reason(results, place / variant) for file in absent}
         o = Outcome(
             scheme,
             scene,
@@ -141,16 +142,19 @@ def _verdict(file: Path) -> dict[str, Any]:
     raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
 
 
-def reason_for(results: Path, file: Path) -> str:
-    """Return why a file of a variant is missing: the verdict of its attack, or the last line of the failed job's log.
+def _refusal(variant: Path) -> str:
+    """Return why the attack of a variant cannot apply to its model; empty if it can."""
+    match read_json(file) if (file := variant / "verdict.json").is_file() else None:
+        case {"not applicable": str(reason)}:
+            return f"{NOT_APPLICABLE}: {reason}"
+    return ""
+
+
+def _reason(results: Path, variant: Path) -> str:
+    """Return why files of a variant are missing: the last line of the failed job's log.
 
     The logs of the variant count first, then those of its model, the newest first.
     """
-    variant = results / Path(*file.relative_to(results).parts[:3])
-    if (verdict := variant / "verdict.json").is_file():
-        match read_json(verdict):
-            case {"not applicable": str(reason)}:
-                return f"{NOT_APPLICABLE}: {reason}"
     last = ""
     for folder in (variant, variant.parent):
         logs = [*(results / "logs" / folder.relative_to(results)).glob("*.log")]

@@ -245,8 +245,9 @@ def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Be
     for scheme in SCHEMES:
         for condition in [known for known in conditions if known.scheme == scheme] or [Condition(scheme)]:
             for attack in ATTACKS:
-                drops = [drop(means, scheme, attack, target) for target in TARGETS]
-                printed = Beside(*condition, attack, *drops, drops[1] - drops[0], rms_ratio_of(cells, scheme, attack))
+                scene, message = (drop(means, scheme, attack, target) for target in TARGETS)
+                ratio = rms_ratio_of(cells, scheme, attack)
+                printed = Beside(*condition, attack, scene, message, message - scene, ratio)
                 row = ours.get((condition, attack))
                 if row and row.present and row.scene_drop and row.message_drop:
                     lost = (row.scene_drop.mean, row.message_drop.mean)

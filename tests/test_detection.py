@@ -1,0 +1,386 @@
+"""Detection: thresholds, commands of detectors, and what they may answer; the place of marks beside pictures."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+import time
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from gspure.errors import InputError
+from gspure.evaluation import detection as module
+from gspure.evaluation.comparison import TRUTH, ViewMetrics
+from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
+from gspure.evaluation.csv_tables import read_table, write_table
+from gspure.evaluation.detection import (
+    Reading,
+    Threshold,
+    detection,
+    files_of,
+    read_bits,
+    read_detections,
+    read_marks,
+    share_correct,
+)
+from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.outcomes import Outcome, with_references
+from gspure.evaluation.survival import survival
+from gspure.images import write_image
+from gspure.schemes.readability import bit_readability
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.001])
+@pytest.mark.parametrize("bits", [10, 16, 32, 48])
+def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
+    threshold = Threshold.of(bits, [], rate)
+    assert threshold.rate == pytest.approx(binom.sf(threshold.value, bits, 0.5))
+    assert threshold.rate <= rate
+    assert binom.sf(threshold.value - 1, bits, 0.5) > rate
+
+
+@pytest.mark.parametrize("bits", [24, 30, 48, 56, 96, 131])
+def test_views_at_the_threshold_do_not_exceed_it(tmp_path, bits):
+    correct = int(Threshold.of(bits, [], 0.01).value)
+    message = np.ones(bits, bool)
+    rows = [
+        Reading(view, share_correct(np.arange(bits) < correct + more, message), bits)
+        for more in (0, 1)
+        for view in "abcd"
+    ]
+    write_table(tmp_path / "rows.csv", Reading, rows)
+    stored = read_table(tmp_path / "rows.csv", Reading)
+    assert stored == rows
+    at, above = detection(stored[:4], []), detection(stored[4:], [])
+    assert (at.tpr, at.present, above.tpr, above.present) == (0, False, 1, True)
+
+
+def test_large_scores_keep_their_order(tmp_path):
+    write_table(tmp_path / "rows.csv", Reading, [Reading(view, 1234566.0 + i, 0) for i, view in enumerate("ab")])
+    first, second = read_table(tmp_path / "rows.csv", Reading)
+    assert detection([second], [first.level] * 99).tpr == 1
+
+
+@pytest.mark.parametrize(("bits", "known", "known_strict"), [(1, 0, 0), (6, 0, 0), (7, 1, 0), (9, 1, 0), (10, 1, 1)])
+def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known, known_strict):
+    seen = detection([Reading(str(view), 100.0, bits) for view in range(50)], [])
+    assert seen.present
+    assert [not math.isnan(rate) for rate in (seen.tpr, seen.tpr_strict)] == [known, known_strict]
+    chance = detection([Reading(str(view), 100.0 * (view % 2), 1) for view in range(50)], [])
+    assert not chance.present
+
+
+@pytest.mark.parametrize(
+    ("bits", "correct", "wrong", "readable"),
+    [
+        (16, 14, 8, True),
+        (16, 13, 8, False),  # as many as chance explains
+        (16, 14, 14, False),  # as many as with a wrong key
+        (7, 7, 3, True),
+        (6, 6, 3, False),  # chance explains any number
+        (1, 1, 0, False),
+        *((bits, int(Threshold.of(bits, [], 0.01).value), 0, False) for bits in (24, 30, 48, 56, 96, 131)),
+    ],
+)
+def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correct, wrong, readable):
+    message, image = np.ones(bits, bool), np.zeros((4, 4, 3), np.float32)
+    write = {"write": lambda _: None}
+    wrong_key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < wrong, **write)
+    read = {"read_bits": lambda _: np.arange(bits) < correct}
+    key = SimpleNamespace(bits=message, wrong=lambda _: wrong_key, **read, **write)
+    public = SimpleNamespace(scene=lambda _: lambda _: image)
+    assert bit_readability([None] * 4, public, key).readable == readable
+
+
+def test_random_bits_exceed_the_threshold_at_its_rate():
+    rng = np.random.default_rng(0)
+    message = rng.random(32) < 0.5
+    readings = [Reading("", share_correct(rng.random(32) < 0.5, message), 32) for _ in range(20_000)]
+    threshold = Threshold.of(32, [], 0.01)
+    assert np.mean(np.array([reading.value for reading in readings]) > threshold.value) == pytest.approx(
+        threshold.rate, abs=0.002
+    )
+
+
+def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():
+    clean = np.random.default_rng(0).normal(size=2000).tolist()
+    readings = [Reading("a", 3.5, 0), Reading("b", 2.5, 0), Reading("c", 0.0, 0)]
+    many, few = detection(readings, clean), detection(readings, clean[:20])
+    assert many[2:5] == (pytest.approx(2 / 3), pytest.approx(1 / 3), True)
+    assert math.isnan(few.tpr)
+    assert math.isnan(few.tpr_strict)
+    assert few.present  # two of three views exceed all 20
+    assert detection(readings, []).present is None
+
+
+@pytest.mark.parametrize(
+    ("views", "clean", "above", "present"),
+    [(5, 199, 0, False), (5, 199, 1, True), (6, 229, 1, False), (6, 229, 2, True)],
+)
+def test_from_199_clean_views_on_the_threshold_is_their_second_highest(views, clean, above, present):
+    """At least 1 of 5 or 6 views exceeds it with probability 1 - C(N, 2) / C(N + V, 2): 0.0485 and 0.0505."""
+    readings = [Reading(str(i), clean - 1.5 if i < above else 0.0, 0) for i in range(views)]
+    read = detection(readings, [float(i) for i in range(clean)])
+    assert (read.tpr, read.present) == (above / views, present)
+
+
+@pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
+def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, present):
+    readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32) for i in range(4)]
+    read = detection(readings, [])
+    assert (read.present, read.tpr, read.level) == (present, hits / 4, 50 + 12.5 * hits)
+
+
+def outcome(variant: str, level: float, scene_psnr: float = 30.0, asset: str = "room") -> Outcome:
+    values = dict.fromkeys(METRICS, 1.0) | {"psnr": scene_psnr}
+    read = detection([Reading(view, level, 32) for view in "abcd"], [])
+    targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}
+    return Outcome("vanilla", asset, variant, targets, {"scene": 4}, detections={"mark": read})
+
+
+@pytest.fixture
+def outcomes():
+    return with_references(
+        [
+            outcome("unattacked", 98.0),
+            outcome("gspure", 60.0, 29.7),
+            outcome("gaussian_noise", 90.0, 29.0),
+            outcome("clean", 51.0),
+        ]
+    )
+
+
+def test_bits_survive_where_they_are_detected(outcomes):
+    rows = {row.variant: row for row in survival(outcomes)}
+    assert {name: row.survives for name, row in rows.items()} == {
+        "unattacked": True,
+        "gspure": False,
+        "gaussian_noise": True,
+    }
+    assert rows["gspure"].message_drop.mean == pytest.approx(38)
+    assert rows["gspure"].above_floor.mean == pytest.approx(9)
+    assert math.isnan(rows["gspure"].rms_ratio)
+
+
+@pytest.mark.parametrize("level", [0.1 + 0.2, 0.3])
+def test_rounding_alone_is_no_drop(level: float) -> None:
+    one = with_references([outcome("unattacked", 0.3, 0.1 + 0.2), outcome("gspure", level, 0.3)])[1]
+    assert (one.drop("mark"), one.psnr_drop("scene")) == (0, 0)
+
+
+def test_bits_enter_the_contest_without_a_score(outcomes):
+    rows = [row for row in contest(outcomes, {}) if math.isnan(row.damage)]
+    assert SCORE not in {row.quantity for row in rows}
+    (drop,) = [row for row in rows if row.quantity == MESSAGE_DROP]
+    assert (drop.attack, drop.extraction, drop.difference.mean) == ("gaussian_noise", "mark", pytest.approx(30))
+
+
+def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
+    levels = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
+    outcomes = with_references(outcome(name, level) for name, level in levels.items())
+    rows = survival(outcomes)
+    assert {(row.present, row.survived, row.survives) for row in rows} == {(0, 0, None)}
+
+
+def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark_in_another_clean_model():
+    readings = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
+    outcomes = [outcome(name, level) for name, level in readings.items()]
+    outcomes += [outcome(name, readings[name], asset="hall") for name in ("unattacked", "gspure")]
+    outcomes = with_references(outcomes)
+    rows = survival(outcomes)
+    assert {row.present for row in rows} == {0}
+
+
+def test_another_scenes_model_with_the_same_mark_is_no_control(outcomes):
+    alone = survival(outcomes)
+    other = [replace(o, variant="other_scene") for o in outcomes if o.variant == "unattacked"]
+    both = with_references([*outcomes, *other])
+    assert survival(both) == alone
+    unmarked = [replace(o, detections={n: d._replace(present=False) for n, d in o.detections.items()}) for o in other]
+    assert survival(with_references([*outcomes, *unmarked])) != alone
+
+
+def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes):
+    without = [outcome("unattacked", 99.0, asset="hall"), outcome("gspure", 10.0, asset="hall")]
+    (row,) = (row for row in survival(with_references([*outcomes, *without])) if row.variant == "gspure")
+    (alone,) = (row for row in survival(outcomes) if row.variant == "gspure")
+    assert row.detectability == alone.detectability
+
+
+OF_PICTURES = (
+    "1 dB above the floor",
+    "blank images",
+    "retrieval",
+    "The Score of an attack",
+    "compare pixels",
+)
+COMMAND = {"command": "read", "message": "0110", "file read": "1"}
+READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": COMMAND}
+
+
+@pytest.mark.parametrize(
+    ("marked", "clean", "known"), [(1, 18, 0), (1, 19, 1), (2, 4, 0), (2, 5, 1), (3, 2, 0), (3, 3, 1)]
+)
+def test_too_few_views_for_a_verdict_on_scores_leave_it_unknown(marked, clean, known):
+    read = detection([Reading(str(i), 99.0, 0) for i in range(marked)], [float(i) for i in range(clean)])
+    assert read.present == (True if known else None)
+
+
+@pytest.mark.parametrize(("marked", "clean"), [(2, 5), (3, 3), (4, 4), (5, 3)])
+def test_of_all_orders_of_exchangeable_scores_at_most_one_in_twenty_is_a_mark(marked, clean):
+    scores = {*range(marked + clean)}
+    present = [
+        detection([Reading("", float(score), 0) for score in chosen], [*scores - {*chosen}]).present
+        for chosen in combinations(scores, marked)
+    ]
+    assert 0 < np.mean(present) <= 0.05
+
+
+def printing(text: str) -> str:
+    """The command of a detector that prints `text`; the folder of images is ignored."""
+    return shlex.join([sys.executable, "-c", f"print({text!r})"])
+
+
+@pytest.fixture
+def renders(tmp_path):
+    folder = tmp_path / "renders"
+    for view in ("a", "b"):
+        write_image(folder / f"{view}.png", np.zeros((4, 4, 3)))
+    return folder
+
+
+def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
+    code = 'import pathlib, sys; print(\'loading\'); print(\'{"a": "0110", "b": "1111"}\'.replace(\'a\', sorted('
+    code += "pathlib.Path(sys.argv[1]).glob('*.png'))[0].stem))"
+    readings = read_marks(shlex.join([sys.executable, "-c", code]), renders, "0111", 60)
+    assert readings == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
+    assert read_marks(printing('{"b": 2, "a": -0.5}'), renders, "", 60) == [Reading("a", -0.5, 0), Reading("b", 2.0, 0)]
+
+
+@pytest.mark.parametrize(
+    ("answer", "message", "reason"),
+    [
+        ("no JSON", "", "expected a JSON object in the last line, found no JSON"),
+        ("", "", "found nothing"),
+        ("[1, 2]", "", "expected a JSON object"),
+        ("[" * 100_000, "", "expected a JSON object"),
+        ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
+        ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry without an image"),
+        ('{"a": true, "b": 1}', "", "a: expected a score"),
+        ('{"a": NaN, "b": 1}', "", "a: expected a score"),
+        ('{"a": 1e999, "b": 1}', "", "a: expected a score"),
+        ('{"a": 1e200, "b": 1}', "", "a: expected a score"),
+        (f'{{"a": 1{"0" * 400}, "b": 1}}', "", "a: expected a score"),
+        ('{"a": "01", "b": "01"}', "", "set `message` to the embedded bits"),
+        ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
+        ('{"a": "01", "b": "0x"}', "01", "b: expected 2 bits"),
+        ('{"a": "01", "b": 1}', "01", "b: expected 2 bits"),
+    ],
+)
+def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reason):
+    with pytest.raises(InputError) as refusal:
+        read_marks(printing(answer), renders, message, 60)
+    assert reason in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "reason"),
+    [
+        ("no-such-program", "No such file"),
+        ("'", "No closing quotation"),
+        (shlex.join([sys.executable, "-c", "raise SystemExit('weights are missing')"]), "found weights are missing"),
+        (shlex.join([sys.executable, "-c", "raise SystemExit(3)"]), "found exit status 3"),
+        (shlex.join([sys.executable, "-c", "import time; time.sleep(60)"]), "expected an answer within 0.5 s"),
+    ],
+)
+def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
+    with pytest.raises(InputError, match=reason):
+        read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
+
+
+def test_only_the_last_line_of_a_detector_is_held(renders, monkeypatch):
+    monkeypatch.setattr(module, "LONGEST_LINE", 1 << 20)
+    answer = '{"a": 1, "b": 2}'
+    code = f"print(('x' * 99 + chr(10)) * 50_000); print({answer!r})"
+    assert len(read_marks(shlex.join([sys.executable, "-c", code]), renders, "", 60)) == 2
+    endless = "while True: print('x' * 4096, end='')"
+    with pytest.raises(InputError, match="a last line of at most 1 MiB"):
+        read_marks(shlex.join([sys.executable, "-c", endless]), renders, "", 60)
+
+
+def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):
+    started = tmp_path / "pid"
+    with pytest.raises(InputError, match="expected an answer within 2 s"):
+        read_marks(shlex.join(["sh", "-c", f"sleep 60 & echo $! > {started}; wait"]), renders, "", 2)
+    status = Path(f"/proc/{started.read_text().strip()}/stat")
+    until = time.monotonic() + 10
+    while status.exists() and status.read_text().split()[2] != "Z":
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("read", "found"),
+    [
+        (np.ones((4, 1), np.bool_), r"bool \[4, 1\]"),
+        (np.ones(3, np.bool_), r"bool \[3\]"),
+        (np.array(1), r"int64 \[\]"),
+        (np.array([1, -1, 1, 1]), r"int64 \[4\]"),
+        (np.full(4, 0.9), r"float64 \[4\]"),
+        (np.full(4, 255, np.uint8), r"uint8 \[4\]"),
+        ("1111", "str"),
+        (None, "NoneType"),
+        ([True] * 4, "list"),
+    ],
+)
+def test_a_key_that_reads_no_bits_is_refused(renders, read, found):
+    with pytest.raises(InputError, match=f"key: bits read from an image: expected an array of 4 bits.* found {found}"):
+        read_bits(lambda _: read, np.ones(4, np.bool_), renders)
+
+
+def test_bits_may_be_whole_numbers(renders):
+    readings = read_bits(lambda _: np.array([1, 0, 1, 1], np.uint8), np.ones(4, np.bool_), renders)
+    assert {reading.value for reading in readings} == {3}
+
+
+def test_a_folder_without_images_is_refused(tmp_path):
+    with pytest.raises(InputError, match="PNG files"):
+        read_marks(printing("{}"), tmp_path, "", 60)
+
+
+def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("detect.py", "my weights.pt", "a=b", "folder/x"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).touch()
+    command = "python detect.py --weights='my weights.pt' --mode=fast -k folder a=b --empty="
+    assert files_of(command) == ["detect.py", "my weights.pt", "a=b"]
+
+
+def test_readings_are_compared_with_those_of_the_clean_model_of_the_same_folder(tmp_path):
+    for scene, shift in (("a", 0.0), ("b", 5.0)):
+        for variant, score in (("unattacked", 9.0), ("clean", shift)):
+            rows = [Reading(f"view_{i}", score + i % 4, 0) for i in range(120)]
+            write_table(tmp_path / scene / variant / "detections" / "mine.csv", Reading, rows)
+    found = read_detections(tmp_path / "a")
+    clean = [shift + i % 4 for shift in (0.0,) for i in range(120)]
+    rows = [Reading(f"view_{i}", 9.0 + i % 4, 0) for i in range(120)]
+    assert found["unattacked"]["mine"] == detection(rows, clean)
+    assert set(found) == {"unattacked", "clean"}
+
+
+@pytest.mark.parametrize(
+    "rows", [[], [Reading("a", 101.0, 8)], [Reading("a", 1e101, 0)], [Reading("a", 50.0, 8), Reading("b", 50.0, 9)]]
+)
+def test_impossible_readings_are_refused(tmp_path, rows):
+    write_table(tmp_path / "clean" / "detections" / "mine.csv", Reading, rows)
+    with pytest.raises(InputError, match=r"mine\.csv"):
+        read_detections(tmp_path)

@@ -1,0 +1,130 @@
+"""Means over scenes with intervals, as CSV and as LaTeX."""
+
+import csv
+import math
+import re
+from dataclasses import replace
+
+import pytest
+
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import Detection
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.summary import Summary, summarize
+from gspure.report.tables import summary_table
+from tests.contest_cases import measured
+
+REFERENCE = {"scene": 30.0, "message": 25.0}
+
+
+def outcome(scheme, place, variant, **psnr):
+    means = {target: measured(target, value) for target, value in psnr.items()}
+    reference = {target: measured(target, value) for target, value in REFERENCE.items()}
+    return Outcome(scheme, place, variant, means, dict.fromkeys(means, 4), reference=reference)
+
+
+@pytest.fixture
+def outcomes():
+    """Three scenes of one scheme, seven of another."""
+    few = [outcome("my_scheme", f"s{i}", "gspure", scene=29.0, message=10.0 + i) for i in range(3)]
+    controls = [outcome("my_scheme", f"s{i}", "wrong_key", scene=30.0, message=8.0) for i in range(3)]
+    many = [outcome("splats_in_splats", f"s{i}", "gspure", scene=28.0, message=10.0 + i) for i in range(7)]
+    return [*few, *controls, *many]
+
+
+def test_rows_are_means_over_scenes_in_the_order_of_outcomes(outcomes):
+    rows = summarize(outcomes)
+    assert [(row.scheme, row.variant) for row in rows] == [
+        ("my_scheme", "gspure"),
+        ("my_scheme", "wrong_key"),
+        ("splats_in_splats", "gspure"),
+    ]
+    assert [row.message.mean for row in rows] == [11.0, 8.0, 13.0]
+    assert [row.message.scenes for row in rows] == [3, 3, 7]
+    assert rows[0].score.mean == (25 - 11) - (30 - 29)
+
+
+def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outcomes):
+    ours, control, theirs = summarize(outcomes)
+    assert control.score is None
+    assert math.isnan(ours.paper_score)
+    assert theirs.paper_score == 15.21
+
+
+def test_only_the_published_extraction_has_the_papers_score():
+    found = outcome("splats_in_splats", "room", "gspure", scene=28.0, message=10.0, message_oracle=9.0)
+    scores = {row.extraction: row.paper_score for row in summarize([found])}
+    assert scores["message"] == 15.21
+    assert math.isnan(scores["message_oracle"])
+
+
+def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
+    ours = [
+        outcome(scheme, "room", variant, scene=29.0, message=9.0)
+        for scheme, variant in [("gs_hider", "opacity_weight"), ("splats_in_splats", "weight_clustering")]
+    ]
+    write_table(tmp_path / "summary.csv", Summary, summarize(ours))
+    with (tmp_path / "summary.csv").open(newline="") as stream:
+        printed = [[row[f"paper_{name}"] for name in ("scene", "message", "score")] for row in csv.DictReader(stream)]
+    assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
+
+
+def test_a_clean_asset_beside_marked_ones_is_no_scene():
+    read = Detection(90.0, 1.0, 1.0, 1.0, present=True, views=9, bits=16)
+    marked = [outcome("vanilla", place, "gspure", scene=30.0) for place in "ab"]
+    marked = [replace(o, detections={"mark": read}) for o in marked]
+    clean, failed = outcome("vanilla", "c", "gspure", scene=99.0), replace(marked[0], scene="d", failure="no disk")
+    (row,) = summarize([*marked, clean])
+    assert (row.scene.mean, row.scene.scenes) == (30.0, 2)
+    assert summarize([*marked, replace(failed, detections={})])[0].scene.scenes == 3
+    assert summarize([clean])[0].scene.scenes == 1
+
+
+def test_scenes_that_do_not_know_a_number_are_not_counted():
+    rows = [outcome("a", "1", "gof", scene=math.inf, message=9.0), outcome("a", "2", "gof", scene=20.0)]
+    (row,) = summarize(rows)
+    assert (row.scene.mean, row.scene.scenes, row.message.mean, row.message.scenes) == (20.0, 1, 9.0, 1)
+    assert row.score is None  # no scene knows both drops
+
+
+def test_every_extraction_of_the_message_has_a_row():
+    outcomes = [outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
+    assert [(row.extraction, row.message.mean) for row in summarize(outcomes)] == [
+        ("message", 9.0),
+        ("message_oracle", 12.0),
+    ]
+    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(outcomes).latex()
+
+
+def test_a_mark_has_no_numbers_from_the_paper():
+    shown = outcome("gs_hider", "room", "gspure", scene=29.0, message=9.0)
+    read = replace(shown, detections={"bits": Detection(73.0, 1.0, 1.0, 1.0, True, 4, 32)})
+    picture, mark = summarize([read])
+    assert math.isfinite(picture.paper_message)
+    assert (mark.extraction, mark.message.mean) == ("bits", 73.0)
+    assert math.isnan(mark.paper_message)
+
+
+def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
+    write_table(tmp_path / "s.csv", Summary, summarize(outcomes))
+    few, control, many = csv.DictReader((tmp_path / "s.csv").read_text().splitlines())
+    assert few["message_low"], few["message_high"] == ("10", "12")
+    assert (few["score_level"], few["score_scenes"], many["score_level"]) == ("0.75", "3", "0.95")
+    assert (control["score_mean"], few["paper_score"], many["paper_score"]) == ("", "", "15.21")
+
+
+def latex_rows(outcomes):
+    lines = summary_table(outcomes).latex().splitlines()
+    return [line for line in lines if line.endswith(r"\\") and not line.startswith("Scheme")]
+
+
+def test_the_latex_table_has_one_block_per_scheme(outcomes):
+    assert [row.split(" & ")[0].strip() for row in latex_rows(outcomes)] == ["my scheme", "", "Splats in Splats"]
+    assert summary_table(outcomes).latex().count(r"\midrule") == 2
+
+
+def test_brackets_are_intervals_and_parentheses_ranges(outcomes):
+    few, control, many = latex_rows(outcomes)
+    assert "13.00 (12.00 to 14.00) & --" in few
+    assert "& 8.00 & -- & --" in control
+    assert re.search(r"10\.00 \[\d+\.\d\d, \d+\.\d\d\] & 15\.21 ", many)

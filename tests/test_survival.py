@@ -1,0 +1,274 @@
+"""Survival of the message: against the floor of the same scene, and against message-free models of all scenes."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.evaluation.csv_tables import read_table, write_table
+from gspure.evaluation.metrics import rms_ratio
+from gspure.evaluation.retrieval import Retrieval
+from gspure.evaluation.significance import detectability
+from gspure.evaluation.survival import MARGIN, Survival, control_levels, not_embedded, survival
+from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, measured, outcome
+
+FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
+DROPS = st.tuples(st.floats(0, 5), st.floats(0, 25))
+
+
+def by_variant(outcomes, extraction="message"):
+    return {row.variant: row for row in survival(outcomes) if row.extraction == extraction}
+
+
+def test_a_message_survives_where_it_stands_out_from_the_highest_control_of_its_scene() -> None:
+    rows = by_variant(FOUR)
+    assert {name: row.survives for name, row in rows.items()} == {
+        "unattacked": True,
+        "gone": False,
+        "left": True,
+        "half": True,
+    }
+    assert rows["left"].above_floor.mean == BEFORE["message"] - 5 - CONTROLS["mean_colour"]
+    assert (rows["gone"].survived, rows["left"].survived) == (0, 4)
+    assert rows["gone"].above_floor.mean == -2.0
+
+
+def test_the_floor_is_the_highest_control_without_the_message_in_every_scene() -> None:
+    assert control_levels(FOUR) == {(f"s{i}", 0): CONTROLS["mean_colour"] for i in range(4)}
+    leaking = [
+        outcome("wrong_key", "s0", targets={"message": 25.0}),
+        outcome("other_scene", "s0", targets={"message": 11.0}),
+    ]
+    higher = [o for o in FOUR if (o.scene, o.variant) != ("s0", "other_scene")] + leaking
+    assert control_levels(higher) == control_levels(FOUR) | {("s0", 0): 11.0}
+
+
+def test_a_message_that_is_extracted_exactly_is_present_and_survives() -> None:
+    exact = [
+        replace(o, targets={**o.targets, "message": measured("message", math.inf)})
+        if (o.scene, o.variant) in {("s0", "unattacked"), ("s0", "left")}
+        else o
+        for o in FOUR
+    ]
+    rows = by_variant(exact)
+    assert (rows["left"].present, rows["left"].survived, rows["gone"].survived) == (4, 4, 0)
+    assert rows["left"].share_left.scenes == rows["left"].above_floor.scenes == 3
+
+
+def test_less_than_the_margin_above_the_controls_is_gone() -> None:
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
+    for margin, survived in ((MARGIN + 0.01, 1), (MARGIN - 0.01, 0)):
+        assert by_variant(benchmark({"a": {"x": (1.0, above - margin)}}))["x"].survived == survived
+
+
+def test_survival_in_some_scenes_is_undecided() -> None:
+    row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
+    assert (row.survived, row.above_floor.scenes, row.survives) == (1, 2, None)
+
+
+@pytest.mark.parametrize("from_clean", [0.0, 1.0])
+def test_retrieval_counts_only_where_a_clean_model_does_not_show_the_message(from_clean) -> None:
+    outcomes = benchmark({scene: {"x": (1.0, 25.0)} for scene in "ab"})
+    top1 = {("a", "clean"): from_clean}
+    judged = [
+        replace(o, retrieval={"message": Retrieval(top1.get((o.scene, o.variant), 1.0), 0.5, 0.5, 3, 20)})
+        if (o.scene, o.variant) in top1 or not o.is_control
+        else o
+        for o in outcomes
+    ]
+    row = by_variant(judged)["x"]
+    assert (row.present, row.survived, row.only_retrieved) == (2, 0, 1 if from_clean else 2)
+
+
+def test_the_share_left_is_that_of_scenes_with_the_message() -> None:
+    found = benchmark({scene: {"x": (1.0, 5.0)} for scene in "ab"} | {"c": {"x": (1.0, 30.0)}})
+    retrieved = {"a": 1.0, "b": 1.0, "c": 0.0}
+    seen = [
+        replace(o, retrieval={"message": Retrieval(retrieved[o.scene], 0.5, 0.5, 3, 20)}) if not o.is_control else o
+        for o in found
+    ]
+    all_scenes, present = by_variant(found)["x"], by_variant(seen)["x"]
+    assert (all_scenes.present, present.present) == (3, 2)
+    assert (all_scenes.share_left.scenes, present.share_left.scenes) == (3, 2)
+    assert present.share_left.mean == pytest.approx(1.5 * all_scenes.share_left.mean)
+
+
+def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
+    first = benchmark({"a": {"x": (1.0, above / 2)}})
+    weak = MARGIN / 2  # of the second seed, before and after
+    second = [
+        replace(o, seed=1, targets=o.targets | {"message": measured("message", CONTROLS["mean_colour"] + weak)})
+        if o.variant in ("unattacked", "x")
+        else replace(o, seed=1)
+        for o in first
+    ]
+    assert by_variant(first + second)["x"].share_left.mean == pytest.approx((above / 2 + weak) / (above + weak))
+
+
+def test_the_share_left_of_the_region_is_above_its_floor_there() -> None:
+    region = {"unattacked": 30.0, "x": 17.0, "clean": 4.0, "mean_colour": 10.0}
+    outcomes = [
+        replace(o, targets=o.targets | {"message": measured("message", o.level("message"), region[o.variant])})
+        for o in benchmark({"a": {"x": (1.0, 5.0)}})
+        if o.variant in region
+    ]
+    row = by_variant(outcomes)["x"]
+    assert row.region_left.mean == pytest.approx(7 / 20)
+    assert row.share_left.mean == pytest.approx(13 / 18)
+
+
+def test_a_message_below_a_flat_colour_is_lost_even_above_the_clean_model() -> None:
+    row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
+    assert (row.survives, row.above_floor.mean) == (False, -0.5)
+    assert (row.control, row.detectability.auc) == ("clean", 1.0)
+
+
+def test_the_wrong_key_does_not_raise_the_control_levels() -> None:
+    outcomes = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
+    row = by_variant([*outcomes, outcome("wrong_key", "a", targets={"message": 24.0})])["x"]
+    assert (row.survives, row.above_wrong_key.mean) == (True, -1.0)
+
+
+def test_a_message_that_was_not_embedded_cannot_survive() -> None:
+    outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
+    row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
+    assert (row.present, row.survived, row.above_floor.scenes, row.survives) == (1, 1, 1, True)
+    assert row.message_drop.scenes == row.scene_drop.scenes == row.share_left.scenes == 1
+
+
+def test_detectability_is_against_the_hardest_control_with_one_value_per_scene() -> None:
+    outcomes = [o for o in FOUR if o.variant != "clean"]
+    outcomes += [outcome("clean", f"s{i}", targets={"message": 20.0 + i}) for i in range(4)]
+    row = by_variant(outcomes)["left"]
+    assert row.control == "clean"
+    assert row.detectability == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
+
+
+def test_without_controls_nothing_is_said_of_survival() -> None:
+    rows = by_variant([o for o in FOUR if not o.is_control])
+    assert {(row.survives, row.above_floor, row.above_wrong_key, row.detectability) for row in rows.values()} == {
+        (None, None, None, None)
+    }
+    assert rows["left"].message_drop.mean == 5.0
+
+
+def test_seeds_are_averaged_within_scenes() -> None:
+    drops = {scene: {"x": (1.0, 12.0)} for scene in "ab"}
+    once, often = (by_variant(benchmark(drops, seeds))["x"] for seeds in (1, 3))
+    assert (often.survived, often.detectability.attacked, often.detectability.controls) == (2, 2, 2)
+    assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
+
+
+def test_the_verdict_covers_each_extraction() -> None:
+    reached = {"message": False, "message_oracle": True}
+    targets = {"scene": 30.0, "message": 28.0, "message_oracle": 20.0}
+    outcomes = [outcome("x", targets=targets, reached=reached), attacked("y", 1.0, 1.0)]
+    assert by_variant(outcomes)["x"].reached is False
+    assert by_variant(outcomes, "message_oracle")["x"].reached is True
+    assert by_variant(outcomes)["y"].reached is None
+
+
+def test_controls_models_without_message_and_failures_have_no_row() -> None:
+    assert "clean" not in by_variant(FOUR)
+    assert survival([outcome("gspure", targets={"scene": 30.0})]) == []
+    assert "x" not in by_variant([*FOUR, outcome("x", "s0", failure="out of memory")])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.dictionaries(st.sampled_from("abcd"), st.fixed_dictionaries({"x": DROPS, "y": DROPS}), min_size=1),
+    st.randoms(use_true_random=False),
+)
+def test_the_order_of_outcomes_does_not_matter(drops, random) -> None:
+    outcomes = benchmark(drops)
+    shuffled = random.sample(outcomes, len(outcomes))
+    assert by_variant(shuffled) == by_variant(outcomes)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(DROPS, min_size=1, max_size=4), st.floats(0, 5))
+def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -> None:
+    scenes = {f"s{i}": {"x": (a, b), "y": (a, b + more)} for i, (a, b) in enumerate(drops)}
+    rows = by_variant(benchmark(scenes))
+    assert rows["y"].survived <= rows["x"].survived
+    assert rows["y"].detectability.auc <= rows["x"].detectability.auc
+
+
+def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
+    outcomes = [*FOUR, *(outcome("odd", s, targets={"message": math.inf}, reached={"message": True}) for s in ("s0",))]
+    rows = survival([*outcomes, outcome("gspure", scheme="bare", targets={"message": 9.0})])
+    write_table(tmp_path / "survival.csv", Survival, rows)
+    read = read_table(tmp_path / "survival.csv", Survival)
+    assert [row.survives for row in read] == [row.survives for row in rows]
+    write_table(tmp_path / "again.csv", Survival, read)
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
+
+
+def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> None:
+    def lowered(before: float) -> list[float]:
+        return [before, -10 * math.log10(10 ** (-before / 10) + 3e-4)]
+
+    assert rms_ratio([lowered(27.8)], [lowered(33.5)]) == pytest.approx(1.0)
+    assert rms_ratio([lowered(27.8)] * 2, [lowered(33.5), lowered(20.0)]) == pytest.approx(1.0)
+    assert rms_ratio([lowered(27.8)] * 2, [lowered(33.5), [30.0, 30.0]]) == pytest.approx(math.sqrt(2))
+    assert rms_ratio([[20.0, 21.0]], [lowered(30.0)]) == 0.0
+    assert math.isnan(rms_ratio([lowered(30.0)], [[30.0, 30.0]]))
+
+
+def test_the_rms_ratio_of_a_variant_is_that_of_its_scenes_means_over_seeds() -> None:
+    rows = by_variant(benchmark({f"s{i}": {"x": (1.0 + i, 10.0)} for i in range(3)}, seeds=2))
+    message = [[BEFORE["message"], BEFORE["message"] - 10.05]] * 3
+    scene = [[BEFORE["scene"], BEFORE["scene"] - 1 - i] for i in range(3)]
+    assert rows["x"].rms_ratio == pytest.approx(rms_ratio(message, scene))
+    assert math.isnan(rows["unattacked"].rms_ratio)
+
+
+def test_the_share_left_is_of_the_part_above_the_floor_and_never_negative() -> None:
+    above = BEFORE["message"] - CONTROLS["mean_colour"]
+    rows = by_variant(benchmark({"a": {"half": (1.0, above / 2), "below": (1.0, above + 5)}}))
+    assert [rows[name].share_left.mean for name in ("unattacked", "half", "below")] == [1.0, 0.5, 0.0]
+    absent = outcome("unattacked", "a", targets={"message": CONTROLS["mean_colour"] + 0.5})
+    assert by_variant([absent, *benchmark({"a": {}})[1:]])["unattacked"].share_left is None
+
+
+NEAREST, UNRELATED = Retrieval(1.0, 1.0, 1.0, 4, 17), Retrieval(0.25, 0.5, 0.0, 4, 17)
+
+
+def test_too_few_views_decide_nothing() -> None:
+    alone = Retrieval(1.0, 1.0, 1.0, 1, 15)  # p = 1/15
+    assert not alone.succeeds
+    assert not alone.decides
+    assert Retrieval(0.0, 0.0, 0.0, 1, 20).decides
+    assert Retrieval(0.0, 0.0, 0.0, 2, 5).decides
+    for one_view in (alone, alone._replace(top1=0.0)):
+        outcomes = with_retrieval(FADED, unattacked=one_view)
+        assert not_embedded(outcomes) == []
+        assert {row.present for row in survival(outcomes)} == {1}
+
+
+def with_retrieval(outcomes, **of_variants: Retrieval):
+    return [
+        replace(o, retrieval={"message": of_variants[o.variant]}) if o.variant in of_variants else o for o in outcomes
+    ]
+
+
+FADED = benchmark({"a": {"gspure": (1.0, 20.0), "gof": (1.0, 21.0)}})
+
+
+def test_a_message_is_gone_only_if_psnr_and_retrieval_agree() -> None:
+    outcomes = with_retrieval(FADED, unattacked=NEAREST, gspure=NEAREST, gof=UNRELATED)
+    rows = {row.variant: row for row in survival(outcomes)}
+    assert (rows["gspure"].survived, rows["gspure"].only_retrieved, rows["gspure"].survives) == (0, 1, None)
+    assert (rows["gof"].survived, rows["gof"].only_retrieved, rows["gof"].survives) == (0, 0, False)
+    assert {row.variant: row.survives for row in survival(FADED)} == {"unattacked": True, "gspure": False, "gof": False}
+
+
+def test_a_message_that_is_not_retrieved_before_any_attack_is_not_embedded() -> None:
+    assert not_embedded(FADED) == not_embedded(with_retrieval(FADED, unattacked=NEAREST)) == []
+    outcomes = with_retrieval(FADED, unattacked=UNRELATED, gspure=UNRELATED, gof=UNRELATED)
+    assert not_embedded(outcomes) == [("sis", "a")]
+    assert {row.present for row in survival(outcomes)} == {0}
