@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gspure.schemes.secure_gs.anchors import Anchors, table_of
-from gspure.schemes.secure_gs.files import PRIVATE, PUBLIC
-from gspure.schemes.secure_gs.key import HiddenKey
-from gspure.schemes.secure_gs.networks import fresh
-from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
+from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, fresh
 
 
 def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:

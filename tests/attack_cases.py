@@ -6,8 +6,8 @@ from hypothesis import settings
 from gspure.attacks import Evidence
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
-from gspure.schemes.gs_hider.public_model import FeatureModel
-from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.schemes.gs_hider.model import FeatureModel
+from gspure.schemes.secure_gs.model import AnchorModel
 from tests.models import blobs
 
 

@@ -11,10 +11,9 @@ from gspure.attacks import Evidence, find_attack
 from gspure.attacks.strength import scene_damage
 from gspure.public_model import PublicModel
 from gspure.schemes.gs_hider.decoder import untrained
-from gspure.schemes.gs_hider.decoder_file import DecoderFile
-from gspure.schemes.gs_hider.field import Field
-from gspure.schemes.gs_hider.layout import FEATURES, SCENE_DECODER
-from gspure.schemes.gs_hider.public_model import FeatureModel
+from gspure.schemes.gs_hider.files import FEATURES, SCENE_DECODER, DecoderFile
+from gspure.schemes.gs_hider.model import FeatureModel
+from gspure.schemes.gs_hider.training import Field
 from gspure.training.initialization import gaussians_at
 from tests.anchor_cases import random_public
 from tests.attack_cases import changed

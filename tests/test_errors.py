@@ -23,7 +23,7 @@ from gspure.images import read_image
 from gspure.method.contributions import read_index
 from gspure.model import read_model
 from gspure.model.points import read_point_ply
-from gspure.schemes.gs_hider.decoder_file import DecoderFile
+from gspure.schemes.gs_hider.files import DecoderFile
 from gspure.schemes.tensors import read_tensors
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included

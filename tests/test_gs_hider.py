@@ -15,10 +15,9 @@ from gspure.public_model import PublicModel  # noqa: E402
 from gspure.renderer import Renderer  # noqa: E402
 from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import Decoder, differentiated, noise_gain, untrained  # noqa: E402
-from gspure.schemes.gs_hider.field import Field  # noqa: E402
-from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES  # noqa: E402
-from gspure.schemes.gs_hider.public_model import FeatureModel  # noqa: E402
-from gspure.schemes.gs_hider.training import Training  # noqa: E402
+from gspure.schemes.gs_hider.files import CHANNELS, FEATURES  # noqa: E402
+from gspure.schemes.gs_hider.model import FeatureModel  # noqa: E402
+from gspure.schemes.gs_hider.training import Field, Training  # noqa: E402
 from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import Run, hide  # noqa: E402

@@ -10,9 +10,8 @@ import pytest
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
-from gspure.schemes.gs_hider.decoder_file import LARGEST, DecoderFile
-from gspure.schemes.gs_hider.layout import COLUMNS, MESSAGE_DECODER, SCENE_DECODER, find_decoder
-from gspure.schemes.gs_hider.public_model import FeatureModel
+from gspure.schemes.gs_hider.files import COLUMNS, LARGEST, MESSAGE_DECODER, SCENE_DECODER, DecoderFile, find_decoder
+from gspure.schemes.gs_hider.model import FeatureModel
 from tests.models import without
 
 NAME = "chkpnt7_net.pth"
@@ -99,7 +98,7 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
     again = SCHEME.read_public(tmp_path / "public")
     np.testing.assert_array_equal(again.model.table, public.model.table)
     assert again.decoder.content == public.decoder.content
-    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, f"{NAME}.json", "point_cloud.ply"]
+    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
     written = DecoderFile.of(again.decoder.network, 7, SCENE_DECODER)
     assert written.source.name == NAME
     for name, tensor in torch.load(tmp_path / NAME, weights_only=True).items():
@@ -109,12 +108,12 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
 
 def test_a_key_is_written_and_read(torch, tmp_path):
     from gspure.schemes.gs_hider.decoder import untrained
-    from gspure.schemes.gs_hider.key import DecoderKey
+    from gspure.schemes.gs_hider.model import DecoderKey
 
     key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE_DECODER))
     key.write(tmp_path / "key")
     names = sorted(file.name for file in (tmp_path / "key").iterdir())
-    assert names == ["chkpnt3000_waternet.pth", "chkpnt3000_waternet.pth.json"]
+    assert names == ["chkpnt3000_waternet.pth"]
     assert SCHEME.read_key(tmp_path / "key").decoder.content == key.decoder.content
     wrong = key.wrong(np.random.default_rng(0)).decoder.network
     assert not torch.equal(wrong.conv1.weight, key.decoder.network.conv1.weight)

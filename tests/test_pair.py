@@ -11,7 +11,6 @@ import pytest
 from gspure.cameras import orbit_cameras, read_cameras
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.comparison import pair_images
 from gspure.images import read_image, write_image
 from gspure.model import read_model, write_model
 from gspure.model.points import read_point_ply
@@ -224,7 +223,6 @@ def test_an_invalid_pair_is_refused_in_one_line(arguments, line, tmp_path, capsy
 
 
 def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder, tmp_path):
-    import shutil
 
     folder = shutil.copytree(pair_folder, tmp_path / "pair", ignore=shutil.ignore_patterns("rendered.json"))
     image = read_image(folder / "message" / "view_001.png")
@@ -232,30 +230,3 @@ def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder
     pair = read_pair(folder)
     assert pair.message.images[0].shape == (36, 48, 3)
     assert np.abs(pair.message.images[0] - read_pair(pair_folder).message.images[0]).mean() < 0.01
-
-
-@pytest.mark.parametrize("kind", ["scene", "message"])
-def test_photographs_of_another_pair_are_refused(pair_folder, tmp_path, kind):
-    other, size = tmp_path / "other", ("--views", "12", "--width", "48", "--height", "36")
-    assert main(["pair", "interior-1", "interior-2", *size, "--out", str(other)]) == 0
-    folder = shutil.copytree(pair_folder, tmp_path / "pair")
-    for path in [*(other / kind).glob("*.png"), other / kind / "rendered.json"]:
-        shutil.copy(path, folder / kind)
-    with pytest.raises(InputError, match=r"cameras\.json: photographs: expected .*, as in .*rendered\.json, found"):
-        read_pair(folder)
-    (folder / kind / "rendered.json").unlink()
-    read_pair(folder)
-
-
-def test_photographs_are_compared_with_renders_by_the_same_cameras_only(pair_folder, own_pair_folder):
-    assert len(pair_images(pair_folder / "message", pair_folder / "scene")[0]) == 12
-    with pytest.raises(InputError, match=r"view_000: expected the camera of .*, found another of this name"):
-        pair_images(pair_folder / "message", own_pair_folder / "message")
-
-
-def test_scene_and_message_of_two_pairs_are_refused(pair_folder, own_pair_folder, tmp_path):
-    shutil.copytree(pair_folder, tmp_path / "pair")
-    shutil.rmtree(tmp_path / "pair" / "message")
-    shutil.copytree(own_pair_folder / "message", tmp_path / "pair" / "message")
-    with pytest.raises(InputError, match=r"message/cameras\.json: \w+: expected .* \(of another pair\)"):
-        read_pair(tmp_path / "pair")

@@ -8,10 +8,8 @@ from gspure.method.weights import accumulate
 from gspure.model import Gaussians
 from gspure.public_model import merge_by_row
 from gspure.renderer import Renderer
-from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, table_of
-from gspure.schemes.secure_gs.neural import neural
-from gspure.schemes.secure_gs.public_model import AnchorModel
-from gspure.schemes.secure_gs.visibility import visible_rows
+from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, neural, table_of, visible_rows
+from gspure.schemes.secure_gs.model import AnchorModel
 from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project

@@ -11,8 +11,8 @@ from gspure.artifacts.checksums import forget
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY
-from gspure.schemes.secure_gs.files import UNITED
-from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.schemes.secure_gs.model import AnchorModel
+from gspure.schemes.secure_gs.networks import UNITED
 from gspure.schemes.tensors import read_tensors, write_tensors
 from tests.anchor_cases import random_public
 from tests.models import camera

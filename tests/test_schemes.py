@@ -2,7 +2,6 @@
 
 import importlib.util
 import re
-import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +10,7 @@ import pytest
 from numpy.lib.recfunctions import repack_fields
 
 from gspure import plugins
-from gspure.artifacts import facts_of, load_array, read_json, record_of, save_array, save_arrays, write_record
+from gspure.artifacts import read_json, record_of, save_array, save_arrays
 from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
@@ -26,10 +25,7 @@ from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import (
     find_scheme,
-    geometry_of,
-    read_of,
     read_public_model,
-    require_own_files,
     schemes,
 )
 from gspure.schemes.scheme import Key, Scheme, hide, wrong_key
@@ -374,26 +370,6 @@ def test_a_wrong_key_is_not_the_key_of_the_same_seed():
         wrong_key(ShuffledKey(order, draws=False), 0)
 
 
-def test_public_files_beside_another_model_are_refused(tmp_path, monkeypatch):
-    scheme = Scheme("beside", lambda: None, PublicModel.read, lambda _: None, {}, beside=("hidden*",))
-    monkeypatch.setattr("gspure.cli.attack.find_scheme", lambda _: scheme)
-    for name in ("a", "b"):
-        write_model(tmp_path / name / "model.ply", blobs(3))
-        (tmp_path / name / "hidden.txt").write_text(name)
-        for file in ("model.ply", "hidden.txt"):
-            write_record(tmp_path / name / file, inputs={}, settings={}, embedding=name)
-    read_of(scheme, tmp_path / "a" / "model.ply")
-    command = ["attack", "reorder", "--scheme", "beside", "--model", str(tmp_path / "a" / "model.ply")]
-    with pytest.raises(InputError, match=r"b.hidden\.txt: embedding: expected a, as .*, found b"):
-        require_own_files(scheme, tmp_path / "b", tmp_path / "a" / "model.ply")
-    assert main([*command, "--out", str(tmp_path / "b" / "other.ply")]) == 2
-    shutil.copy(tmp_path / "b" / "hidden.txt", tmp_path / "a")
-    read_of(scheme, tmp_path / "a" / "model.ply")  # a file without the record of another embedding passes
-    shutil.copy(tmp_path / "b" / "hidden.txt.json", tmp_path / "a")
-    with pytest.raises(InputError, match="expected a, as"):
-        read_of(scheme, tmp_path / "a" / "model.ply")
-
-
 def test_an_unknown_scheme_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match=f"expected one of {', '.join(schemes())}, found 'sis'"):
         find_scheme("sis")
@@ -423,54 +399,6 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
     expected = "expected one of message, message_adaptive, message_oracle, found 'guess'"
     assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err
-
-
-def test_the_command_writes_the_weight_of_the_message_and_the_share_that_lies_low(
-    pictured, pair_folder, tmp_path, capsys
-):
-    if pictured.scheme.name not in schemes():
-        pytest.skip("no entry point offers the example of the guide here")
-    pictured.public.write(tmp_path / "point_cloud.ply")
-    pictured.key.write(tmp_path / "key")
-    weights = np.arange(len(pictured.public.model), dtype=np.float32)
-    save_array(tmp_path / "weights.npy", weights)
-    inputs = {"model": "point_cloud.ply", "key": "key", "weights": "weights.npy"}
-    files = {**inputs, "out": "share.json", "hidden": "hidden.npy"}
-    options = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
-    options += ["--scheme", pictured.scheme.name, "--cameras", str(pair_folder / "cameras.json")]
-    write_record(tmp_path / "weights.npy", inputs={}, settings={"reduction": "max"})
-    assert main(["hidden", *options]) == 2
-    assert "weights.npy: reduction: expected sum" in capsys.readouterr().err
-    assert main(["hidden", *options, "--reduction", "max"]) == 0
-    hidden = load_array(tmp_path / "hidden.npy", dtype=np.float32, shape=weights.shape)
-    extraction = list(pictured.scheme.extractions)[-1]
-    views = pictured.pair.scene.views
-    expected = hidden_weights(pictured.public, pictured.key, extraction, views, "ray", reduction="max")
-    assert hidden.tobytes() == expected.tobytes()
-    assert read_json(tmp_path / "share.json") == {
-        "hidden_low_share": share_on_low(weights, hidden, pictured.scheme.tau_n)
-    }
-
-
-def test_rows_that_are_not_finite_have_no_hidden_weight_and_its_record_names_the_stored_model(
-    pictured, pair_folder, tmp_path
-):
-    if pictured.scheme.name not in schemes() or isinstance(pictured.public, secure_gs.AnchorModel):
-        pytest.skip("no entry point offers the example of the guide here, or the model is refused")
-    rows, hidden = pictured.public.model, {}
-    pictured.key.write(tmp_path / "key")
-    damaged = rows.with_columns({"scale_0": np.where(np.arange(len(rows)) == 5, np.nan, rows.table["scale_0"])})
-    for name, model in {"damaged": damaged, "shorter": rows[np.arange(len(rows)) != 5]}.items():
-        (file,) = pictured.public.with_model(model).write(tmp_path / name / "point_cloud.ply")[:1]
-        save_array(weights := tmp_path / name / "weights.npy", np.ones(len(model), np.float32))
-        files = {"model": file, "weights": weights, "out": tmp_path / "share.json", "hidden": tmp_path / f"{name}.npy"}
-        options = {**files, "key": tmp_path / "key", "cameras": pair_folder / "cameras.json"}
-        words = [word for option, path in options.items() for word in (f"--{option}", str(path))]
-        assert main(["hidden", *words, "--scheme", pictured.scheme.name]) == 0
-        hidden[name] = load_array(files["hidden"], dtype=np.float32, shape=(len(model),))
-        assert facts_of(files["hidden"])["model"] == geometry_of(file)
-    assert hidden["damaged"][5] == 0
-    assert np.array_equal(np.delete(hidden["damaged"], 5), hidden["shorter"])
 
 
 @pytest.mark.parametrize("column", ["x", "scale_0"])
@@ -554,7 +482,6 @@ def test_networks_that_overflow_are_refused_in_one_line_that_names_their_file(
         pytest.skip("no networks")
     for file in networks:
         with_enormous_weights(file)
-        file.with_name(f"{file.name}.json").unlink(missing_ok=True)
     capsys.readouterr()
     assert main([*map(str, command)]) == 2
     *others, last = capsys.readouterr().err.splitlines()

@@ -13,22 +13,22 @@ from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import REQUIRED, hide
-from gspure.schemes.secure_gs import SCHEME
+from gspure.schemes.secure_gs import SCHEME, first_anchors
 from gspure.schemes.secure_gs.anchors import Anchors
-from gspure.schemes.secure_gs.embedding import first_anchors
-from gspure.schemes.secure_gs.files import HIDDEN
 from gspure.schemes.secure_gs.growing import (
     CELLS,
     GRADIENT_THRESHOLD,
     NEIGHBOURS,
+    AnchorSchedule,
     Candidates,
+    Statistics,
     grown,
     hidden_box,
     inside,
+    screen_norms,
 )
-from gspure.schemes.secure_gs.key import HiddenKey
-from gspure.schemes.secure_gs.schedule import AnchorSchedule
-from gspure.schemes.secure_gs.statistics import Statistics, screen_norms
+from gspure.schemes.secure_gs.model import HiddenKey
+from gspure.schemes.secure_gs.networks import HIDDEN
 from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera, without
 

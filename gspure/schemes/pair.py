@@ -3,7 +3,6 @@
 ::
 
     <pair>/cameras.json             the scene's views; each names its photograph scene/<view>.png
-    <pair>/cameras.json.json        their record: what a ray-traced pair shows
     <pair>/points3D.ply             points on the scene's surfaces
     <pair>/scene/<view>.png
     <pair>/message/cameras.json     the message's views: those of the scene, or poses of their own
@@ -21,9 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import RENDERED, known_digest, recorded_inputs, require_agreement, settings_of
 from gspure.cameras import Camera
-from gspure.cameras.photographs import photograph
 from gspure.evaluation.metrics import psnr
 from gspure.files import Float32, Float64, UInt8
 from gspure.model import Gaussians
@@ -57,11 +54,8 @@ class Capture:
 
     @staticmethod
     def read(folder: Path) -> Capture:
-        """Read cameras, points and photographs of a folder, or raise `InputError` if the cameras are of others."""
+        """Read cameras, points and photographs of a folder."""
         dataset = read_dataset(folder, "native")
-        if (record := photograph(dataset.train[0]).parent / RENDERED).is_file():
-            cameras = folder / "cameras.json"
-            require_agreement(record, cameras, {"photographs": known_digest(record)}, recorded_inputs(cameras))
         probes = dataset.test[:PROBES] or dataset.train[:PROBES]
         images = read_photographs(dataset.train)
         return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
@@ -138,9 +132,7 @@ class Pair:
 
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:
-    """Read a pair, or raise `InputError` if a file is missing or unreadable, or scene and message are of two pairs."""
-    first, second = (path / "cameras.json" for path in (Path(folder), message_folder(folder)))
-    require_agreement(first, second, settings_of(first), settings_of(second), "of another pair")
+    """Read a pair, or raise `InputError` if a file is missing or unreadable."""
     scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
     return Pair(scene, message, initialization)
 

@@ -1,12 +1,9 @@
 """All schemes by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.schemes``)."""
 
-from collections.abc import Collection
-from itertools import chain
 from pathlib import Path
 
-from gspure.artifacts import embedding_of
 from gspure.errors import InputError
-from gspure.model import Gaussians, model_file, read_model
+from gspure.model import Gaussians, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import listed
 from gspure.plugins import registered
@@ -63,26 +60,7 @@ def geometry_of(path: Path) -> str:
 
 def _read(path: Path, scheme: str | None = None) -> PublicModel:
     known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
-    return read_of(known, path) if known else PublicModel(model)
-
-
-def read_of(scheme: Scheme, path: Path) -> PublicModel:
-    """Read a public model of a scheme; refuse public files beside it that are of another model, by records."""
-    require_own_files(scheme, model_file(path).parent, model_file(path))
-    return scheme.read_public(path)
-
-
-def require_own_files(scheme: Scheme, folder: Path, model: Path, replaced: Collection[str] = ()) -> None:
-    """Raise `InputError` if the folder holds public files beside a .ply of another embedding than `model`.
-
-    Files with one of the names `replaced` may be of any embedding.
-    """
-    embedding = embedding_of(model)
-    for file in sorted(chain.from_iterable(map(folder.glob, scheme.beside))):
-        found = embedding_of(file)
-        if embedding and found and found != embedding and file.name not in replaced:
-            expected, hint = f"{embedding}, as {model}", "it belongs to another model; use one folder for each model"
-            raise InputError(file, "embedding", expected=expected, found=found, hint=hint)
+    return known.read_public(path) if known else PublicModel(model)
 
 
 def recognized(model: Gaussians) -> Scheme | None:

@@ -99,8 +99,8 @@ class Scheme:
     read_key : callable
         ``read_key(folder) -> Key``, the inverse of `Key.write`.
     extractions : mapping of str to sequence of str
-        The extractions, each with its *carrier*: the columns of the public file that it reads, as names or patterns
-        such as ``f_rest_*``. The first is ``message``; the names of all others begin with it.
+        The extractions, each with the columns of the public file that it reads, as names or patterns such as
+        ``f_rest_*``. The first is ``message``; the names of all others begin with it.
     tau_c, tau_n : float
         Cluster and noise pruning factors that suit the scheme.
     signature : tuple of str

@@ -19,9 +19,8 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import replacing
 from gspure.errors import InputError, reading
-from gspure.files import Float32
+from gspure.files import Float32, replacing
 
 Tensor = NDArray[Any]
 
@@ -69,7 +68,7 @@ def write_tensors(path: Path, networks: Mapping[str, Mapping[str, Float32]]) -> 
     records = [array for state in networks.values() for array in state.values()]
     parts = {"data.pkl": _pickled(networks), "byteorder": b"little", "version": b"3\n"}
     parts |= {f"data/{key}": np.ascontiguousarray(array, "<f4").tobytes() for key, array in enumerate(records)}
-    with replacing(path, checksum=True) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
+    with replacing(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for name, content in parts.items():
             archive.writestr(zipfile.ZipInfo(f"{Path(path).stem}/{name}"), content)
 

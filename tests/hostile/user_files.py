@@ -29,15 +29,14 @@ from gspure.images import (
 from gspure.model import Gaussians, read_model, require_finite, write_model
 from gspure.model.inria import saved_iterations, training_arguments
 from gspure.model.points import read_point_ply, write_point_ply
-from gspure.schemes.gs_hider.decoder_file import DecoderFile
-from gspure.schemes.gs_hider.layout import COLUMNS as FEATURE_COLUMNS
-from gspure.schemes.gs_hider.public_model import FeatureModel
+from gspure.schemes.gs_hider.files import COLUMNS as FEATURE_COLUMNS
+from gspure.schemes.gs_hider.files import DecoderFile
+from gspure.schemes.gs_hider.model import FeatureModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import fresh
 from gspure.schemes.keyss.network import random_key as random_vector
-from gspure.schemes.secure_gs.files import PUBLIC
-from gspure.schemes.secure_gs.key import HiddenKey
-from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
+from gspure.schemes.secure_gs.networks import PUBLIC
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint

@@ -11,7 +11,7 @@ from gspure.files import Float32
 from gspure.model.finite import require_computed
 from gspure.opencl.losses import Photographs
 from gspure.public_model import RenderView
-from gspure.schemes.gs_hider.layout import CHANNELS
+from gspure.schemes.gs_hider.files import CHANNELS
 from gspure.training.pytorch import torch
 
 WIDTH: Final = 64

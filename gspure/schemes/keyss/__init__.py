@@ -1,18 +1,71 @@
-"""KeySS (Ren et al. 2025): with a key, a network turns the Gaussians of a vanilla model into those of the message."""
+"""KeySS (Ren et al. 2025): with a key, a network turns the Gaussians of a vanilla model into those of the message.
 
+Gaussians and network learn together. From the paper: the network, the weights of the losses (0.5 scene, 0.5 message,
+0.01 wrong key) and AdamW. Ours: a wrong key should add nothing to the public rows; the message does not train public
+opacities; the network's learning rate; training starts from points, with the densification of 3DGS, not from a trained
+model of the scene.
+"""
+
+from typing import Annotated
+
+from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
-from gspure.schemes.keyss.embedding import embed
 from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
+from gspure.schemes.keyss.network import RATE, parameters_of
+from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme, initial_gaussians
+from gspure.settings import Amount, MaxGaussians, Range, Steps
+from gspure.training.output import as_gaussians
+from gspure.training.trainer import watched
 
-CARRIER = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: Steps = 3000,
+    message_weight: Amount = 1.0,
+    network_rate: Annotated[float, Range(1e-9, 1.0)] = RATE,
+    max_gaussians: MaxGaussians = 30_000,
+) -> tuple[PublicModel, NetworkKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
+    learning rate, `max_gaussians` the limit of densification.
+
+    Raise `InputError` if PyTorch is missing.
+    """
+    begin = initial_gaussians(pair, max_gaussians, seed)
+    from gspure.schemes.keyss.training import Training
+    from gspure.training.pytorch import single_threaded
+
+    device = device or choose_device()
+    run = Training(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, network_rate)
+
+    def outcome() -> tuple[PublicModel, NetworkKey | None]:
+        public = PublicModel(as_gaussians(parameters_of(run.rows)))
+        return public, NetworkKey(run.key, run.learner.network()) if message_weight else None
+
+    def state() -> str:
+        public, key = outcome()
+        views = [public.scene(device)] + ([key.message(public, MESSAGE, device)] if key else [])
+        return f"{pair.quality(*views)}  {len(public.model)} Gaussians"
+
+    with single_threaded():
+        for _ in watched(run, iterations, state):
+            pass
+    return outcome()
+
+
+READS = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
 
 SCHEME = Scheme(
     "keyss",
     embed,
     PublicModel.read,
     NetworkKey.read,
-    {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
+    {MESSAGE: READS, ADAPTIVE: READS},
     packages=PYTORCH,
     fits=True,
 )

@@ -13,12 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import load_arrays, save_arrays
-from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
-from gspure.files import Float32
+from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device

@@ -13,7 +13,7 @@ from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.schemes.keyss.network import Network, added, fresh, parameters_of, random_key, rows_of
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.statistics import screen_norms
+from gspure.schemes.secure_gs.growing import screen_norms
 from gspure.training.adam import adam_step
 from gspure.training.pytorch import torch
 from gspure.training.schedule import Schedule

@@ -1,16 +1,121 @@
-"""SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians."""
+"""SecureGS (Zhang et al. 2025) on Scaffold-GS: public anchors, from which private networks compute other Gaussians.
 
+Anchors, public and private networks learn together. The paper leaves some choices open. Ours: the loss is L(scene) +
+message_weight L(message), each with Scaffold-GS's volume term; anchors grow by the gradients of both branches and are
+pruned if neither uses them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING, Annotated, Final
+
+import numpy as np
 
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Scheme
-from gspure.schemes.secure_gs.embedding import embed
-from gspure.schemes.secure_gs.files import UNITED
-from gspure.schemes.secure_gs.key import HiddenKey
-from gspure.schemes.secure_gs.public_model import AnchorModel
+from gspure.files import Float64
+from gspure.opencl.device import Device, choose_device
+from gspure.progress import percent, say
+from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
+from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
+from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
+from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, UNITED, fresh
+from gspure.settings import Amount, Range, Steps
+from gspure.training.initialization import LEAST_POINTS, gaussians_at
+from gspure.training.trainer import watched
 
-CARRIER = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
+if TYPE_CHECKING:
+    from gspure.schemes.secure_gs.training import Training
+
+FEAT_DIM: Final = 32  # length of a feature (Scaffold-GS)
+K: Final = 10  # Gaussians per anchor (Scaffold-GS)
+FIRST_SHARE: Final = 0.5  # largest number of initial anchors, as a share of `max_anchors`; ours
+
+LEAST_ANCHORS: Final = math.ceil(LEAST_POINTS / FIRST_SHARE)
+
+VOXEL_GROWTH: Final = 1.1  # factor by which voxels grow until few enough are occupied; ours
+
+
+def embed(
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: Steps = 2000,
+    message_weight: Amount = 0.5,
+    max_anchors: Annotated[int, Range(LEAST_ANCHORS, 10_000_000)] = 4000,
+    density: Annotated[float, Range(1.0, 1e6)] = 2.0,
+    hardened: Amount = 0.0,
+) -> tuple[AnchorModel, HiddenKey | None]:
+    """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
+
+    `message_weight` is the share of the message's loss; that of the scene is 1. `density` is r_down of the region-aware
+    density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off. `hardened` trains the message also
+    without the anchors that ``plain_weight`` removes with this tau, 0 as in the paper.
+
+    Raise `InputError` if a setting is out of range, or PyTorch is missing.
+    """
+    from gspure.schemes.secure_gs.training import Training
+    from gspure.training.pytorch import single_threaded
+
+    device = device or choose_device()
+    rng = np.random.default_rng(seed)
+    anchors, voxel = first_anchors([xyz for xyz, _ in pair.clouds], int(FIRST_SHARE * max_anchors))
+    branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
+    settings = Run(pair, iterations, message_weight, max_anchors, seed, device, hardened)
+    run = Training(settings, anchors, voxel, branches[: 1 + bool(message_weight)], density)
+    with single_threaded():
+        for _ in watched(run, iterations, lambda: _state(run, device)):
+            pass
+    if message_weight and density > 1:
+        say(f"RDO: up to {percent(run.boxed, 0)} of the scene's Gaussians lay in the box of the hidden region")
+    return _outcome(run)
+
+
+def first_anchors(clouds: Sequence[Float64], at_most: int) -> tuple[Anchors, float]:
+    """Return an anchor in each voxel with a point, and the least side of the voxels, for points [P,3] of each capture.
+
+    Each capture has its own voxels and an equal share of at most `at_most` anchors: in the voxels of a wide scene, a
+    small object would have a handful. The side is the median distance of the capture's points to the nearest
+    neighbour, or larger for fewer anchors. (Scaffold-GS has a fixed side per data set.)
+    """
+    cells, sides = zip(*(_voxels(xyz, at_most // len(clouds)) for xyz in clouds), strict=True)
+    positions = np.concatenate([side * cell for cell, side in zip(cells, sides, strict=True)])
+    scales = gaussians_at(positions, np.zeros(positions.shape, np.uint8)).log_scales
+    anchors = Anchors(
+        positions=positions.astype(np.float32),
+        offsets=np.zeros((len(positions), K, 3), np.float32),
+        features=np.zeros((len(positions), FEAT_DIM), np.float32),
+        log_scalings=np.repeat(scales[:, :1], SCALINGS, axis=1),
+    )
+    return anchors, min(sides)
+
+
+def _voxels(xyz: Float64, at_most: int) -> tuple[Float64, float]:
+    """Return the occupied voxels [C <= at_most, 3] of points [P,3], in units of their side, and the side."""
+    from scipy.spatial import KDTree
+
+    side = max(float(np.median(KDTree(xyz).query(xyz, k=2)[0][:, 1])), float(np.finfo(np.float32).tiny))
+    while len(cells := np.unique(np.rint(xyz / side), axis=0)) > at_most:
+        side *= VOXEL_GROWTH
+    return cells, side
+
+
+def _outcome(run: Training) -> tuple[AnchorModel, HiddenKey | None]:
+    return run.public(), HiddenKey(run.learner.networks(1)) if run.hides else None
+
+
+def _state(run: Training, device: Device) -> str:
+    public, key = _outcome(run)
+    views = [public.scene(device)] + ([key.message(public, "message", device)] if key else [])
+    return f"{run.pair.quality(*views)}  {len(public.model)} anchors"
+
+
+READS = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
 """Without the offsets, which only the scene uses, and the opacities and rotations, which are unused constants."""
 
 SCHEME = Scheme(
@@ -18,7 +123,7 @@ SCHEME = Scheme(
     embed,
     AnchorModel.read,
     HiddenKey.read,
-    {MESSAGE: CARRIER, ADAPTIVE: CARRIER},
+    {MESSAGE: READS, ADAPTIVE: READS},
     tau_c=ANCHOR_TAU_C,
     tau_n=ANCHOR_TAU_N,
     signature=("f_anchor_feat_0", "f_offset_0"),

@@ -1,4 +1,8 @@
-"""Anchors, the rows of a Scaffold-GS file."""
+"""Anchors, the rows of a Scaffold-GS file, and the Gaussians that networks compute from the visible ones for a camera.
+
+The formulas (Scaffold-GS, ``generate_neural_gaussians``) serve rendering and measuring with numpy and training with
+torch (`xp` is the library). In a hidden branch, a network computes the offsets too (SecureGS, Eq. 4).
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gspure.cameras.camera import Camera
+from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, SH_DC, TILE
 from gspure.errors import InputError
+from gspure.files import Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
+from gspure.model.rotations import rotation_matrices
+from gspure.public_model import Rows
+from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
 
 STORED_OPACITY: Final = np.float32(-2.1972246)  # logit(0.1): Scaffold-GS does not train the opacities that it stores
 
@@ -98,3 +109,115 @@ def require_anchors(source: Path, table: Gaussians) -> None:
     for name, rows in non_finite_rows(table, geometry).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
         raise InputError(source, name, expected="finite numbers", found=found)
+
+
+LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Neural:
+    """The k Gaussians of each of V anchors for one camera; A of them are active, and activated."""
+
+    outputs: Any  # [V,k] of the opacity network, -1 to 1; Gaussians with a positive one are active
+    active: Any  # [A], indices into the V k Gaussians, anchor by anchor
+    means: Any  # [A,3]
+    quats: Any  # [A,4]
+    scales: Any  # [A,3]
+    opacities: Any  # [A]
+    colors: Any  # [A,3]
+
+
+def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural:
+    """Return the Gaussians of `anchors` [V] for a camera at `centre` [3]."""
+    away = anchors.positions - centre
+    distances = xp.sqrt((away * away).sum(axis=1))[:, None]
+    views = away / distances
+    features = anchors.features
+    if "feature_bank" in networks:
+        features = _blended(xp, networks["feature_bank"], features, xp.concatenate([views, distances], axis=1))
+    near = xp.concatenate([features, views], axis=1)
+    far = xp.concatenate([near, distances], axis=1)
+
+    def outputs(name: str) -> Any:
+        network = networks[name]
+        return perceptron(xp, network, far if takes_distance(network, anchors.feat_dim) else near)
+
+    opacities = xp.tanh(outputs("opacity"))
+    count = opacities.shape[0] * anchors.k
+    active = xp.argwhere(~(opacities.reshape(count) <= 0))[:, 0]  # with not-a-number, so that it is noticed
+    owners = active // anchors.k
+    offsets = outputs("offset").reshape(count, 3) if "offset" in networks else anchors.offsets.reshape(count, 3)
+    scalings = rows_of(xp.exp(anchors.log_scalings), owners)
+    shapes = rows_of(outputs("cov").reshape(count, 7), active)
+    quats = shapes[:, 3:]
+    return Neural(
+        outputs=opacities,
+        active=active,
+        means=rows_of(anchors.positions, owners) + rows_of(offsets, active) * scalings[:, :3],
+        quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
+        scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
+        opacities=rows_of(opacities.reshape(count), active),
+        colors=_sigmoid(xp, rows_of(outputs("color").reshape(count, 3), active)),
+    )
+
+
+def as_gaussians(gaussians: Neural, rows: Rows, k: int) -> tuple[Gaussians, Rows]:
+    """Return the active Gaussians, with colours of degree 0, and the anchor of each; `rows` [V] are the anchors'."""
+    tiny = np.finfo(np.float32).tiny
+    table = Gaussians.from_parameters(
+        means=gaussians.means,
+        quats=gaussians.quats,
+        scales=np.maximum(gaussians.scales, tiny),
+        opacities=np.clip(gaussians.opacities, tiny, LARGEST_OPACITY),
+        sh_coeffs=((gaussians.colors - 0.5) / SH_DC)[:, None, :],
+    )
+    return table, rows[gaussians.active // k]
+
+
+def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
+    """Blend features at three resolutions, every fourth, second and single number, with weights by view."""
+    logits = perceptron(xp, bank, views)
+    weights = xp.exp(logits - xp.amax(logits, axis=1, keepdims=True))
+    weights = weights / weights.sum(axis=1)[:, None]
+    coarse, middle = xp.tile(features[:, ::4], (1, 4)), xp.tile(features[:, ::2], (1, 2))
+    return coarse * weights[:, 0:1] + middle * weights[:, 1:2] + features * weights[:, 2:3]
+
+
+def _sigmoid(xp: Any, x: Any) -> Any:
+    return (xp.tanh(x / 2) + 1) / 2  # neither overflows nor has a gradient of not-a-number
+
+
+@np.errstate(invalid="ignore")
+def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scales: NDArray[Any]) -> Indices:
+    """Return the rows of the Gaussians [M] whose three-sigma square on the screen overlaps a tile of the image.
+
+    (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.) Rows with a zero quaternion or an infinite
+    scale have none.
+    """
+    rotation = camera.viewmat[:3, :3]
+    centres = means @ rotation.T + camera.viewmat[:3, 3]
+    rows = np.flatnonzero(centres[:, 2] > NEAR_PLANE)
+    centres = centres[rows]
+    axes = rotation @ rotation_matrices(quats[rows]) * np.asarray(scales, np.float64)[rows, None, :]
+    centres2d, radii = _bounds(camera, centres, axes)
+    size = np.array([camera.width, camera.height])
+    tiles = -(-size // TILE)
+    first = np.clip(np.trunc((centres2d - radii) / TILE), 0, tiles)
+    last = np.clip(np.trunc((centres2d + radii + TILE - 1) / TILE), 0, tiles)
+    return rows[(last > first).all(axis=1)]
+
+
+def _bounds(camera: Camera, centres: Float64, axes: Float64) -> tuple[Float64, Float64]:
+    """Return the centres [V,2] on the screen and the radii [V,1] of Gaussians with principal `axes` [V,3,3]."""
+    focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
+    size = np.array([camera.width, camera.height])
+    slopes = centres[:, :2] / centres[:, 2:]
+    margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
+    clipped = np.clip(slopes, -principal / focal - margin, (size - principal) / focal + margin)
+    # J A: the axes on the screen, J = f / z (I | -slope) of the perspective projection
+    spread = (axes[:, :2] - clipped[:, :, None] * axes[:, 2:]) * (focal / centres[:, 2:])[:, :, None]
+    a, b = np.square(spread).sum(axis=2).T + EWA_DILATION
+    middle, determinant = (a + b) / 2, a * b - (spread[:, 0] * spread[:, 1]).sum(axis=1) ** 2
+    largest = middle + np.sqrt(np.maximum(0.1, middle**2 - determinant))
+    # the rasterizer samples at integer coordinates
+    return slopes * focal + principal - 0.5, np.ceil(3 * np.sqrt(largest))[:, None]

@@ -1,4 +1,4 @@
-"""Anchor growing: new anchors in empty voxels around Gaussians with large gradients (Scaffold-GS, section 3.3).
+"""When anchors learn, and where they grow and are pruned (Scaffold-GS, section 3.3).
 
 With region-aware density optimization (RDO, SecureGS), the scene's anchors grow denser around the hidden object.
 DBSCAN finds the region where the hidden branch has large gradients. Inside its bounding box, the scene's threshold for
@@ -6,19 +6,125 @@ growing is divided by r_down, so that the density of anchors does not reveal the
 the parameters of the clustering; ours.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Bools, Float32
-from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
+from gspure.cameras.camera import Camera
+from gspure.files import Bools, Float32, Indices
+from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, Neural
+from gspure.training.schedule import ITERATIONS, LEAST_EVERY
+
+OFFSETS_RATES: Final = (1e-2, 1e-4)  # first and last one, as a share of the scene's extent; log-linear between them
+
+FEATURES_RATE: Final = 7.5e-3
+SCALINGS_RATE: Final = 7e-3
+
+NETWORK_RATES: Final = {"opacity": (2e-3, 2e-5), "cov": (4e-3, 4e-3), "color": (8e-3, 5e-5), "offset": (4e-3, 4e-5)}
+"""First and last. The rate of SecureGS's offset network is ours: that of ``cov``, with the decay of offsets."""
+
+COUNT_FROM: Final = 500
+ADJUST_FROM: Final = 1_500
+ADJUST_UNTIL: Final = 15_000
+ADJUST_EVERY: Final = 100
+
+
+@dataclass(frozen=True)
+class AnchorSchedule:
+    """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
+
+    Statistics are collected after `count_from`, up to `adjust_until`. Anchors grow and are pruned at the multiples of
+    `adjust_every` strictly between `adjust_from` and `adjust_until`.
+    """
+
+    iterations: int
+    count_from: int
+    adjust_from: int
+    adjust_until: int
+    adjust_every: int
+
+    @classmethod
+    def scaled(cls, iterations: int) -> AnchorSchedule:
+        """Return Scaffold-GS's schedule for a run of this length."""
+        count_from, adjust_from, adjust_until, every = (
+            round(of * iterations / ITERATIONS) for of in (COUNT_FROM, ADJUST_FROM, ADJUST_UNTIL, ADJUST_EVERY)
+        )
+        return cls(iterations, count_from, adjust_from, adjust_until, max(every, LEAST_EVERY))
+
+    def rates(self, iteration: int, extent: float) -> dict[str, float]:
+        """Return the learning rates of one iteration by parameter; `extent` is the scene's, in world units."""
+        share = iteration / self.iterations
+        rates = {name: first * (last / first) ** share for name, (first, last) in NETWORK_RATES.items()}
+        first, last = OFFSETS_RATES
+        offsets = extent * first * (last / first) ** share
+        return rates | {"offsets": offsets, "features": FEATURES_RATE, "log_scalings": SCALINGS_RATE}
+
+    def counts(self, iteration: int) -> bool:
+        """Tell whether statistics are collected at this iteration."""
+        return self.count_from < iteration < self.adjust_until
+
+    def adjusts(self, iteration: int) -> bool:
+        """Tell whether anchors grow and are pruned after this iteration."""
+        return self.adjust_from < iteration < self.adjust_until and iteration % self.adjust_every == 0
+
+
+class Statistics:
+    """Sums over the views of one branch, with `count` = M anchors of k Gaussians, since their last reset."""
+
+    def __init__(self, count: int, k: int) -> None:
+        self.norms = np.zeros((count, k), np.float32)  # of the gradients: see `screen_norms`
+        self.active_views = np.zeros((count, k), np.float32)  # number of views in which a Gaussian was active
+        self.centres = np.zeros((count, k, 3), np.float32)  # of the Gaussian in those views
+        self.opacities = np.zeros(count, np.float32)  # of an anchor
+        self.views = np.zeros(count, np.float32)  # number of views in which it was visible
+
+    def add(self, rows: Indices, gaussians: Neural, norms: Float32) -> None:
+        """Add a view: the `rows` [V] of its anchors, their Gaussians (as arrays), the norms [A] of their gradients."""
+        k = self.active_views.shape[1]
+        self.views[rows] += 1
+        self.opacities[rows] += np.maximum(gaussians.outputs, 0).sum(axis=1)
+        active = rows[gaussians.active // k] * k + gaussians.active % k
+        self.active_views.reshape(-1)[active] += 1
+        self.norms.reshape(-1)[active] += norms
+        self.centres.reshape(-1, 3)[active] += gaussians.means
+
+    def means(self) -> tuple[Float32, Float32]:
+        """Return the mean norm [M,k] and the mean centre [M,k,3] of each Gaussian."""
+        views = np.maximum(self.active_views, np.float32(1))
+        return np.asarray(self.norms / views), np.asarray(self.centres / views[..., None])
+
+    def reset(self, gaussians: Bools, anchors: Bools) -> None:
+        """Zero the sums of these Gaussians [M,k] and these anchors [M]."""
+        for sums in (self.norms, self.active_views, self.centres):
+            sums[gaussians] = 0
+        self.opacities[anchors] = self.views[anchors] = 0
+
+    def replace_anchors(self, rows: Indices, new: int) -> None:
+        """Keep the sums of the anchors `rows` and append zeros for new ones."""
+        for name, sums in vars(self).items():
+            setattr(self, name, np.concatenate([sums[rows], np.zeros((new, *sums.shape[1:]), np.float32)]))
+
+
+def screen_norms(camera: Camera, means: NDArray[Any], gradients: NDArray[Any]) -> Float32:
+    """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, from dL/d(centre) [A,3].
+
+    A unit step across the line of sight moves the projection by f / z pixels. The change of the projected covariance,
+    a share of about scale / depth, is neglected.
+    """
+    rotation = camera.viewmat[:3, :3]
+    depths = means @ rotation[2] + camera.viewmat[2, 3]
+    across = gradients @ rotation[:2].T * depths[:, None] / np.diag(camera.K)[:2]
+    return np.asarray(np.linalg.norm(across * (camera.width / 2, camera.height / 2), axis=1), np.float32)
+
 
 GRADIENT_THRESHOLD: Final = 2e-4  # tau of the first level; it doubles with each level (Scaffold-GS)
 CELLS: Final = (16, 4, 1)  # sides of a new anchor's cell, in voxels, from the first level to the last (Scaffold-GS)
 NEIGHBOURS: Final = 10  # DBSCAN's min_samples; ours
-REACH: Final = 16  # DBSCAN's eps in voxels: the side of the largest cell of a new anchor; ours
+RADIUS: Final = 16  # DBSCAN's eps in voxels: the side of the largest cell of a new anchor; ours
 
 _BITS = 21
 
@@ -85,7 +191,7 @@ def hidden_box(positions: Float32, voxel: float) -> tuple[Float32, Float32] | No
 
     if len(positions) < NEIGHBOURS:
         return None
-    clustered = positions[DBSCAN(eps=REACH * voxel, min_samples=NEIGHBOURS).fit(positions).labels_ >= 0]
+    clustered = positions[DBSCAN(eps=RADIUS * voxel, min_samples=NEIGHBOURS).fit(positions).labels_ >= 0]
     return (clustered.min(axis=0), clustered.max(axis=0)) if len(clustered) else None
 
 

@@ -35,13 +35,13 @@ def embed(shown: Float32, hidden: Float32, shift: int = SHIFT) -> Float32:
     return (cleared | _words(hidden)[:, ::-1] >> (WORD - room)).view(np.float32)
 
 
-def extract(carrier: Float32, shift: int = SHIFT) -> Float32:
+def extract(public: Float32, shift: int = SHIFT) -> Float32:
     """Return the hidden coefficients [K,n,3], each in the middle of the interval that its bits define.
 
     Changed words may represent anything: not-a-number gives 0, and magnitudes are clipped to `LARGEST`.
     """
-    room = _room(carrier.shape[1], shift)
-    words = (_words(carrier) & _low(room)) << (WORD - room) | np.uint32(1) << (WORD - 1 - room)
+    room = _room(public.shape[1], shift)
+    words = (_words(public) & _low(room)) << (WORD - room) | np.uint32(1) << (WORD - 1 - room)
     hidden = words[:, ::-1].copy().view(np.float32)
     return np.nan_to_num(hidden, nan=0.0).clip(-LARGEST, LARGEST)
 

@@ -14,11 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import load_arrays, save_arrays
-from gspure.artifacts.arrays import Kind
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Float32
+from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.finite import require_computed, require_finite

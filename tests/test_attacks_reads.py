@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Attacked, find_attack
-from gspure.attacks.carrier import reached
+from gspure.attacks.reads import affected
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from tests.attack_cases import anchors, evidence, features, public
@@ -18,7 +18,7 @@ FEATURES = ("f_anchor_feat_*",)  # SecureGS
 
 
 def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -> bool:
-    return reached(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), carrier)
+    return affected(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), carrier)
 
 
 @pytest.mark.parametrize(
@@ -55,20 +55,20 @@ def test_one_changed_bit_reaches_the_message() -> None:
     model = blobs(COUNT)
     words = model.table["f_rest_7"].view(np.uint32).copy()
     words[3] ^= 1
-    assert reached(model, Attacked.changed(model, {"f_rest_7": words.view(np.float32)}), BITS)
+    assert affected(model, Attacked.changed(model, {"f_rest_7": words.view(np.float32)}), BITS)
 
 
 def test_a_removed_row_reaches_the_message_for_any_carrier() -> None:
     model = blobs(COUNT)
-    assert reached(model, Attacked.without(model, np.arange(COUNT) == 0), ())
+    assert affected(model, Attacked.without(model, np.arange(COUNT) == 0), ())
 
 
 def test_a_removed_column_reaches_the_message() -> None:
     model = blobs(COUNT)
     without = Gaussians(model.table[[name for name in model.table.dtype.names if name != "f_rest_0"]])
-    assert reached(model, Attacked(without, np.arange(COUNT), COUNT), BITS)
+    assert affected(model, Attacked(without, np.arange(COUNT), COUNT), BITS)
 
 
 def test_a_carrier_that_the_model_does_not_have_is_refused() -> None:
-    with pytest.raises(InputError, match=r"carrier: semantic_\*: expected columns of the public model, found none"):
+    with pytest.raises(InputError, match=r"extraction: semantic_\*: expected columns of the public model, found none"):
         reaches("unattacked", blobs(COUNT), BLEND)

@@ -1,12 +1,12 @@
-"""GS-Hider's public model: Gaussians with features, and the decoder of the scene."""
+"""GS-Hider's public model, Gaussians with features and the decoder of the scene; its key, that of the message."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
-from gspure.artifacts import embedding_of, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.files import Float32
@@ -15,10 +15,19 @@ from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.losses import Photographs
-from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView
+from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.gs_hider.decoder_file import DecoderFile
-from gspure.schemes.gs_hider.layout import CHANNELS, FEATURES, SCENE_DECODER, find_decoder, read_rows
+from gspure.schemes.gs_hider.files import (
+    CHANNELS,
+    FEATURES,
+    MESSAGE_DECODER,
+    SCENE_DECODER,
+    DecoderFile,
+    decoder_name,
+    find_decoder,
+    read_rows,
+)
+from gspure.schemes.scheme import Key
 from gspure.training.adam import adam_step
 
 
@@ -44,23 +53,14 @@ class FeatureModel(PublicModel):
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
-        path = Path(path)
-        ply = model_file(path)
-        embedding = embedding_of(ply)
-        decoder = find_decoder(ply.parent, SCENE_DECODER, embedding)
-        require_embedding(embedding, *filter(None, [decoder]))
+        ply = model_file(Path(path))
+        decoder = find_decoder(ply.parent, SCENE_DECODER)
         return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
 
     @property
     def network_name(self) -> str:
         """Name of the decoder's file; empty without one."""
         return self.decoder.source.name if self.decoder else ""
-
-    def has_networks(self, folder: Path) -> bool | None:
-        """Return whether the decoder in a folder is that of this model; None if there is none of its name."""
-        if not (self.decoder and (file := folder / self.network_name).is_file()):
-            return None
-        return file.read_bytes() == self.decoder.content
 
     def write_networks(self, folder: Path) -> None:
         """Write the decoder, if there is one."""
@@ -121,3 +121,64 @@ class FeatureModel(PublicModel):
         renderer = Renderer(self.model, device, energy=energy)
         features = sigmoid(self.model.columns(*FEATURES))
         return lambda camera: renderer.feature_map(camera, features, [background[0]] * CHANNELS)
+
+
+FIT_RATE: Final = 1e-3  # first learning rate of `DecoderKey.fitted`: that of the training
+
+
+class DecoderKey(Key):
+    """The private decoder, of the message."""
+
+    def __init__(self, decoder: DecoderFile) -> None:
+        self.decoder = decoder
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read the newest key in a folder, or raise `InputError`."""
+        file = find_decoder(folder, MESSAGE_DECODER)
+        if file is None:
+            raise InputError(folder, "key", expected=decoder_name("N", MESSAGE_DECODER), found="no such file")
+        return cls(DecoderFile.read(file))
+
+    def write(self, folder: Path) -> None:
+        """Write the decoder."""
+        self.decoder.write(folder)
+
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
+        """Return the renderer of the private decoder's image."""
+        from gspure.schemes.gs_hider.decoder import decoded
+
+        return decoded(_feature_map(public, device), self.decoder.network, self.decoder.source)
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
+        """Return the decoder after training on the model's feature maps; the model stays as it is."""
+        from gspure.schemes.gs_hider.decoder import differentiated
+        from gspure.training.pytorch import single_threaded, torch
+
+        feature_map, decoder = _feature_map(public, lesson.device), deepcopy(self.decoder.network)
+        photographs = Photographs(lesson.images, lesson.device)
+        optimizer = torch.optim.Adam(decoder.parameters())
+        with single_threaded():
+            for view, factor in lesson.schedule():
+                differentiated(decoder, feature_map(lesson.views[view]), photographs, view)
+                optimizer.param_groups[0]["lr"] = factor * FIT_RATE
+                optimizer.step()
+        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
+
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the Gaussians of the scene, which are also those of the message."""
+        return public.gaussians(camera)
+
+    def wrong(self, rng: np.random.Generator) -> Self:
+        """Return an untrained decoder."""
+        from gspure.schemes.gs_hider.decoder import untrained
+
+        (decoder,) = untrained(1, int(rng.integers(1 << 31)))
+        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
+
+
+def _feature_map(public: PublicModel, device: Device | None) -> RenderView:
+    """Return the renderer of a model's features."""
+    if not isinstance(public, FeatureModel):
+        raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
+    return public.feature_map(device)

@@ -1,34 +1,51 @@
-"""The public model: anchors in a Scaffold-GS .ply and the networks beside it."""
+"""SecureGS's public model, anchors in a Scaffold-GS .ply and the networks beside it; and its key, private networks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest, embedding_of, replacing, require_embedding
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Float32
+from gspure.files import Float32, digest, replacing
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
-from gspure.schemes.secure_gs.anchors import Anchors, anchors_of, require_anchors, table_of
-from gspure.schemes.secure_gs.files import UNITED, network_files, read_networks, write_networks
-from gspure.schemes.secure_gs.networks import Networks, require_networks
-from gspure.schemes.secure_gs.neural import Neural, as_gaussians, neural
-from gspure.schemes.secure_gs.visibility import visible_rows
+from gspure.schemes.scheme import Key
+from gspure.schemes.secure_gs.anchors import (
+    Anchors,
+    Neural,
+    anchors_of,
+    as_gaussians,
+    neural,
+    require_anchors,
+    table_of,
+    visible_rows,
+)
+from gspure.schemes.secure_gs.networks import (
+    BANK,
+    HIDDEN,
+    PRIVATE,
+    UNITED,
+    Networks,
+    fresh,
+    read_hidden,
+    read_networks,
+    require_networks,
+    write_hidden,
+    write_networks,
+)
 
 if TYPE_CHECKING:
-    from gspure.schemes.secure_gs.learner import Learner
+    from gspure.schemes.secure_gs.training import Learner
 
 
 class AnchorModel(PublicModel):
@@ -50,7 +67,7 @@ class AnchorModel(PublicModel):
 
     rows_are_gaussians: ClassVar[bool] = False
 
-    code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "neural", "visibility")]
+    code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "anchors")]
 
     def __init__(self, model: Gaussians, networks: Networks, stored: bytes = b"") -> None:
         super().__init__(model)
@@ -74,7 +91,6 @@ class AnchorModel(PublicModel):
         file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
-        require_embedding(embedding_of(file), *network_files(file.parent))
         united = file.with_name(UNITED)
         public = cls(rows, read_networks(file.parent), united.read_bytes() if united.is_file() else b"")
         require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
@@ -85,16 +101,10 @@ class AnchorModel(PublicModel):
         """Name of the file of networks."""
         return UNITED
 
-    def has_networks(self, folder: Path) -> bool | None:
-        """Return whether the networks in a folder are these, and not corrupt; None if there are none."""
-        with suppress(InputError):
-            return AnchorModel(self.model, read_networks(folder)).geometry_digest() == self.geometry_digest()
-        return False if network_files(folder) else None
-
     def write_networks(self, folder: Path) -> None:
         """Write the networks, byte for byte as they were read."""
         if self.stored:
-            with replacing(folder / UNITED, checksum=True) as temporary:
+            with replacing(folder / UNITED) as temporary:
                 temporary.write_bytes(self.stored)
         else:
             write_networks(folder, self.networks)
@@ -130,7 +140,7 @@ class AnchorModel(PublicModel):
 
     def trained(self, lesson: Lesson, networks: Networks, rates: Mapping[str, float]) -> Learner:
         """Return the learner of anchors and networks after a lesson; `rates` names what learns, and how fast."""
-        from gspure.schemes.secure_gs.learner import LEARNED, Learner
+        from gspure.schemes.secure_gs.training import LEARNED, Learner
         from gspure.training.pytorch import single_threaded
 
         fixed = dict.fromkeys((*LEARNED, *networks), 0.0)
@@ -170,3 +180,70 @@ class AnchorModel(PublicModel):
         """Return a digest of the rows and the networks."""
         weights = [network[name] for network in self.networks.values() for name in sorted(network)]
         return digest(self.model.geometry_digest(), *self.networks, *weights)
+
+
+FIT_RATE: Final = 2e-3  # first learning rate of `HiddenKey.fitted`; ours
+
+
+class HiddenKey(Key):
+    """The private networks: ``offset``, ``opacity``, ``cov`` and ``color``."""
+
+    def __init__(self, networks: Networks) -> None:
+        self.networks = networks
+
+    @property
+    def feat_dim(self) -> int:
+        """Length of the features, which is also the width of the hidden layer."""
+        return int(self.networks["opacity"]["0.bias"].size)
+
+    @property
+    def k(self) -> int:
+        """Gaussians per anchor."""
+        return int(self.networks["opacity"]["2.bias"].size)
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read a key."""
+        key = cls(read_hidden(folder))
+        require_networks(Path(folder) / HIDDEN, key.networks, key.feat_dim, key.k)
+        return key
+
+    def write(self, folder: Path) -> None:
+        """Write the networks."""
+        write_hidden(folder, self.networks)
+
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
+        """Return the renderer of the private networks' Gaussians."""
+        device = device or choose_device()
+        return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera)
+
+    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the hidden Gaussians of a camera, and the anchor of each."""
+        anchors = self._fitting(public)
+        gaussians, rows = as_gaussians(*anchors.neural(camera, self._with_bank(anchors)), self.k)
+        require_computed(gaussians, "key", HIDDEN)
+        return gaussians, rows
+
+    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
+        """Return the private networks after training on the model's anchors; the model stays as it is."""
+        anchors = self._fitting(public)
+        learner = anchors.trained(lesson, self._with_bank(anchors), dict.fromkeys(self.networks, FIT_RATE))
+        return type(self)({name: network for name, network in learner.networks(0).items() if name != BANK})
+
+    def _fitting(self, public: PublicModel) -> AnchorModel:
+        """Return a model whose anchors the networks can read."""
+        if not isinstance(public, AnchorModel):
+            raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
+        if (public.anchors.feat_dim, public.anchors.k) != (self.feat_dim, self.k):
+            expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
+            found = f"{public.anchors.feat_dim} and {public.anchors.k}"
+            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+        return public
+
+    def _with_bank(self, public: AnchorModel) -> Networks:
+        """Return the private networks, with the public one that blends features."""
+        return {**self.networks, **{name: network for name, network in public.networks.items() if name == BANK}}
+
+    def wrong(self, rng: np.random.Generator) -> Self:
+        """Return untrained networks."""
+        return type(self)(fresh(PRIVATE, self.feat_dim, self.k, rng))

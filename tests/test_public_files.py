@@ -1,0 +1,47 @@
+"""Networks beside a public model: attacks copy them byte for byte, and ambiguous ones are warned of."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from gspure.cli import main
+from gspure.schemes import gs_hider, secure_gs
+from gspure.schemes.gs_hider.files import DecoderFile
+from gspure.schemes.gs_hider.model import FeatureModel
+from tests.anchor_cases import random_public
+from tests.test_gs_hider_files import rows
+
+MODELS = {
+    "gs_hider": lambda: FeatureModel(rows(), DecoderFile(Path("chkpnt7_net.pth"), b"\7")),
+    "secure_gs": random_public,
+}
+NETWORKS = {"gs_hider": "chkpnt7_net.pth", "secure_gs": "checkpoints.pth"}
+
+
+@pytest.mark.parametrize("scheme", MODELS)
+def test_attacked_models_have_the_networks_byte_for_byte(tmp_path, scheme):
+    MODELS[scheme]().write(tmp_path / "public" / "point_cloud.ply")
+    network = tmp_path / "public" / NETWORKS[scheme]
+    if zipfile.is_zipfile(network):
+        with zipfile.ZipFile(network, "a") as archive:
+            archive.comment = b"of another writer"
+    out = tmp_path / "attacked" / "point_cloud.ply"
+    assert main(["attack", "random_pruning", "--model", str(network.parent), "--out", str(out)]) == 0
+    assert out.with_name(network.name).read_bytes() == network.read_bytes()
+
+
+def test_of_several_decoders_the_newest_is_used_with_a_warning(tmp_path, capsys):
+    for iteration in (9, 7):
+        FeatureModel(rows(), DecoderFile(Path(f"chkpnt{iteration}_net.pth"), b"")).write(tmp_path / "point_cloud.ply")
+    assert gs_hider.SCHEME.read_public(tmp_path).decoder.source.name == "chkpnt9_net.pth"
+    assert "that of iteration 9 is used" in capsys.readouterr().err
+
+
+def test_networks_in_two_formats_are_warned_of(tmp_path, capsys):
+    random_public().write(tmp_path / "point_cloud.ply")
+    (tmp_path / "color_mlp.pt").touch()
+    secure_gs.SCHEME.read_public(tmp_path)
+    assert "checkpoints.pth is used" in capsys.readouterr().err
