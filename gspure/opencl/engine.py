@@ -192,6 +192,20 @@ class Engine:
         finally:
             array.base.release(self.queue)
 
+    @contextmanager
+    def writing(self, array: NDArray[Any]) -> Iterator[cl.Buffer]:
+        """Yield a buffer over the memory of `array`, for kernels that write all of it."""
+        if not array.size:
+            yield self.allocate(0)
+            return
+        flags = cl.mem_flags.WRITE_ONLY | cl.mem_flags.USE_HOST_PTR
+        with _in_memory(self.device):
+            buffer = cl.Buffer(self.context, flags, hostbuf=array)
+            yield buffer
+            mapped, _ = cl.enqueue_map_buffer(self.queue, buffer, cl.map_flags.READ, 0, array.shape, array.dtype)
+        mapped.base.release(self.queue)
+        buffer.release()
+
     def read(self, buffer: cl.Buffer, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Return a copy of the head of `buffer`."""
         array = np.empty(shape, dtype)

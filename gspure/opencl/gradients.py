@@ -69,7 +69,8 @@ def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buf
 
 def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> Float32:
     """Return values that lie in storage order and blocks as an array [K,attributes] in row order."""
-    rows = np.empty((storage.count, attributes), np.float32)
-    with engine.mapped(blocks, blocked_shape(storage.count, attributes), np.float32) as blocked:
-        rows[storage.order] = blocked.transpose(0, 2, 1).reshape(-1, attributes)[: storage.count]
-    return rows
+    values = np.empty((storage.count, attributes), np.float32)
+    with engine.writing(values) as out:
+        blocked, *_ = blocked_shape(storage.count, attributes)
+        engine.program("rows").launch("by_row", blocked, storage.count, attributes, blocks, storage.rows, out)
+    return values
