@@ -5,12 +5,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gspure.cli import main
 from gspure.constants import ALPHA_MAX
 from gspure.method.contributions import require_valid
-from gspure.method.purify import purify
 from gspure.method.weights import REDUCTIONS, accumulate
-from gspure.model import read_model, write_model
 from gspure.renderer import Renderer
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 from tests.reference.blending import centre_contributions
@@ -71,14 +68,6 @@ def test_a_centre_outside_the_image_or_behind_the_camera_contributes_nothing(dev
     assert found[2] > 0
 
 
-def test_the_size_of_a_gaussian_does_not_matter_where_nothing_occludes_it(device, style):
-    model = gaussians(means=[[-1, 0, 4], [1, 0, 4]], scales=[[0.01] * 3, [0.2] * 3], opacities=0.7)
-    found = measured(model, camera(), device, style)
-    assert found[0] == pytest.approx(found[1], rel=1e-5)
-    by_pixels = Renderer(model, device, energy="ray", style=style).contributions(camera())["sum"]
-    assert by_pixels[1] > 50 * by_pixels[0]
-
-
 def test_bands_styles_and_a_second_run_give_the_same_bits(device):
     model, view = blobs(300, 5), tilted_camera()
     runs = [measured(model, view, device, s, entry_budget=b) for s in ("cpu", "gpu") for b in (1 << 26, 500)]
@@ -93,23 +82,3 @@ def test_reductions_are_the_same_since_there_is_one_ray(device):
     stage = Renderer(model, device, energy="center_ray").contributions(view)
     first, *others = (accumulate([stage], 50, reduction) for reduction in REDUCTIONS)
     assert all((first == other).all() for other in others)
-
-
-def test_commands_and_purify_measure_it(device, tmp_path):
-    from gspure.cameras import write_cameras
-
-    views = [tilted_camera(33, 31, name=f"v{i}") for i in range(2)]
-    write_model(tmp_path / "m.ply", blobs(80, 3))
-    write_cameras(tmp_path / "cameras.json", views)
-    model, words = read_model(tmp_path / "m.ply"), ["--model", str(tmp_path / "m.ply")]
-    stages = ["--cameras", str(tmp_path / "cameras.json"), "--split", "all", "--stages", str(tmp_path / "stages")]
-    index = str(tmp_path / "contributions" / "v.tsv")
-    assert main(["contributions", *words, *stages, "--energy", "center_ray", "--index", index]) == 0
-    assert main(["weights", *words, "--index", index, "--out", str(tmp_path / "w.npy")]) == 0
-    known = purify(model, views, energy="center_ray", min_samples=3, min_cluster_size=5).weights
-    assert (np.load(tmp_path / "w.npy") == known).all()
-    assert main(["weights", *words, "--index", index, "--views", "1", "--out", str(tmp_path / "w1.npy")]) == 0
-    last = centre_contributions(model, views[1])[0]
-    np.testing.assert_allclose(np.load(tmp_path / "w1.npy"), last, atol=2e-4)
-    expected = np.mean([centre_contributions(model, view)[0] for view in views], axis=0)
-    np.testing.assert_allclose(known, expected, atol=2e-4)

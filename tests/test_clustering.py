@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -256,58 +255,6 @@ def test_piles_of_equal_points_are_counted_and_survive_clustering(selection: str
     assert labels[300] != labels[340]
 
 
-def test_coincident_points_take_no_longer_than_others() -> None:
-    scattered = heavy_tailed(11, 30_000)
-    coincident = np.repeat(scattered[:20], 1500, axis=0)
-    spanning_tree(scattered[:100])  # imports and kernels
-    begin = time.process_time()
-    spanning_tree(scattered)
-    middle = time.process_time()
-    assert coincident_points(spanning_tree(coincident)) == 30_000 - 20
-    assert time.process_time() - middle < middle - begin
-
-
-def test_points_that_differ_only_in_double_precision_take_no_longer_than_others() -> None:
-    scattered = np.random.default_rng(0).normal(size=(40_000, 5))
-    pile = np.concatenate([scattered[:4000], 1 + 1e-10 * scattered[4000:]])
-    spanning_tree(scattered[:100])  # imports and kernels
-    begin = time.process_time()
-    spanning_tree(scattered)
-    middle = time.process_time()
-    spanning_tree(pile)
-    assert time.process_time() - middle < 3 * (middle - begin)
-
-
-def test_no_points_are_refused() -> None:
-    with pytest.raises(InputError, match="at least one Gaussian"):
-        spanning_tree(np.zeros((0, 5)))
-
-
-def test_points_that_are_not_finite_are_refused() -> None:
-    with pytest.raises(InputError, match="finite"):
-        spanning_tree(np.array([[0.0], [np.nan]]))
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("min_cluster_size", {"min_cluster_size": 1}),
-        ("selection", {"selection": "root"}),
-        ("max_cluster_share", {"max_cluster_share": 0.0}),
-        ("max_cluster_share", {"max_cluster_share": 1.5}),
-    ],
-)
-def test_settings_out_of_range_are_refused_by_name(name: str, change: dict) -> None:
-    with pytest.raises(InputError, match=name):
-        select(spanning_tree(blobs(0, 5)), **change)
-
-
-@pytest.mark.parametrize("min_samples", [0, 129])
-def test_min_samples_out_of_range_are_refused(min_samples: int) -> None:
-    with pytest.raises(InputError, match="min_samples"):
-        spanning_tree(blobs(0, 5), min_samples)
-
-
 QUANTITIES = ("weights", "opacities")
 
 
@@ -346,11 +293,6 @@ def test_diagnosis_warns_if_rows_without_weight_lower_the_thresholds(invisible: 
     assert [f"a factor of up to {factor}," in text for text in named] == [True] * bool(factor)
 
 
-def test_diagnosis_warns_of_a_clustering_without_effect() -> None:
-    labels = np.array([0] * 4 + [1] * 4 + [-1] * 2, np.int32)
-    assert "nearly the same rows (0.0% differ)" in diagnose(labels, np.array([0.0] * 4 + [9.0] * 6)).warnings[0]
-
-
 @pytest.mark.parametrize(("largest", "warns"), [(1500.0, True), (150.0, False)])
 def test_diagnosis_names_a_row_that_holds_much_of_the_weight(largest: float, warns: bool) -> None:
     weights = np.ones(2000)
@@ -360,10 +302,6 @@ def test_diagnosis_names_a_row_that_holds_much_of_the_weight(largest: float, war
     named = [text for text in found.warnings if "1234" in text]
     assert len(named) == warns
     assert all("43%" in text for text in named)
-
-
-def test_no_row_of_a_small_model_is_heavy() -> None:
-    assert diagnose(np.full(5, -1, np.int32), np.array([0, 0, 0, 1, 9.0])).heavy == ()
 
 
 def test_a_diagnosis_by_opacities_names_them() -> None:
@@ -402,3 +340,21 @@ def test_integers_of_numpy_are_sizes_and_others_are_refused() -> None:
     for size in (50.0, True, 1):
         with pytest.raises(InputError, match="min_cluster_size: expected a whole number from 2"):
             select(tree, size)
+
+
+@pytest.mark.parametrize(
+    ("points", "settings", "field"),
+    [
+        (np.zeros((0, 5)), {}, "features: expected at least one"),
+        (np.array([[0.0], [np.nan]]), {}, "features: expected finite"),
+        (blobs(0, 5), {"min_samples": 0}, "min_samples"),
+        (blobs(0, 5), {"min_samples": 129}, "min_samples"),
+        (blobs(0, 5), {"min_cluster_size": 1}, "min_cluster_size"),
+        (blobs(0, 5), {"selection": "root"}, "selection"),
+        (blobs(0, 5), {"max_cluster_share": 0.0}, "max_cluster_share"),
+        (blobs(0, 5), {"max_cluster_share": 1.5}, "max_cluster_share"),
+    ],
+)
+def test_points_and_settings_out_of_range_are_refused_by_name(points: np.ndarray, settings: dict, field: str) -> None:
+    with pytest.raises(InputError, match=field):
+        select(spanning_tree(points, settings.pop("min_samples", 10)), **settings)

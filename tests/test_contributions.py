@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure import public_model
-from gspure.cameras import Camera, orbit_cameras, write_cameras
+from gspure.cameras import Camera, orbit_cameras
 from gspure.cameras.camera import intrinsics
-from gspure.cli import main
 from gspure.errors import InputError
 from gspure.files import save_array
 from gspure.method import contributions
@@ -25,7 +24,7 @@ from gspure.method.contributions import (
     require_valid,
     write_index,
 )
-from gspure.model import Gaussians, write_model
+from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.models import blobs
@@ -100,15 +99,6 @@ def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
     assert renderer.asked == ["view_1"]
 
 
-def test_a_camera_edited_back_recomputes_nothing(tmp_path, renderer):
-    cameras = views()
-    contribute(PublicModel(small_model()), cameras, tmp_path)
-    contribute(PublicModel(small_model()), [moved(camera) for camera in cameras], tmp_path)
-    renderer.asked.clear()
-    contribute(PublicModel(small_model()), cameras, tmp_path)
-    assert renderer.asked == []
-
-
 @given(number=st.integers(0, 19))
 def test_every_number_of_a_camera_is_in_the_key(number):
     one, other = (Numbers(np.arange(20.0)) for _ in range(2))
@@ -145,14 +135,6 @@ def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch
     assert len(keys) == 5
 
 
-def test_another_driver_or_kernel_style_computes_every_view_again(tmp_path, renderer, monkeypatch):
-    contribute(PublicModel(small_model()), views(), tmp_path)
-    renderer.asked.clear()
-    monkeypatch.setattr(contributions, "device_identity", lambda device: "another driver")
-    contribute(PublicModel(small_model()), views(), tmp_path)
-    assert renderer.asked == [camera.name for camera in views()]
-
-
 def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
     renderer.failing_view = "view_2"
     with pytest.raises(KeyboardInterrupt):
@@ -179,17 +161,6 @@ def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
     found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
     assert [stage.view for stage in found] == [stage.view for stage in stages]
     assert [read_contributions(stage.path)["index"][0] for stage in found] == [len("view_0")] * len(stages)
-
-
-FILE_NAMES = st.text(st.characters(exclude_categories=["Cc", "Cs"], exclude_characters="/"), min_size=1, max_size=20)
-
-
-@given(names=st.sets(FILE_NAMES, max_size=8))
-def test_any_view_name_survives_an_index(tmp_path_factory, names):
-    folder = tmp_path_factory.mktemp("index")
-    stages = [CachedView(name, folder / f"{name}.key.npy") for name in sorted(names)]
-    write_index(folder / "1.tsv", stages)
-    assert read_index(folder / "1.tsv") == stages
 
 
 @given(parts=st.integers(1, 7), count=st.integers(0, 12))
@@ -238,20 +209,6 @@ def test_a_damaged_file_counts_as_missing(tmp_path, renderer, damage):
     contribute(PublicModel(small_model()), views(), tmp_path)
     assert renderer.asked == ["view_2"]
     assert path.read_bytes() == good
-
-
-def test_weights_of_views_that_see_no_row_are_refused_and_few_rows_are_warned_of(tmp_path, capsys):
-    front = small_model(300).table[:1]
-    behind = small_model(300).with_columns({"z": np.full(300, -9, np.float32)}).table
-    for model, status, warning in ((np.concatenate([front, behind]), 0, "1 of 301"), (behind, 2, "none of 300")):
-        write_model(tmp_path / "model.ply", Gaussians(model))
-        write_cameras(tmp_path / "cameras.json", views())
-        paths = ["--model", str(tmp_path / "model.ply"), "--index", str(tmp_path / "1.tsv")]
-        cameras = ["--cameras", str(tmp_path / "cameras.json"), "--stages", str(tmp_path / "stages")]
-        assert main(["contributions", *paths, *cameras]) == 0
-        assert main(["weights", *paths, "--out", str(tmp_path / f"weights_{status}.npy")]) == status
-        assert warning in capsys.readouterr().err
-    assert not (tmp_path / "weights_2.npy").exists()
 
 
 def test_a_row_that_the_model_does_not_have_is_refused_by_file_row_and_range(tmp_path):

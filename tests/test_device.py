@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
-import signal
-import subprocess
-import sys
-import warnings
 from dataclasses import dataclass, field, replace
 
 import pyopencl as cl
@@ -93,13 +88,6 @@ def test_a_device_is_selected_by_index_or_part_of_its_name(machine, spec: str, n
     assert choose_device(spec).name == name
 
 
-def test_the_environment_names_a_device_and_an_argument_overrules_it(machine, monkeypatch) -> None:
-    machine(POCL, CARDS)
-    monkeypatch.setenv("GSPURE_DEVICE", "pocl")
-    assert choose_device().name == "pthread-EPYC"
-    assert choose_device("Card A").name == "Card A"
-
-
 def test_a_named_device_that_does_not_work_is_not_replaced(machine, monkeypatch) -> None:
     machine(POCL, CARDS, broken=("Card A",))
     with pytest.raises(InputError, match=r"0: Card A \(Cards Inc.\): does not build .*make opencl"):
@@ -122,29 +110,6 @@ def test_no_driver_gives_one_line_with_the_command_that_helps(machine, spec: str
     with pytest.raises(InputError, match=r"no device .*make opencl") as error:
         choose_device(spec)
     assert "\n" not in str(error.value)
-
-
-def test_a_driver_without_hardware_is_skipped(machine) -> None:
-    machine(FakePlatform("No card inside", found=None), POCL)
-    assert [d.name for d in list_devices()] == ["pthread-EPYC"]
-
-
-def test_some_device_of_this_machine_works() -> None:
-    chosen = choose_device()
-    assert devices.works(chosen)
-    assert chosen in list_devices()
-
-
-def test_a_device_works_without_a_writable_home(tmp_path) -> None:
-    (tmp_path / "home").write_text("a file")
-    environment = {
-        name: value for name, value in os.environ.items() if name not in {"XDG_CACHE_HOME", "POCL_CACHE_DIR"}
-    }
-    environment |= {"HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path)}
-    code = "from gspure.opencl.device import choose_device; print(choose_device().name)"
-    child = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
-    assert child.stdout.strip() == choose_device().name
-    assert [path.name for path in tmp_path.iterdir()] == ["home"]
 
 
 def test_a_failed_build_is_reported_by_its_first_error(monkeypatch) -> None:
@@ -200,49 +165,6 @@ def test_kernels_that_cannot_be_built_are_reported_in_one_line(tmp_path, monkeyp
     paths = [str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--split", "all"]
     assert main(["render", *paths, "--out", str(tmp_path / "renders")]) == 2
     assert line in capsys.readouterr().err.splitlines()[-1]
-
-
-WITHOUT_MEMORY = """
-import numpy.random, os, resource, sys
-import gspure.method.contributions, gspure.model.suspicious, gspure.schemes.registry
-from gspure.cli import main
-from gspure.opencl.device import choose_device
-choose_device()
-numpy.ones((300, 300)) @ numpy.ones((300, 300))  # OpenBLAS would end the process if it got no memory later
-size = int(open("/proc/self/statm").read().split()[0]) * os.sysconf("SC_PAGESIZE")
-resource.setrlimit(resource.RLIMIT_AS, (size + (4 << 20),) * 2)
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="address space is limited as on Linux")
-def test_a_process_without_memory_to_build_kernels_ends(tmp_path) -> None:
-    write_model(tmp_path / "model.ply", blobs(9))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera(16, 12)])
-    files = {"--cameras": "cameras.json", "--stages": "stages", "--index": "index.tsv", "--model": "model.ply"}
-    paths = [text for option, file in files.items() for text in (option, str(tmp_path / file))]
-    caches = {"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path / "pocl"), "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-c", WITHOUT_MEMORY, "contributions", *paths, "--split", "all"]
-    done = subprocess.run(
-        command, env={**os.environ, **caches}, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert "Traceback" not in done.stderr
-    if "LLVM ERROR: out of memory" in done.stderr:  # then the compiler itself ends the process
-        assert done.returncode == -signal.SIGABRT
-    else:
-        assert done.returncode == 2
-        assert re.search("out of memory|memory: expected room", done.stderr.splitlines()[-1])
-
-
-def test_warnings_of_the_compiler_are_not_shown(monkeypatch) -> None:
-    noisy = "#warning unique " + os.urandom(8).hex() + "\n" + devices._TRIVIAL_KERNEL
-    context = cl.Context([choose_device().cl_device])
-    with pytest.warns(cl.CompilerWarning):
-        cl.Program(context, noisy).build(["-DFACTOR=2.0f"], cache_dir=False)
-    monkeypatch.setattr("gspure.opencl.engine.kernel_source", lambda *names: noisy)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        _kernels(context, (), (("FACTOR", 2),), 0)
 
 
 def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:

@@ -14,7 +14,6 @@ from tests.models import blobs, camera, gaussians, joined, tilted_camera
 from tests.reference.blending import render
 
 SHARED_FIXTURES = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
-FLAT = (1.4e-9, 0.156, 0.196)
 NEEDLES = ((1e-6, 1e-6, 1e6), (1e-6, 1e-6, 1e2))
 COLUMNS = ("x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
 
@@ -30,25 +29,6 @@ def assert_sound(renderer: Renderer, view) -> None:
     assert contributions["sum"].sum(dtype=np.float64) == pytest.approx(blended, rel=1e-4, abs=1e-4)
     assert np.isfinite(renderer.image(view)).all()
     assert not np.isnan(renderer.depth(view)).any()
-
-
-def turned(axis, angle) -> list[float]:
-    """Quaternion of a turn by `angle` about a coordinate axis."""
-    quat = [np.cos(angle / 2), 0.0, 0.0, 0.0]
-    quat[1 + axis] = np.sin(angle / 2)
-    return quat
-
-
-@pytest.mark.parametrize("axis", [1, 2])
-def test_a_flat_gaussian_seen_along_its_plane_gives_shares(device, style, energy, axis):
-    """Turned about y it is seen ever more edge-on; turned about z its plane holds the line of sight."""
-    angles = np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 40)])
-    model = joined(
-        *(gaussians(means=[0.03 * i, 0.02, 4], scales=FLAT, quats=turned(axis, a)) for i, a in enumerate(angles)),
-        blobs(50, 1, sh_degree=0),
-    )
-    for view in (camera(), tilted_camera(), camera(focal=900.0)):
-        assert_sound(Renderer(model, device, energy=energy, style=style), view)
 
 
 @pytest.mark.parametrize("scales", NEEDLES)

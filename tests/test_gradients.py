@@ -186,16 +186,6 @@ def test_the_image_of_a_vjp_is_the_image(device, style):
     assert np.array_equal(renderer.vjp(view, features)[0], renderer.feature_map(view, features))
 
 
-def test_gradients_are_linear_in_the_images(device, style):
-    view = tilted_camera(33, 31)
-    _, pullback = Renderer(blobs(60, 3), device, style=style).vjp(view)
-    gradient = random_gradient(view)
-    once, twice, none = pullback(gradient), pullback(2 * gradient), pullback(0 * gradient)
-    for field in fields(once):
-        assert np.array_equal(2 * getattr(once, field.name), getattr(twice, field.name)), field.name
-        assert not getattr(none, field.name).any(), field.name
-
-
 def test_the_gradient_of_a_feature_is_the_gaussians_contribution(device, style):
     model, view = blobs(100, 4, sh_degree=0), tilted_camera()
     renderer = Renderer(model, device, style=style)
@@ -204,18 +194,6 @@ def test_the_gradient_of_a_feature_is_the_gaussians_contribution(device, style):
     found = pullback(np.ones((view.height, view.width, 1), np.float32)).channels[:, 0]
     np.testing.assert_allclose(found[contributions["index"]], contributions["sum"], rtol=1e-5, atol=1e-5)
     assert np.count_nonzero(found) == len(contributions)
-
-
-def test_scaling_the_scene_around_the_camera_keeps_the_image(device, style):
-    """So gradients of means and scales along that growth cancel; likewise a quaternion's along itself."""
-    model, view = blobs(100, 5), tilted_camera()
-    found = gradients(Renderer(model, device, style=style), view)
-    growth = (found.means * (model.means - view.centre)).sum(axis=1) + (found.scales * model.scales).sum(axis=1)
-    size = np.linalg.norm(found.means, axis=1) * np.linalg.norm(model.means - view.centre, axis=1)
-    assert (np.abs(growth) < 2e-5 * (size + 0.01 * size.mean())).all()
-    along, size = (found.quats * model.quats).sum(axis=1), np.linalg.norm(found.scales * model.scales, axis=1)
-    assert (np.abs(along) < 2e-5 * (size + 0.01 * size.mean())).all()
-    assert np.count_nonzero(found.quats) > 100
 
 
 # --- determinism ------------------------------------------------------------------------------------------------------

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gspure.opencl import opacity_field as stage
 from gspure.renderer import Renderer
 from gspure.surface.meshing import opacity_field
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
@@ -117,17 +116,6 @@ def test_other_points_and_their_order_change_no_bit(device, style):
     np.testing.assert_array_equal(renderer.opacities_at(view, points[some]), whole[some])
 
 
-def test_finer_tiles_change_nothing(device, style, monkeypatch):
-    model, view = blobs(200, 7), tilted_camera()
-    points = points_around(model)
-    renderer = Renderer(model, device, energy="ray", style=style)
-    fine = renderer.opacities_at(view, points)
-    monkeypatch.setattr(stage, "FINER", 1)
-    error = np.abs(renderer.opacities_at(view, points) - fine)
-    assert (error < STEP).all()
-    assert error.mean() < 5e-6
-
-
 def test_pixels_and_points_are_independent(device):
     with pytest.raises(ValueError, match="energy 'ray'"):
         Renderer(blobs(5), device).opacities_at(camera(), np.zeros((1, 3)))
@@ -143,9 +131,3 @@ def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
     assert 0.01 < (found < 0.5).mean() < 0.99
     hasty = opacity_field(renderer, views, points, outside=0.5)
     np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
-
-
-def test_points_that_no_view_shows_are_inside(device):
-    renderer = Renderer(blobs(5), device, energy="ray")
-    points = np.array([[0.0, 0, -1], [50, 0, 1], [np.nan, 0, 1], [0, 0, 0.1]])
-    assert opacity_field(renderer, [camera()], points).tolist() == [1, 1, 1, 1]

@@ -175,29 +175,6 @@ def test_weights_and_transmittance_add_up_to_one(device, style, energy, case):
     assert (contributions["pixels"] <= view.width * view.height).all()
 
 
-def test_both_styles_agree(device, energy):
-    model, view = blobs(200, 5), tilted_camera()
-    cpu, gpu = (everything(Renderer(model, device, energy=energy, style=style), view) for style in ("cpu", "gpu"))
-    for a, b in zip(cpu[:3], gpu[:3], strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-6 * max(np.ptp(a), 1))
-    assert np.array_equal(cpu[4]["index"], gpu[4]["index"])
-    np.testing.assert_allclose(cpu[4]["sum"], gpu[4]["sum"], rtol=1e-5, atol=1e-4)
-
-
-def test_rows_behind_or_too_faint_leave_no_trace(device, style, energy):
-    """Interspersed rows that are not drawn change no bit of what is."""
-    model, view = blobs(40, 6, sh_degree=0), camera(33, 31)
-    unseen = gaussians(means=np.tile([[0.0, 0, -4], [0, 0, 4]], (20, 1)), scales=1.0, opacities=0.5 / 255)
-    mixed = joined(unseen, model)[np.ones(80, bool)]
-    interleaved = type(model)(mixed.table.reshape(2, 40).T.ravel())
-    alone, among = (Renderer(m, device, energy=energy, style=style) for m in (model, interleaved))
-    assert_same_bits([alone.image(view), alone.depth(view)], [among.image(view), among.depth(view)])
-    found, expected = among.contributions(view), alone.contributions(view)
-    assert np.array_equal(found["index"], 2 * expected["index"] + 1)
-    for name in ("sum", "max", "pixels"):
-        assert_same_bits([found[name]], [expected[name]])
-
-
 # --- determinism ------------------------------------------------------------------------------------------------------
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import subprocess
 import sys
@@ -47,34 +46,3 @@ def test_the_example_reads_what_it_embeds(tmp_path):
     assert np.abs(score("marked", "--key", "8")).max() < 3
     command = shlex.join([*script, "detect", "--key", "7", "--count", "8"])
     assert np.mean([row.level for row in read_marks(command, tmp_path / "bits", "01101001", 60)]) > 85
-
-
-def run_example(*words):
-    script = ROOT / "examples" / "spread_spectrum.py"
-    return subprocess.run([sys.executable, script, *map(str, words)], capture_output=True, text=True, check=False)
-
-
-@pytest.mark.parametrize("level", [0.0, 0.5, 1.0])
-def test_the_example_reads_flat_images_as_unmarked_ones(tmp_path, level):
-    write_image(tmp_path / "flat.png", np.full((32, 48, 3), level))
-    reading = run_example("detect", "--key", 7, "--count", 64, tmp_path)
-    assert 20 < json.loads(reading.stdout)["flat"].count("1") < 44
-    scores = [json.loads(run_example("detect", "--key", key, tmp_path).stdout)["flat"] for key in range(6)]
-    assert 0.2 < np.std(scores) < 3
-    assert np.abs(scores).max() < 4
-
-
-@pytest.mark.parametrize("options", [("--key", "-7"), ("--key", "7", "--count", "-1"), ("--key", "7")])
-def test_the_example_refuses_numbers_below_0_and_images_without_its_frequencies(tmp_path, options):
-    write_image(tmp_path / "small.png", np.zeros((4, 4, 3)))
-    refused = run_example("detect", *options, tmp_path)
-    assert (refused.returncode, refused.stdout) == (2, "")
-    assert "expected" in refused.stderr
-    assert "Traceback" not in refused.stderr
-
-
-def test_the_example_refuses_an_image_that_cannot_be_read(tmp_path):
-    (tmp_path / "broken.png").write_text("no image")
-    refused = run_example("detect", "--key", 7, tmp_path)
-    assert (refused.returncode, "Traceback" in refused.stderr) == (2, False)
-    assert "broken.png" in refused.stderr

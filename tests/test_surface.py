@@ -13,7 +13,7 @@ from gspure.errors import InputError
 from gspure.model.points import Mesh, write_mesh_ply
 from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
-from gspure.surface.distances import INVISIBLE, depth_distances, face_points, mesh_distances
+from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
 from gspure.surface.meshing import extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
@@ -61,11 +61,6 @@ def test_filtered_gaussians_are_wider_and_as_opaque(views):
     assert after.table[kept].tolist() == model.table[kept].tolist()
 
 
-def test_a_model_out_of_sight_is_refused(views):
-    with pytest.raises(InputError, match="expected a view of the model, found no Gaussian in any view"):
-        filter_sizes(gaussians(means=[0, 0, 99.0], scales=0.1), [camera(viewmat=np.diag([1.0, -1, -1, 1]))])
-
-
 # --- boxes and tetrahedra ---------------------------------------------------------------------------------------------
 
 
@@ -109,13 +104,6 @@ def test_marching_separates_inside_from_outside_by_closed_oriented_surfaces(seed
     volumes = np.abs(np.einsum("ti,ti->t", np.cross(y - x, z - x), w - x)) / 6
     shares = np.array([0, 1 / 8, 1 / 2, 7 / 8, 1])[inside[cells].sum(axis=1)]
     np.testing.assert_allclose(flux, (shares * volumes).sum(), rtol=1e-9, atol=1e-12)
-
-
-def test_nothing_inside_has_no_surface():
-    points = np.random.default_rng(0).normal(size=(20, 3))
-    edges, faces = march(points, Delaunay(points).simplices.astype(np.intp), np.zeros(20, np.bool_))
-    assert edges.shape == (0, 2)
-    assert faces.shape == (0, 3)
 
 
 # --- the mesh ---------------------------------------------------------------------------------------------------------
@@ -173,15 +161,6 @@ def test_a_model_without_a_surface_is_refused(model, line, views):
 # --- distances --------------------------------------------------------------------------------------------------------
 
 
-def test_points_on_faces_are_dense_and_on_them():
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5.0, 0, 0], [0, 5, 0], [0, 5, 1]])
-    points = face_points(Mesh(corners, np.array([[0, 1, 2], [0, 3, 4], [0, 1, 2], [0, 1, 2]])))
-    assert (points[:, 2] == 0).all()
-    wanted = 5 * np.random.default_rng(0).dirichlet(np.ones(3), 100)[:, :2]
-    gaps = np.linalg.norm(points[:, None, :2] - wanted, axis=2).min(axis=0)
-    assert gaps.max() < np.sqrt(2)
-
-
 def test_distances_are_in_units_of_the_largest_scale():
     mesh = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     model = gaussians(means=[[-1, -1, 0.5], [1, -1, 3]], scales=[[0.1, 0.5, 0.2], [1.5, 0.1, 0.1]])
@@ -202,13 +181,6 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     assert shares[1:] == [0, 0, 0]
 
 
-def test_rows_that_no_view_shows_have_the_largest_distance(views):
-    model = gaussians(means=[[0, 0, 0], [9, 9, 9]], scales=0.2, opacities=0.9)
-    distances = depth_distances(PublicModel(model), views)
-    assert distances[0] < 0.01  # the median depth is that of the centre
-    assert distances[1] == INVISIBLE
-
-
 def test_a_row_without_rotation_is_not_drawn(views):
     model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
     assert depth_distances(PublicModel(model), views).tolist()[0] == INVISIBLE
@@ -226,8 +198,3 @@ def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
         np.minimum.at(nearest, rows, alone)
     np.testing.assert_array_equal(distances, nearest)
     assert 0 < (distances < 3).sum() < len(distances)
-
-
-def test_the_attack_refuses_an_unfit_tolerance():
-    with pytest.raises(InputError, match=r"tolerance: expected a number from 0 .* found -1"):
-        find_attack("gof").apply(ball(5), Evidence(surface=np.zeros(5, np.float32)), tolerance=-1)

@@ -166,15 +166,6 @@ def test_a_resumed_model_is_the_undisturbed_one(device, style):
     assert bits(begun.state()) == bits(undisturbed.state())
 
 
-def test_state_is_what_was_put_in(device, style):
-    rng = np.random.default_rng(0)
-    start = parameters(scene(37))
-    moments = [Parameters(*(rng.random(array.shape, np.float32) for array in vars(start).values())) for _ in range(2)]
-    model = TrainableModel(TrainState(start, *moments), 7, device=device, style=style)
-    assert bits(model.state()) == bits(TrainState(start, *moments))
-    assert (model.count, model.step_count, model.sh_degree_active) == (37, 7, 1)
-
-
 def test_replacing_changes_the_number_of_gaussians(device, style):
     model = learner(scene(40), device, style)
     steps(model, range(2))
@@ -233,19 +224,3 @@ def test_views_are_counted_where_a_gaussian_is_in_sight(device, style):
 
 
 # --- edges ------------------------------------------------------------------------------------------------------------
-
-
-def test_no_gaussians_can_learn_nothing(device, style):
-    model = learner(scene(3)[np.zeros(3, bool)], device, style)
-    loss = model.step(VIEWS[0], 0, RATES, background=BACKGROUND)
-    flat = np.broadcast_to(BACKGROUND, photographs()[0].shape)
-    assert loss == pytest.approx(image_loss(flat, photographs()[0], 0.2)[0], rel=1e-5)
-    assert model.state().parameters.sh_coeffs.shape == (0, 4, 3)
-    assert model.statistics().views.shape == (0,)
-
-
-def test_a_photograph_of_another_size_is_refused(device, style):
-    model = learner(scene(), device, style)
-    with pytest.raises(ValueError, match="24x20 for a view of 20x24"):
-        model.step(camera(20, 24), 0, RATES)
-    assert model.step_count == 0

@@ -9,7 +9,7 @@ from gspure.opencl.trainable import Parameters, TrainState
 from gspure.training import densification
 from gspure.training.densification import plan, reset_opacities
 from tests.camera_cases import rotation_from
-from tests.training_cases import parameters, same_bits, state, statistics
+from tests.training_cases import same_bits, state, statistics
 
 SMALL, LARGE = 1e-4, 3e-4
 """Mean gradients below and above the threshold."""
@@ -86,15 +86,6 @@ def test_split_gaussians_are_sampled_from_their_parent():
     np.testing.assert_allclose(np.cov(drawn.T), rotation @ np.diag(scales**2) @ rotation.T, atol=0.005)
 
 
-def test_the_size_threshold_between_cloning_and_splitting_scales_with_the_extent():
-    before = opaque(5, size=0.05)
-    gradients = np.full(5, LARGE)
-    clones, halves = (grow(before, gradients, extent=extent).parameters for extent in (100.0, 0.1))
-    assert same_bits(TrainState(clones, clones, clones), rows_of(TrainState(clones, clones, clones), list(range(10))))
-    np.testing.assert_array_equal(clones.log_scales[5:], before.parameters.log_scales)
-    assert (halves.log_scales[5:] < before.parameters.log_scales).all()
-
-
 def test_transparent_gaussians_are_pruned():
     logits = np.log(np.array([0.0049, 0.0051, 0.5]) / (1 - np.array([0.0049, 0.0051, 0.5]))).astype(np.float32)
     before = opaque(3, opacity_logits=logits)
@@ -123,20 +114,6 @@ def test_growth_is_bounded_and_prefers_the_largest_gradients(count, bound, size,
     assert all(before.parameters.means[row].tobytes() in kept for row in others)
 
 
-def test_the_seed_determines_the_positions_of_split_gaussians():
-    before = opaque(10, size=0.5)
-    first, again, other = (grow(before, np.full(10, LARGE), seed=seed) for seed in (1, 1, 2))
-    assert same_bits(first, again)
-    assert not same_bits(first, other)
-
-
-def test_densification_does_not_change_its_input():
-    before, copy = opaque(10, size=0.5), opaque(10, size=0.5)
-    grow(before, np.full(10, LARGE))
-    reset_opacities(before)
-    assert same_bits(before, copy)
-
-
 def test_a_reset_lowers_opacities_and_clears_only_their_moments():
     before = state(30)
     after = reset_opacities(before)
@@ -158,8 +135,3 @@ def test_a_reset_of_some_rows_leaves_the_others_and_its_input_alone():
         np.testing.assert_array_equal(new, np.where(rows, reset, old))
         assert (old != reset).any()
     np.testing.assert_array_equal(before.parameters.opacity_logits, content)
-
-
-def test_all_rows_may_be_removed():
-    faint = Parameters(**{**vars(parameters(3)), "opacity_logits": np.full(3, -9, np.float32)})
-    assert len(grow(TrainState.fresh(faint), np.zeros(3)).parameters) == 0

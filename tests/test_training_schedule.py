@@ -36,11 +36,6 @@ def test_the_rate_of_positions_decays_log_linearly():
     np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
 
 
-def test_only_the_rate_of_positions_decays_and_depends_on_the_extent():
-    early, late = (vars(Schedule.scaled(100).rates(i, extent)) for i, extent in ((1, 1.0), (99, 7.0)))
-    assert {name for name in early if early[name] != late[name]} == {"means"}
-
-
 @given(lengths)
 def test_learning_rates_of_networks_fall_after_growth_but_stay_above_zero(length):
     schedule = Schedule.scaled(length)
@@ -51,13 +46,6 @@ def test_learning_rates_of_networks_fall_after_growth_but_stay_above_zero(length
     assert 0 < falling[-1] == pytest.approx(1 / len(falling))
 
 
-@given(lengths)
-def test_opacities_are_reset_only_right_after_densification(length):
-    schedule = Schedule.scaled(length)
-    resets = range(schedule.reset_every, length + 1, schedule.reset_every)
-    assert all(schedule.densifies(i) for i in resets if schedule.resets_opacities(i))
-
-
 @given(lengths, st.data())
 def test_checkpoints_are_possible_between_periods_of_statistics(length, data):
     schedule = Schedule.scaled(length)
@@ -65,8 +53,3 @@ def test_checkpoints_are_possible_between_periods_of_statistics(length, data):
     later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]
     assert schedule.rests(iteration) or later or iteration < schedule.densify_until
     assert not (schedule.rests(iteration) and later and not schedule.densifies(iteration))
-
-
-def test_a_training_run_has_at_least_one_iteration():
-    with pytest.raises(ValueError, match="at least one"):
-        Schedule.scaled(0)

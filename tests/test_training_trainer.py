@@ -56,25 +56,10 @@ def test_every_view_is_taken_once_before_any_is_taken_again():
     assert len(set(rounds)) > 1
 
 
-def test_the_seed_determines_the_order_of_views():
-    orders = []
-    for seed in (0, 0, 1):
-        trainer, model = recorded(BRISK, seed=seed)
-        list(trainer)
-        orders.append(model.steps)
-    assert orders[0] == orders[1] != orders[2]
-
-
 def test_bands_of_spherical_harmonics_are_enabled_one_by_one():
     trainer, model = recorded(BRISK)
     list(trainer)
     assert model.degrees == [min(3, i // 10) for i in range(1, 61)]
-
-
-def test_opacities_are_reset_on_schedule():
-    trainer, model = recorded(BRISK)
-    lowered = [model.kept.parameters.opacity_logits.max() < 0 for _ in trainer]
-    assert lowered.index(True) + 1 == 18
 
 
 def test_a_reset_of_opacities_is_reported_until_images_have_recovered():

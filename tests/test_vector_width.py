@@ -11,7 +11,7 @@ from gspure.opencl.device import choose_device
 NARROW = {"POCL_LLVM_CPU_NAME": "haswell", "POCL_KERNELLIB_NAME": "avx2"}
 DIGESTS = """
 import numpy as np
-from gspure.artifacts import digest
+from gspure.files import digest
 from gspure.method.clusters import select
 from gspure.method.tree import spanning_tree
 from gspure.opencl.device import choose_device
