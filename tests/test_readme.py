@@ -51,10 +51,18 @@ def test_the_program_runs(folder, planted):
     np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
 
 
-def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys):
+QUICK = {
+    "pair": ["--views", "8", "--width", "48", "--height", "36"],
+    "embed": ["--set", "iterations=20"],
+}
+"""Options of the commands in tests."""
+
+
+def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys, monkeypatch):
+    monkeypatch.setattr("gspure.cli.purify._draw", lambda *_: [])
     for arguments in commands("gspure"):
         if arguments[0] not in {"train", "audit"}:
-            assert main(arguments) == 0
+            assert main([*arguments, *QUICK.get(arguments[0], [])]) == 0
     assert re.search(r"^mean +\d+\.\d+( +\d+\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
     assert np.load("purified/prune_mask.npy").any()
