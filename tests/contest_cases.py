@@ -63,7 +63,7 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
     Its controls are a clean model without the message, and black images.
     """
     truth = results / "pairs" / name.rpartition("/")[2]
-    errors = {"unattacked": (0.01, 0.02), **attacks, "clean": (0.01, 0.6), "black": (0.5, 0.5)}
+    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6), "black": (0.5, 0.5)}
     for variant, of_targets in errors.items():
         folder, rows = results / name / variant, []
         for target, error in zip(("scene", "message"), of_targets, strict=True):

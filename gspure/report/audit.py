@@ -94,7 +94,7 @@ def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
         verdict = "removed" if not left else "survived" if strongest.survived == strongest.present else "partly"
     elif not reason:
         present = any(row.present for row in known.values())
-        verdict = "not affected" if present and not judged else "unknown" if present else "not present"
+        verdict = "not affected" if present and attacks and not judged else "unknown" if present else "not present"
         reason = f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
     return Audit(outcomes[0].condition, extraction, verdict, strongest, reason, _remarks(outcomes, extraction, judged))
 

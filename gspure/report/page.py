@@ -112,7 +112,7 @@ def write_page(path: Path, comparisons: Sequence[Comparison], links: Sequence[Pa
     from gspure import __version__
 
     linked = [link(file, path) for file in links]
-    page = _environment().get_template("page.html.j2")
+    page = environment().get_template("page.html.j2")
     write_text(path, page.render(version=__version__, comparisons=comparisons, links=linked, allowed=ALLOWED))
 
 
@@ -158,7 +158,8 @@ def _embedded(image: Any, widest: int) -> str:
 
 
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """Return the templates, with the filters that write names and numbers."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     loader = FileSystemLoader(_TEMPLATES)

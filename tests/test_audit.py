@@ -1,0 +1,154 @@
+"""The owner's audit: one of six sentences, which agrees with every row of the table of survival."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.evaluation.controls import MESSAGE_FREE
+from gspure.evaluation.detection import Detection
+from gspure.evaluation.names import display_name
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.survival import survival
+from gspure.report.audit import NO_KEY, SENTENCES, Audit, audits
+from tests.contest_cases import benchmark, measured, outcome
+
+
+def audit_of(outcomes) -> Audit:
+    (audit,) = audits(outcomes, survival(outcomes))
+    return audit
+
+
+def of_scenes(count, **drops):
+    return benchmark({f"s{i}": drops for i in range(count)})
+
+
+def detected(variant: str, scene: str = "s0", length: int = 16, **present: bool) -> Outcome:
+    detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, length) for name, is_there in present.items()}
+    return replace(outcome(variant, targets={"scene": 30.0}), scene=scene, reference={}, detections=detections)
+
+
+UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unattacked", "gspure")]
+FLAT = [replace(outcome(n, targets={"message": 9.0}), targets={"message": measured("message", 9.0, 0.0)}) for n in "ab"]
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "verdict", "text"),
+    [
+        (of_scenes(1, gof=(0.5, 2.0)), "survived", "every tested attack with at most 2 dB"),
+        (of_scenes(2, gof=(0.5, 20.0)), "removed", "did not survive GOF: PSNR: message −20.0 dB, scene −0.5 dB."),
+        (
+            benchmark({"a": {"gof": (1.0, 20.0)}, "b": {"gof": (1.0, 2.0)}}),
+            "partly",
+            "present or retrieved in 1 of 2 scenes after GOF",
+        ),
+        (of_scenes(2, gof=(2.5, 25.0)), "unknown", "no attack was tested with at most 2 dB"),
+        (of_scenes(2), "unknown", "no attack was tested"),
+        ([o for o in of_scenes(2, gof=(1.0, 3.0)) if not o.is_control], "unknown", "no negative control"),
+        ([outcome(n, targets={"scene": 30.0}) for n in ("unattacked", "gspure")], "unknown", NO_KEY),
+        (UNAPPLIED, "unknown", "every variant is without results"),
+        ([o for o in of_scenes(2, gof=(0.5, 9.0)) if o.variant != "unattacked"], "unknown", "unattacked model"),
+        (
+            [o for o in of_scenes(1, gof=(0.5, 3.0)) if o.variant != "clean"]
+            + [outcome("clean", "s0", targets={"message": 27.5})],
+            "not present",
+            "does not exceed the controls",
+        ),
+        ([replace(o, variant="unattacked") for o in FLAT[:1]], "not present", "Look at the extraction"),
+        (
+            [replace(o, reached={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))],
+            "not affected",
+            "no attack changed anything",
+        ),
+        ([detected(n, mark=True) for n in ("unattacked", "gspure")], "unknown", "at most 2 dB"),
+        ([detected(n, mark=False) for n in ("unattacked", "clean")], "not present", "mark (mark)"),
+        ([detected("unattacked", length=0, mark=None)], "unknown", "too few views"),
+    ],
+)
+def test_each_verdict_is_given_where_it_applies(outcomes, verdict: str, text: str) -> None:
+    audit = audit_of(outcomes)
+    assert (audit.verdict, text in audit.sentence) == (verdict, True), audit.sentence
+    assert "{" not in audit.sentence
+
+
+def test_every_sentence_is_reached_by_the_cases_above() -> None:
+    (mark,) = (mark for mark in test_each_verdict_is_given_where_it_applies.pytestmark if mark.name == "parametrize")
+    assert {case[1] for case in mark.args[1]} == SENTENCES.keys()
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.dictionaries(
+        st.sampled_from(["gspure", "gof", "crop"]),
+        st.tuples(
+            st.sampled_from([0.5, 2.0, 2.03, 2.2]),
+            st.sampled_from([1.0, 5.0, 20.0]),
+            st.sampled_from([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)]),  # survived, only retrieved
+        ),
+        min_size=1,
+    )
+)
+def test_the_sentence_agrees_with_every_row_of_the_table(rows) -> None:
+    outcomes = of_scenes(2, **{name: row[:2] for name, row in rows.items()})
+    counts = {name: row[2] for name, row in rows.items()}
+    known = [
+        row._replace(survived=counts[row.variant][0], only_retrieved=counts[row.variant][1])
+        if row.variant in counts
+        else row
+        for row in survival(outcomes)
+    ]
+    (audit,) = audits(outcomes, known)
+    allowed = {display_name(name): counts[name] for name, (damage, _, _) in rows.items() if damage < 2.1}
+    lost = {name: sum(found) for name, found in allowed.items() if found[0] < 2}
+    assert (audit.verdict == "survived") == bool(allowed and not lost)
+    assert (audit.verdict == "unknown") == (not allowed)
+    if lost:
+        name = re.search(r"(?:survive|after) (\w+):", audit.sentence)[1]
+        assert lost[name] == min(lost.values())
+        assert (audit.verdict == "removed") == (lost[name] == 0)
+
+
+@pytest.mark.parametrize(("damage", "strongest"), [(1.97, "gof@2dB"), (2.04, "gof@2dB"), (2.06, "gspure")])
+def test_a_searched_strength_counts_if_the_search_did_not_miss_the_allowed_damage(damage, strongest) -> None:
+    lost = of_scenes(1, **{"gspure": (0.5, 2.0), "gof@2dB": (damage, 20.0)})
+    assert audit_of(lost).strongest.variant == strongest
+
+
+@pytest.mark.parametrize(("drop", "strongest"), [(2.0, "weak"), (25.0, "other")])
+def test_an_attack_that_was_measured_in_fewer_scenes_counts_only_if_it_removed_the_message(drop, strongest) -> None:
+    weak, other = {"weak": (1.0, 3.0)}, {"weak": (1.0, 3.0), "other": (1.0, drop)}
+    assert audit_of(benchmark({"a": other, "b": weak, "c": weak})).strongest.variant == strongest
+
+
+def test_of_several_detectors_one_that_finds_the_mark_is_judged_and_bits_before_all() -> None:
+    audit = audit_of([detected(name, alpha=False, zeta=True) for name in ("unattacked", "gspure")])
+    assert audit.extraction == "zeta"
+    audit = audit_of([detected(name, alpha=True, bits=False) for name in ("unattacked", "gspure")])
+    assert audit.extraction == "bits"
+
+
+def test_conditions_are_judged_apart() -> None:
+    own = [replace(o, protocol="own") for o in of_scenes(1, gof=(0.5, 2.0))]
+    both = [*of_scenes(1, gof=(0.5, 20.0)), *own]
+    assert [(a.condition.protocol, a.verdict) for a in audits(both, survival(both))] == [
+        ("", "removed"),
+        ("own", "survived"),
+    ]
+
+
+def test_what_limits_a_verdict_is_remarked() -> None:
+    found = of_scenes(3, gspure=(0.5, 2.0))
+    assert audit_of(found).remarks == []
+    assert "one scene" in audit_of(of_scenes(1, gspure=(0.5, 2.0))).remarks[0]
+    bare = [o for o in found if o.variant not in MESSAGE_FREE or o.scene != "s0"]
+    assert audit_of(bare).remarks == ["Read from no model without the message in 1 of 3 scenes."]
+    reached = [replace(o, reached={"message": o.variant != "noise"}) for o in of_scenes(2, noise=(1.0, 0.0))]
+    assert "Changed nothing that the extraction reads: noise." in audit_of(reached).remarks
+    changed = [replace(o, reached={"message": o.variant != "noise"}) for o in of_scenes(2, noise=(1.0, 5.0))]
+    assert "Incomplete `reads` of the scheme: noise changed it." in audit_of(changed).remarks
+    marked = [detected(name, mark=True) for name in ("unattacked", "gspure", "clean", "other_scene")]
+    remarks = audit_of(marked).remarks
+    assert any("clean model shows the mark, too" in remark for remark in remarks)
+    assert any("other scene's model holds the same mark" in remark for remark in remarks)

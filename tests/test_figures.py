@@ -1,0 +1,138 @@
+"""The figures of one model and its purification."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cameras import Camera, intrinsics, orbit_cameras
+from gspure.errors import InputError
+from gspure.figures import clouds, gallery, plates, style, viewpoint
+from gspure.figures.clouds import Cloud, kept_cloud
+from gspure.figures.gallery import CAPTIONS, Purified, draw_model
+from gspure.figures.panels import draw_before_after
+from gspure.figures.plates import eye_dome
+from gspure.figures.probe import gl_problem
+from gspure.images import write_image
+from gspure.public_model import PublicModel
+from gspure.renderer import Renderer
+from tests.models import blobs, camera, gaussians, points_of
+
+RNG = np.random.default_rng(3)
+BALL = RNG.normal(size=(400, 3)).astype(np.float32)
+PNG = b"\x89PNG\r\n"
+needs_gl = pytest.mark.skipif(gl_problem() is not None, reason=f"no OpenGL: {gl_problem()}")
+
+
+@pytest.fixture
+def model(monkeypatch: pytest.MonkeyPatch) -> Purified:
+    monkeypatch.setattr(gallery, "PICTURE_WIDTH", 120)
+    monkeypatch.setattr(gallery, "PAGE_WIDTH", 480)
+    monkeypatch.setattr(style, "DPI", 100)
+    labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
+    weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
+    return Purified(PublicModel(gaussians(means=BALL, scales=0.1)), labels, weights, weights[::-1].copy())
+
+
+@pytest.fixture
+def views() -> Sequence[Camera]:
+    return orbit_cameras(points_of(BALL, np.ones(400)), count=4, width=32, height=24)
+
+
+@needs_gl
+def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, model, views) -> None:
+    captions = draw_model(tmp_path / "a", model, views)
+    assert [*captions] == [
+        f"{name}.png" for name in ("splats", "weights", "clusters", "ranks", "kept", "hidden", "purification")
+    ]
+    assert json.loads((tmp_path / "a" / CAPTIONS).read_text()) == captions
+    assert f"{model.pruned.sum()} of 400 Gaussians are pruned." in captions["kept.png"]
+    assert "below ω̄/4" in captions["weights.png"]
+    draw_model(tmp_path / "b", model, views)
+    files = {path.name for path in (tmp_path / "a").iterdir()}
+    assert files == {*captions, CAPTIONS, "weights.svg", "viewer.json"}
+    for name in files:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_without_opengl_clouds_are_left_out_with_one_warning(tmp_path: Path, model, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(gallery, "gl_problem", lambda: "no driver: install one")
+    assert [*draw_model(tmp_path, model)] == ["weights.png"]
+    assert capsys.readouterr().err == "warning: point clouds are not drawn: no driver: install one\n"
+
+
+def test_a_figure_that_fails_is_left_out_with_a_warning(tmp_path: Path, model, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(gallery, "gl_problem", lambda: "none")
+    monkeypatch.setattr(gallery, "write_weight_histogram", lambda *_: 1 / 0)
+    assert draw_model(tmp_path, model, viewer=False) == {}
+    assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == {CAPTIONS}
+
+
+def test_captions_tell_what_pruning_removes_of_the_message(model) -> None:
+    for hidden, text in (
+        (np.where(model.pruned, 9, 0).astype(np.float32), "Pruning removes 100.0% of the weight in the message"),
+        (np.zeros(400, np.float32), "No row holds weight of the message"),
+    ):
+        assert text in gallery._pruned_weight(model, hidden)
+
+
+def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_path: Path, monkeypatch) -> None:
+    images = []
+    monkeypatch.setattr(gallery, "show", lambda axes, image, label: images.append(image))
+    monkeypatch.setattr(style, "DPI", 50)
+    weights = np.ones(40, np.float32)
+    for labels, weight in ((np.zeros(40, np.int32), weights), (np.full(40, -1, np.int32), weights)):
+        gallery._splats(Purified(PublicModel(blobs(40)), labels, weight), [camera()], None).draw(tmp_path / "s.png")
+    model_image, clusters, alone, _, noise, _ = images
+    passing = Renderer(blobs(40)).transmittance(camera())[..., None]
+    colour = style.rgb(style.tint(style.CLUSTERS[0], clouds._PALE)) / 255  # of a kept cluster
+    np.testing.assert_allclose(clusters, (1 - passing) * colour + passing, atol=1e-3)
+    assert (alone == 1).all()
+    assert noise.mean() > clusters.mean()
+    assert model_image.shape == clusters.shape
+
+
+def test_a_view_before_and_after_is_one_that_all_columns_have(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(style, "DPI", 50)
+    for folder, names in (("before", "abcde"), ("after", "bcdef")):
+        for name in names:
+            write_image(tmp_path / folder / f"{name}.png", np.full((6, 8, 3), ord(name) / 255, np.float32))
+    folders = {folder: tmp_path / folder for folder in ("before", "after")}
+    assert draw_before_after(tmp_path / "panels.png", folders, 2).startswith("2 of 4 views, with their PSNR against")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="expected a view of"):
+        draw_before_after(tmp_path / "panels.png", {**folders, "x": tmp_path / "empty"})
+
+
+def test_eye_dome_darkens_what_stands_behind_an_edge_and_nothing_else() -> None:
+    depth = np.full((20, 30), 2.0, np.float32)
+    depth[:, 15:] = 4.0
+    depth[:5] = np.inf
+    shaded = eye_dome(np.full((20, 30, 3), 200, np.uint8), depth, 2)
+    assert (shaded[:5] == 200).all()
+    assert (shaded[5:, :15] == 200).all()
+    assert (shaded[7:18, 15:17] < 150).all()
+    assert (shaded[5:, 18:] == 200).all()
+
+
+@needs_gl
+def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
+    eye = viewpoint.fitted(viewpoint.overview(BALL, viewpoint.world_axes(BALL, [])), 480)
+    image = plates.portrait(kept_cloud(BALL, BALL[:, 0] > 0), eye).astype(int)
+    assert image.shape == (eye.height, eye.width, 3)
+    covered = (image < 250).any(axis=-1)
+    assert 0.02 < covered.mean() < 0.9
+    assert (image[..., 0] > image[..., 2] + 40).sum() > 0.1 * covered.sum()
+    assert (image[..., 2] > image[..., 0] + 10).sum() > 0.1 * covered.sum()
+    points = np.array([[0, 0, 4], [1.2, 0.7, 6]], np.float32)
+    two = Cloud(points, np.array([[200, 0, 0], [0, 0, 200]], np.uint8), {})
+    picture = plates.portrait(two, Camera("view", 480, 320, intrinsics(400, 400, 180, 200), np.eye(4))).astype(int)
+    for channel, (x, y, z) in zip((0, 2), points, strict=True):
+        others = [c for c in range(3) if c != channel]
+        centre = np.argwhere(picture[..., channel] > picture[..., others].max(axis=-1) + 30).mean(axis=0)
+        assert centre == pytest.approx([200 + 400 * y / z, 180 + 400 * x / z], abs=1.5)
+    away = Camera("view", 20, 10, intrinsics(10, 10, 10, 5), np.diag([-1.0, 1, -1, 1]))
+    assert (plates.portrait(two, away) == 255).all()

@@ -1,0 +1,120 @@
+"""What every attack leaves, side by side: which variants, which view, and what a tile says."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from PIL import Image
+
+from gspure.evaluation.outcomes import Outcome
+from gspure.figures import lineup, style
+from gspure.figures.lineup import COLUMNS, Column, chosen, draw_attacks, write_lineup
+from gspure.images import write_image
+from tests.contest_cases import measured
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    monkeypatch.setattr(style, "DPI", 50)
+
+
+PHOTOGRAPH = np.full((6, 8, 3), 0.5, np.float32)
+
+
+def outcome(variant, scene=30.0, message=30.0, **known):
+    reference, targets = (
+        {name: measured(name, psnr) for name, psnr in (("scene", a), ("message", b))}
+        for a, b in ((30.0, 30.0), (scene, message))
+    )
+    return Outcome("keyss", "room", variant, targets, dict.fromkeys(targets, 3), reference=reference, **known)
+
+
+OUTCOMES = [outcome("unattacked"), outcome("noise", reached={"message": False})]
+OUTCOMES += [Outcome("keyss", "room", "gof", failure="no memory"), outcome("clean")]
+
+
+def names(outcomes):
+    return [o.variant for o in outcomes]
+
+
+def test_of_an_attack_at_several_strengths_the_highest_score_is_shown():
+    outcomes = [outcome("unattacked"), outcome("weak", 29, 28), outcome("fit", 28, 10), outcome("strong", 5, 5)]
+    sweeps = {"pruning": ["weak", "fit", "strong", "elsewhere"], "other": ["nowhere"]}
+    assert names(chosen(outcomes, sweeps)) == ["unattacked", "fit"]
+    assert names(chosen(outcomes, {})) == names(outcomes)
+
+
+def test_the_lineup_shows_gspure_itself_and_the_first_failed_strength():
+    failed = [Outcome("keyss", "room", name, failure="no memory") for name in ("a", "b")]
+    outcomes = [outcome("tau_n_1", 30, 5), outcome("gspure", 20, 20), *failed, outcome("clean")]
+    shown = chosen(outcomes, {"gspure": ["tau_n_1", "gspure"], "other": ["a", "b"]})
+    assert names(shown) == ["gspure", "a"], "controls are no attacks"
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """The labels and texts of the tiles, as they are drawn."""
+    said: list[str] = []
+    monkeypatch.setattr(lineup, "show", lambda axes, image, label: said.append(label))
+    monkeypatch.setattr(Axes, "text", lambda axes, x, y, text, **style: said.append(text))
+    return said
+
+
+def test_a_tile_shows_psnr_dagger_and_reason_of_failure(tmp_path, drawn):
+    columns = [
+        Column("truth", {"message": PHOTOGRAPH}),
+        Column("noise", {"message": PHOTOGRAPH + np.float32(0.1)}, frozenset({"message"})),
+        Column("gof", {}, failure="no memory"),
+    ]
+    write_lineup(tmp_path / "lineup.png", ["message"], columns)
+    assert drawn == ["", "20.00 dB †", "failed", "no memory"]
+
+
+def test_many_columns_are_split_into_blocks_of_equal_tiles(tmp_path):
+    sizes = []
+    for count in (COLUMNS, 4 * COLUMNS - 1):
+        columns = [Column(f"v{i}", {"scene": PHOTOGRAPH, "message": PHOTOGRAPH}) for i in range(count)]
+        write_lineup(tmp_path / "lineup.png", ["scene", "message"], columns)
+        with Image.open(tmp_path / "lineup.png") as image:
+            sizes.append(image.size)
+    assert {width for width, _ in sizes} == {style.PAGE * style.DPI}
+    assert sizes[1][1] == pytest.approx(4 * sizes[0][1], rel=0.1)
+
+
+@pytest.fixture
+def results(tmp_path):
+    """Views a, b, c, of which the renders are off by 0.1, 0.2 and 0.3."""
+    for target in ("scene", "message"):
+        for i, view in enumerate("abc"):
+            write_image(tmp_path / "truth" / target / f"{view}.png", PHOTOGRAPH)
+            for variant in ("unattacked", "noise"):
+                image = PHOTOGRAPH + np.float32(0.1 * (i + 1))
+                write_image(tmp_path / variant / "renders" / target / f"{view}.png", image)
+    return tmp_path
+
+
+def test_the_view_of_median_psnr_is_shown_of_all_variants(results: Path, drawn) -> None:
+    caption, views = draw_attacks(results / "a.png", results, OUTCOMES, {}, results / "truth")
+    assert views == {"scene": "b", "message": "b"}
+    assert caption.startswith("View b of 3 after every attack: the one with the median message PSNR before attacks.")
+    assert "†" in caption
+    scene, message = (["", "13.98 dB", f"13.98 dB{dagger}", "failed", "no memory"] for dagger in ("", " †"))
+    assert drawn == scene + message
+
+
+def test_without_photographs_the_unattacked_model_is_the_reference(results: Path) -> None:
+    caption, views = draw_attacks(results / "a.png", results, OUTCOMES, {})
+    assert views["scene"] == "b"
+    assert "after noise" in caption
+    failed = [OUTCOMES[0], OUTCOMES[2]]
+    assert draw_attacks(results / "a.png", results, failed, {}).views["scene"] == "b", "a failed attack chooses no view"
+    assert draw_attacks(results / "a.png", results, OUTCOMES[1:], {}) is None
+
+
+def test_a_message_with_views_of_its_own_is_shown_in_a_view_of_its_own(results: Path) -> None:
+    for folder in ("truth", "unattacked/renders", "noise/renders"):
+        for view in "abc":
+            (results / folder / "scene" / f"{view}.png").rename(results / folder / "scene" / f"desk_{view}.png")
+    _, views = draw_attacks(results / "a.png", results, OUTCOMES, {}, results / "truth")
+    assert views == {"scene": "desk_b", "message": "b"}

@@ -1,0 +1,166 @@
+"""The report of a folder of results: its tables, its figures and its page, also of an unfinished run."""
+
+import csv
+import html
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.survival import Survival
+from gspure.figures import lineup, style
+from gspure.figures.viewer import write_viewer
+from gspure.files import write_json, write_text
+from gspure.report.writing import ReportPlan, write_report
+from tests.contest_cases import write_model
+from tests.test_viewer import AXES, purified
+
+ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
+NAME = "sis/room"
+TABLES = {"results.csv", "results.md", "summary.csv", "summary.tex", "survival.csv", "contest.csv", "contest.md"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    """The folder of a finished run with two scenes, one of which lacks an attack."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(style, "DPI", 60)
+    results = tmp_path_factory.mktemp("run") / "results"
+    plans = {name: write_model(results, name, ATTACKS) for name in (NAME, "sis/vault")}
+    shutil.rmtree(results / "sis" / "vault" / "noise")
+    write_text(results / "logs" / "sis" / "vault" / "noise" / "attack.log", "gspure attack: <b>no memory</b>\n")
+    model = results / NAME / "figures" / "model"
+    write_viewer(model / "viewer.json", purified(300), AXES)
+    shutil.copy(results / "pairs" / "room" / "scene" / "view_0.png", model / "kept.png")
+    shutil.copy(model / "kept.png", model / "weights.png")
+    write_json(model / "captions.json", {"kept.png": "What is kept.", "weights.png": "Weights & thresholds."})
+    write_json(results / NAME / "diagnosis.json", {"gaussians": 1200, "noise_share": 0.25, "warnings": ["one cluster"]})
+    points = {"sis": {"gspure": (4.0, 4.0), "noise": (2.0, 4.0)}}
+    config = results / "configuration.json"
+    write_json(config, {})
+    write_report(results, ReportPlan(plans, {"noise": ["noise", "noise_2"]}, points, [config]))
+    patch.undo()
+    return results
+
+
+@pytest.fixture(scope="module")
+def page(run: Path) -> str:
+    return (run / "report.html").read_text()
+
+
+def text_of(page: str) -> str:
+    visible = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", visible)).split())
+
+
+def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
+    assert {path.name for path in (run / "tables").iterdir()} > TABLES
+    rows = [*csv.DictReader((run / "tables" / "results.csv").read_text().splitlines())]
+    assert [row["failure"] for row in rows if (row["scene"], row["variant"]) == ("vault", "noise")] == [
+        "gspure attack: <b>no memory</b>"
+    ]
+    (gspure,) = (
+        row
+        for row in read_table(run / "tables" / "survival.csv", Survival)
+        if (row.extraction, row.variant) == ("message", "gspure")
+    )
+    assert (gspure.present, gspure.survived, gspure.scenes) == (2, 0, 2)
+    assert "Without results: noise on sis, vault" in (run / "tables" / "results.md").read_text()
+
+
+def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
+    for name in (NAME, "sis/vault"):
+        drawn = {path.name for path in (run / name / "figures").glob("*.*")}
+        assert drawn == {"outcomes.png", "outcomes.svg", "attacks.png", "scene.png", "message.png"}
+    assert {path.name for path in (run / "figures" / "sis-shared-both").iterdir()} == {
+        *(f"{name}.{suffix}" for name in ("tradeoff", "sweep") for suffix in ("png", "svg"))
+    }
+
+
+def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
+    text = text_of(page)
+    assert text.index("sis, shared poses. The message did not survive GSPure: PSNR: message −") < 200
+    assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
+    assert "<b>no memory" not in page
+    assert "kept.png" in text
+    for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "view_"):
+        assert words in text, words
+    assert "Survival of the message" in text
+    assert "The model in 3-D" in text
+
+
+def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> None:
+    class Parser(HTMLParser):
+        """Collects links, sources and identifiers, and checks that elements are closed in order."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.open: list[str] = []
+            self.ids: list[str] = []
+            self.links: list[str] = []
+            self.sources: list[str] = []
+
+        def handle_starttag(self, tag, attributes) -> None:
+            known = dict(attributes)
+            self.ids += [known["id"]] if "id" in known else []
+            self.links += [known["href"]] if tag == "a" else []
+            self.sources += [known["src"]] if "src" in known else []
+            if tag not in {"meta", "link", "img", "input", "br"}:
+                self.open.append(tag)
+
+        def handle_endtag(self, tag) -> None:
+            assert self.open.pop() == tag
+
+    parser = Parser()
+    parser.feed(page)
+    assert not parser.open
+    assert len({*parser.ids}) == len(parser.ids)
+    assert all(source.startswith("data:image/webp") for source in parser.sources)
+    for link in parser.links:
+        assert link.removeprefix("#") in parser.ids if link.startswith("#") else (run / link).is_file(), link
+    assert "tables/results.csv" in parser.links
+    assert "configuration.json" in parser.links
+
+
+def test_an_empty_run_has_a_page_that_says_so(tmp_path: Path, run: Path) -> None:
+    from gspure.evaluation.collecting import ModelPlan
+
+    write_report(tmp_path, ReportPlan({NAME: ModelPlan(("unattacked", "gspure"))}))
+    text = text_of((tmp_path / "report.html").read_text())
+    assert "No verdict: every variant is without results" in text
+    assert "Without results: unattacked on sis, room; GSPure on sis, room (not run)" in text
+
+
+def test_a_figure_that_cannot_be_drawn_is_left_out_with_a_warning(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(style, "DPI", 30)
+    monkeypatch.setattr(lineup, "write_lineup", lambda *_: (_ for _ in ()).throw(ValueError("no room")))
+    write_report(tmp_path, ReportPlan({NAME: write_model(tmp_path, NAME, {"gspure": (0.055, 0.55)})}))
+    assert "attacks.png: not drawn: no room" in capsys.readouterr().err
+    assert "Outcomes." in text_of((tmp_path / "report.html").read_text())
+
+
+def test_the_page_works_in_a_browser(run: Path) -> None:
+    """It fits a phone, sections open, an attack can be chosen, a table sorted; nothing is wrong on the console."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not (chromium := shutil.which("chromium") or shutil.which("google-chrome")):
+        pytest.skip("Chromium is not installed")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--enable-unsafe-swiftshader"])
+        tab, errors = browser.new_page(viewport={"width": 420, "height": 900}), []
+        tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+        tab.on("pageerror", lambda error: errors.append(str(error)))
+        tab.goto((run / "report.html").as_uri())
+        assert tab.evaluate("document.documentElement.scrollWidth") <= 420
+        tab.locator("nav a").nth(1).click()
+        assert tab.locator('[id="sis/room"]').evaluate("section => section.open")
+        tab.locator(".tile").last.click()
+        assert tab.locator('.tile[aria-pressed="true"]').count() == 1
+        tab.locator('[id="sis/room"] th button').nth(1).click()
+        assert tab.locator('[id="sis/room"] th[aria-sort="descending"]').count() == 1
+        tab.locator(".viewer canvas").scroll_into_view_if_needed()
+        tab.locator(".viewer.started").wait_for()
+        browser.close()
+    assert not errors

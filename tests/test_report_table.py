@@ -1,0 +1,96 @@
+"""One model of a table: the same cells in HTML, Markdown, LaTeX and CSV."""
+
+import csv
+import re
+from dataclasses import replace
+from html import unescape
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gspure.evaluation.intervals import Interval
+from gspure.report.page import environment
+from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document
+
+TABLE = Table(
+    "Drops",
+    [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")],
+    [
+        Row([Cell("GSPure"), Cell("12.50", "(11.00 to 14.00)", best=True), Cell("1.00")], "best"),
+        Row([Cell("clean <model>"), Cell(), Cell("−0.50")], "control"),
+    ],
+    "In dB.",
+)
+
+
+def page(table: Table) -> str:
+    macros = environment().get_template("parts.html.j2").module
+    return str(macros.table_of(table))
+
+
+TEXTS = st.text(alphabet="ab |\\{}$&#_%~^-<>\"'", max_size=8).map(str.strip)
+
+
+def cells_of_html(text: str) -> list[list[str]]:
+    rows = re.findall(r"<tr.*?>(.*?)</tr>", text, flags=re.DOTALL)
+    cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row, flags=re.DOTALL) for row in rows]
+    return [[unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row] for row in cells]
+
+
+def test_every_format_shows_the_same_cells() -> None:
+    shown = [[str(cell) for cell in row.cells] for row in TABLE.rows]
+    titles = ["attack", "PSNR drop message", "PSNR drop scene"]
+    assert cells_of_html(page(TABLE)) == [titles, *shown]
+    assert list(csv.reader(TABLE.csv().splitlines())) == [titles, *shown]
+    markdown = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in TABLE.markdown().splitlines()]
+    assert [markdown[0], *markdown[2:]] == [titles, *shown]
+    latex = [line.removesuffix(r" \\").split(" & ") for line in TABLE.latex().splitlines() if line.endswith(r"\\")]
+    assert latex == [
+        titles,
+        ["GSPure", "12.50 (11.00 to 14.00)", "1.00"],
+        [r"clean \textless{}model\textgreater{}", "--", "$-$0.50"],
+    ]
+
+
+def test_html_marks_kinds_of_rows() -> None:
+    text = page(TABLE)
+    assert re.findall(r'<tr class="(\w+)"><th scope="row">', text) == ["best", "control"]
+    assert "<b>12.50</b> <small>(11.00 to 14.00)</small>" in text
+    assert "clean &lt;model&gt;" in text
+
+
+def test_markdown_columns_are_aligned() -> None:
+    assert len({len(line) for line in TABLE.markdown().splitlines()}) == 1
+
+
+def test_a_note_shared_by_tables_is_printed_once() -> None:
+    other = Table("Other", TABLE.columns, TABLE.rows, "Another note.")
+    text = markdown_document({"A": [TABLE, other], "B": [replace(TABLE, title="Same note")]})
+    assert text.count("In dB.") == text.count("Another note.") == 1
+    assert text.index("## A") < text.index("Another note.") < text.index("## B") < text.index("In dB.")
+
+
+def test_intervals_have_brackets_ranges_parentheses_and_single_scenes_neither() -> None:
+    assert str(interval(Interval(1.0, 0.5, 1.5, 0.95, 6), 6)) == "1.00 [0.50, 1.50]"
+    assert str(interval(Interval(1.0, -0.5, 1.5, 0.75, 3), 3)) == "1.00 (−0.50 to 1.50)"
+    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 1)) == "1.00"
+    assert str(interval(None, 3)) == "–"
+
+
+def test_a_mean_over_fewer_scenes_than_its_table_says_so() -> None:
+    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 3)) == "1.00 (1 of 3 scenes)"
+    assert str(interval(Interval(1.0, 0.5, 1.5, 0.5, 2), 3)) == "1.00 (0.50 to 1.50) (2 of 3 scenes)"
+
+
+@given(TEXTS, TEXTS)
+def test_no_character_of_a_text_is_markup(first: str, second: str) -> None:
+    table = Table("t", [Column("a"), Column("b")], [Row([Cell(first), Cell(second)])])
+    assert cells_of_html(page(table))[-1] == [first, second]
+    assert list(csv.reader(table.csv().splitlines(), strict=True))[1] == [first, second]
+    assert len(re.findall(r"(?<!\\)\|", table.markdown().splitlines()[-1])) == 3
+    row = Table("t", [Column("a")], [Row([Cell(first)])]).latex().splitlines()[-3].removesuffix(r" \\")
+    commands = {r"\textbackslash{}": "\\", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\textless{}": "<"}
+    commands |= {r"\textgreater{}": ">"} | {f"\\{character}": character for character in "&%$#_{}"}
+    tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^<>]", row)
+    assert "".join(commands.get(token, token) for token in tokens) == first
+    assert "".join(tokens) == row
