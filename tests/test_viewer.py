@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gspure.figures import viewer
-from gspure.figures.gallery import Purified
+from gspure.figures.clouds import Purified
 from gspure.figures.viewer import write_viewer
 from gspure.public_model import PublicModel
 from tests.models import gaussians

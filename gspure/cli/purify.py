@@ -19,7 +19,8 @@ from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_
 from gspure.errors import InputError
 from gspure.evaluation import comparison
 from gspure.evaluation.comparison import ViewMetrics
-from gspure.figures.gallery import Purified, draw_model
+from gspure.figures.clouds import Purified
+from gspure.figures.gallery import draw_model
 from gspure.figures.panels import draw_before_after
 from gspure.files import filling, save_array, write_json
 from gspure.images import write_image

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.constants import NOISE_LABEL, SH_DC
+from gspure.constants import NOISE_LABEL, SH_DC, TAU_C, TAU_N
 from gspure.figures import style
 from gspure.files import Bools, Float32, Float64, Indices, Int32, UInt8
-from gspure.method.pruning import deciding_weights
+from gspure.method.pruning import deciding_weights, prune_mask
+from gspure.model.signature import Signature
 from gspure.progress import percent
+from gspure.public_model import PublicModel
 
 _STEPS = 256  # of a scale
 
@@ -156,3 +159,38 @@ def _between(share: Float64) -> UInt8:
     """Return colours [S,3] between those of the scene (0) and of the message (1)."""
     ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
     return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class Purified:
+    """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
+
+    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Rows are
+    pruned by the factors `tau_c` and `tau_n`.
+    """
+
+    public: PublicModel
+    labels: Int32
+    weights: Float32
+    hidden: Float32 | None = None
+    tau_c: float = TAU_C
+    tau_n: float = TAU_N
+
+    @property
+    def means(self) -> Float32:
+        """The centres [K,3]."""
+        return self.public.model.means
+
+    @cached_property
+    def pruned(self) -> Bools:
+        """The prune mask [K]."""
+        return prune_mask(self.labels, self.weights, self.tau_c, self.tau_n)
+
+    @property
+    def rows(self) -> str:
+        """What a row is: Gaussians or anchors."""
+        return Signature.of(self.public.model.names).rows
+
+    def ranks(self) -> Cloud:
+        """Return the cloud of the ranks by which GSPure prunes."""
+        return rank_cloud(self.means, self.labels, self.weights, self.tau_c, self.tau_n)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,23 +11,20 @@ import numpy as np
 from numpy.lib.recfunctions import repack_fields
 
 from gspure.cameras.camera import Camera, split
-from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
+from gspure.constants import NOISE_LABEL
 from gspure.figures import style
 from gspure.figures.charts import write_weight_histogram
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
+from gspure.figures.clouds import Cloud, Purified, cluster_cloud, kept_cloud, share_cloud
 from gspure.figures.panels import show
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, portrait, write_plate
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
-from gspure.files import Bools, Float32, Int32, filling, write_json
-from gspure.method.pruning import prune_mask
+from gspure.files import Float32, Int32, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import COLOUR, CORE
-from gspure.model.signature import Signature
 from gspure.opencl.device import Device
 from gspure.progress import percent, warn
-from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 
 NAMES: Final = tuple(
@@ -45,41 +41,6 @@ _RANKS: Final = (
     "Rank: the order by τ_c times the mean weight of the cluster or, outside clusters, τ_n times the weight. GSPure "
     "prunes the lowest ranks."
 )
-
-
-@dataclass(frozen=True)
-class Purified:
-    """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
-
-    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Rows are
-    pruned by the factors `tau_c` and `tau_n`.
-    """
-
-    public: PublicModel
-    labels: Int32
-    weights: Float32
-    hidden: Float32 | None = None
-    tau_c: float = TAU_C
-    tau_n: float = TAU_N
-
-    @property
-    def means(self) -> Float32:
-        """The centres [K,3]."""
-        return self.public.model.means
-
-    @cached_property
-    def pruned(self) -> Bools:
-        """The prune mask [K]."""
-        return prune_mask(self.labels, self.weights, self.tau_c, self.tau_n)
-
-    @property
-    def rows(self) -> str:
-        """What a row is: Gaussians or anchors."""
-        return Signature.of(self.public.model.names).rows
-
-    def ranks(self) -> Cloud:
-        """Return the cloud of the ranks by which GSPure prunes."""
-        return rank_cloud(self.means, self.labels, self.weights, self.tau_c, self.tau_n)
 
 
 class Drawing(NamedTuple):

@@ -1,22 +1,17 @@
 """The data of the report's 3-D viewer: points, their colours, and what pruning removes; quantized, as JSON."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL
-from gspure.figures.clouds import Cloud, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
+from gspure.figures.clouds import Cloud, Purified, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
 from gspure.files import Float32, Float64, Indices, write_json
 from gspure.method.pruning import cluster_weights, mean_weight
-
-if TYPE_CHECKING:
-    from gspure.figures.gallery import Purified
 
 MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly
 REACH: Final = 2.0  # of points, in half extents of their bulk: farther floaters would shrink all else

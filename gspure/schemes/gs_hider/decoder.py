@@ -11,8 +11,9 @@ from gspure.files import Float32
 from gspure.model.finite import require_computed
 from gspure.opencl.losses import Photographs
 from gspure.public_model import RenderView
-from gspure.schemes.gs_hider.files import CHANNELS
 from gspure.training.pytorch import torch
+
+CHANNELS: Final = 16  # features of a Gaussian, as `gspure.schemes.gs_hider.files` names them
 
 WIDTH: Final = 64
 LAYERS: Final = 5

@@ -45,7 +45,7 @@ from gspure.schemes.secure_gs.networks import (
 )
 
 if TYPE_CHECKING:
-    from gspure.schemes.secure_gs.training import Learner
+    from gspure.schemes.secure_gs.learner import Learner
 
 
 class AnchorModel(PublicModel):
@@ -140,7 +140,7 @@ class AnchorModel(PublicModel):
 
     def trained(self, lesson: Lesson, networks: Networks, rates: Mapping[str, float]) -> Learner:
         """Return the learner of anchors and networks after a lesson; `rates` names what learns, and how fast."""
-        from gspure.schemes.secure_gs.training import LEARNED, Learner
+        from gspure.schemes.secure_gs.learner import LEARNED, Learner
         from gspure.training.pytorch import single_threaded
 
         fixed = dict.fromkeys((*LEARNED, *networks), 0.0)

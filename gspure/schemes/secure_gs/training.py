@@ -1,20 +1,15 @@
 """Training: each iteration renders one view of the scene and of the message from the same anchors."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
 from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
-from gspure.constants import ADAM_EPSILON
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Indices
-from gspure.opencl.device import Device
-from gspure.opencl.losses import Photographs
+from gspure.files import Bools, Float32
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.anchors import Anchors, Neural, neural, table_of, visible_rows
+from gspure.schemes.secure_gs.anchors import Anchors, table_of, visible_rows
 from gspure.schemes.secure_gs.growing import (
     GRADIENT_THRESHOLD,
     AnchorSchedule,
@@ -23,103 +18,11 @@ from gspure.schemes.secure_gs.growing import (
     grown,
     hidden_box,
     inside,
-    joined,
     screen_norms,
 )
+from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.model import AnchorModel
 from gspure.schemes.secure_gs.networks import Networks
-from gspure.training.pytorch import torch
-from gspure.training.torch_bridge import TorchRenderer
-
-VOLUME_WEIGHT: Final = 0.01  # weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)
-LEARNED: Final = ("offsets", "features", "log_scalings")  # trained attributes of anchors; positions are fixed
-
-
-class Learner:
-    """Shared anchors, one set of networks per branch, and its photographs by training view.
-
-    The scene's branch is first.
-    """
-
-    def __init__(
-        self, anchors: Anchors, branches: Sequence[Networks], photographs: Sequence[Sequence[Float32]], device: Device
-    ) -> None:
-        self._render = TorchRenderer(device)
-        self._photographs = [Photographs(images, device) for images in photographs]
-        self._positions = torch.from_numpy(anchors.positions)
-        self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
-        self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
-        groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
-        groups += [
-            {"params": [p for nets in self._branches if name in nets for p in nets[name].values()], "name": name}
-            for name in {name: None for nets in branches for name in nets}
-        ]
-        self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
-
-    @property
-    def anchors(self) -> Anchors:
-        """The current anchors, as arrays that share memory with the tensors."""
-        return Anchors(self._positions.numpy(), *(tensor.detach().numpy() for tensor in self._learned.values()))
-
-    def networks(self, branch: int) -> dict[str, dict[str, Float32]]:
-        """Return a copy of a branch's networks."""
-        return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
-
-    def differentiate(
-        self,
-        branch: int,
-        camera: Camera,
-        rows: Indices,
-        view: int,
-        weight: float,
-        background: Sequence[float] = (0.0, 0.0, 0.0),
-    ) -> tuple[float, Neural, Float32]:
-        """Add the gradients of a branch's loss, times its weight, to those of all parameters.
-
-        `rows` [V] are the visible anchors; `view` is the index of the camera, which is that of its photograph. Return
-        the weighted loss, the view's Gaussians as arrays, and the loss's gradients [A,3] with respect to their centres.
-        """
-        anchors = Anchors(self._positions, **self._learned).at(torch.from_numpy(rows))
-        centre = torch.from_numpy(camera.centre.astype(np.float32))
-        gaussians = neural(torch, anchors, self._branches[branch], centre)
-        gaussians.means.retain_grad()
-        geometry = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities)
-        image = self._render(camera, *geometry, features=gaussians.colors, background=background)
-        volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
-        loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
-        torch.autograd.backward(
-            [image, volume], [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
-        )
-        arrays = {field.name: getattr(gaussians, field.name).detach().numpy() for field in fields(gaussians)}
-        total = weight * (loss + VOLUME_WEIGHT * volume.item())
-        return total, replace(gaussians, **arrays), gaussians.means.grad.numpy()
-
-    def step(self, rates: dict[str, float]) -> None:
-        """Take an optimizer step and clear the gradients."""
-        for group in self._optimizer.param_groups:
-            group["lr"] = rates[group["name"]]
-        self._optimizer.step()
-        self._optimizer.zero_grad()
-
-    def replace_anchors(self, rows: Indices, new: Anchors) -> None:
-        """Keep the anchors `rows` and append new ones, whose moments start at zero."""
-        after = joined(self.anchors.at(rows), new)
-        self._positions = torch.from_numpy(after.positions)
-        for group in self._optimizer.param_groups[: len(LEARNED)]:
-            (before,), name = group["params"], group["name"]
-            leaf = _leaf(getattr(after, name))
-            moments = self._optimizer.state.pop(before)
-            zeros = torch.zeros(len(new.positions), *leaf.shape[1:])
-            for moment in ("exp_avg", "exp_avg_sq"):
-                moments[moment] = torch.cat([moments[moment][torch.from_numpy(rows)], zeros])
-            self._optimizer.state[leaf] = moments
-            group["params"] = [leaf]
-            self._learned[name] = leaf
-
-
-def _leaf(array: Float32) -> torch.Tensor:
-    return torch.from_numpy(np.array(array, np.float32)).requires_grad_()
-
 
 VISIBLE_SHARE: Final = 0.8
 """Least share of the views between two adjustments in which an anchor must be visible to be pruned (Scaffold-GS)."""
