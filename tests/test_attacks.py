@@ -2,7 +2,6 @@
 
 import inspect
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +9,8 @@ from numpy.lib.recfunctions import append_fields
 
 from gspure import plugins
 from gspure.attacks import Attack, Attacked, Evidence, Strength, attacks, compression, find_attack, learning, registry
-from gspure.cli import main
 from gspure.errors import InputError
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import Gaussians
 from tests.attack_cases import changed, public
 
 COUNT = 40
@@ -201,38 +199,21 @@ def test_bad_settings_are_refused_in_one_line(name: str, settings: dict, message
 @pytest.mark.parametrize("name", [name for name in HERE if find_attack(name).needs])
 def test_missing_evidence_is_refused(name: str) -> None:
     needed = "|".join(find_attack(name).needs)
-    with pytest.raises(InputError, match=f"attack {name}: ({needed}): expected an array, found nothing"):
+    with pytest.raises(InputError, match=f"attack {name}: ({needed}): expected .*, found nothing"):
         find_attack(name).apply(model(), Evidence())
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "message"),
+    ("name", "known", "message"),
     [
-        ("gspure", {"prune_mask": np.arange(COUNT) % 2}, "prune_mask: expected bool, found int"),
-        ("gspure", {"prune_mask": (np.arange(COUNT) % 2).astype(np.uint8)}, "prune_mask: expected bool, found uint8"),
-        ("plain_weight", {"weights": np.arange(COUNT) > 3}, "weights: expected numbers, found bool"),
-        ("plain_weight", {"weights": np.where(np.arange(COUNT), 1.0, np.nan)}, "weights: expected numbers, found NaN"),
+        ("gspure", Evidence(prune_mask=np.arange(COUNT) % 2), r"prune_mask: expected \[40\] bool, .* found \[40\] int"),
+        ("plain_weight", Evidence(np.arange(COUNT) > 3), r"weights: expected \[40\] numbers, .* found \[40\] bool"),
+        ("plain_weight", evidence(COUNT - 1), r"weights: expected \[40\] numbers, one per row, found \[39\]"),
     ],
 )
-def test_evidence_that_is_no_mask_or_no_number_is_refused(name: str, change: dict, message: str) -> None:
+def test_evidence_that_does_not_fit_the_model_is_refused(name: str, known: Evidence, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        find_attack(name).apply(model(), Evidence(**change))
-
-
-def test_evidence_of_another_model_is_refused() -> None:
-    with pytest.raises(InputError, match=r"weights: expected \[40\], one per row, found \[39\]"):
-        find_attack("plain_weight").apply(model(), evidence(COUNT - 1))
-
-
-@pytest.mark.parametrize(
-    ("rows", "count"), [([0, 1], COUNT), ([0, 1, COUNT], COUNT), ([0, 1, -2], COUNT), ([0, 1, 2], 3)]
-)
-def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: int) -> None:
-    wrong = Attack("wrong", lambda model, rng: Attacked(model[np.arange(COUNT) < 3], np.array(rows), count))
-    with pytest.raises(
-        InputError, match=rf"rows: expected \[3\] indices of 40 rows, found int64 \[{len(rows)}\] of {count}"
-    ):
-        wrong.apply(model(), Evidence())
+        find_attack(name).apply(model(), known)
 
 
 @pytest.mark.parametrize(
@@ -240,23 +221,10 @@ def test_an_attack_that_miscounts_its_rows_is_refused(rows: list[int], count: in
     [
         (lambda model: model, "result: expected Attacked, found Gaussians"),
         (lambda model: Attacked(model, np.arange(5), 5), r"rows: expected \[40\] indices of 40 rows"),
-        (lambda model: Attacked(model[:], np.arange(40.0), 40), "rows: .* found float64"),
-        (
-            lambda model: Attacked(model, np.zeros(40, int), 40),
-            "rows: expected 0, 1, 2, .* since the attacked table equals the public one",
-        ),
-        (
-            lambda model: Attacked.changed(Gaussians(model.table.astype([(n, "<f8") for n in model.names])), {}),
-            "f_dc_0: expected float32, found float64",
-        ),
-        (lambda model: Attacked(model, list(range(40)), 40), "rows: expected a NumPy array, found list"),
-        (
-            lambda model: Attacked.changed(model, {}, [[1, 0], [0, 1]]),
-            "transform: expected a NumPy array, found list",
-        ),
-        (lambda model: Attacked.changed(model, {}, np.eye(3)), r"transform: expected \[4, 4\]"),
+        (lambda model: Attacked(model, np.arange(40) - 2, 40), r"rows: expected \[40\] indices of 40 rows"),
+        (lambda model: Attacked(model, np.arange(40), 39), r"rows: expected \[40\] indices .* of 39"),
         (lambda model: Attacked.changed(model, {}, 2 * np.eye(4)), "transform: expected a rotation"),
-        (lambda model: Attacked.changed(model, {}, np.full((4, 4), np.nan)), "transform: expected a rotation"),
+        (lambda model: Attacked.changed(model, {"x": np.full(40, np.inf)}), "x: expected finite numbers"),
     ],
 )
 def test_a_result_that_is_no_attacked_model_is_refused(attacked, message: str) -> None:
@@ -320,39 +288,3 @@ def test_a_bad_plug_in_is_named_in_one_line(monkeypatch: pytest.MonkeyPatch, tar
     offer(monkeypatch, target)
     with pytest.raises(InputError, match=r"unknown package \(entry point 'theirs' of gspure.attacks\): .*" + message):
         attacks()
-
-
-def test_command_applies_settings_in_the_type_of_their_defaults(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", model())
-    given = ["attack", "gaussian_noise", "--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
-    assert main([*given, "--seed", "3", "--set", "sigma=0.5", "--set", "attributes=opacity"]) == 0
-    expected = find_attack("gaussian_noise").apply(model(), Evidence(), seed=3, sigma=0.5, attributes="opacity").model
-    found = read_model(tmp_path / "out.ply")
-    assert found.table.tobytes() == expected.table.tobytes()
-    assert found.comments == expected.comments
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["random_pruning", "--set", "fraction=half"],
-            "attack random_pruning: fraction: expected a number from 0 to 1, found 'half'",
-        ),
-        (["random_pruning", "--set", "part=0.5"], "part: expected one of fraction"),
-        (["plain_weight"], "weights: expected an array, found nothing"),
-        (["random_pruning", "--set", "fraction=1"], "attack random_pruning: not applicable: none of"),
-        (["nothing"], "attack: name: expected one of unattacked"),
-        (
-            ["plain_weight", "--weights", "absent.npy"],
-            "absent.npy: no such file",
-        ),
-    ],
-)
-def test_command_refuses_bad_input_in_one_line(tmp_path: Path, capsys, arguments: list[str], message: str) -> None:
-    write_model(tmp_path / "model.ply", model())
-    out = tmp_path / "out.ply"
-    assert main(["attack", *arguments, "--model", str(tmp_path / "model.ply"), "--out", str(out)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert message in line
-    assert not out.exists()

@@ -1,29 +1,24 @@
-"""Attacks at a wanted damage to the scene: the search for a strength, its measure, the command."""
+"""Attacks at a wanted damage to the scene: the search for a strength, and its measure."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import pytest
 
-from gspure.artifacts import read_json, write_record
 from gspure.attacks import Evidence, Strength, find_attack
-from gspure.attacks.attack import Attack, Attacked
+from gspure.attacks.attack import Attack
+from gspure.attacks.attacked import Attacked
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
-from gspure.cameras import write_cameras
-from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.matched import DAMAGE_TOLERANCE
 from gspure.evaluation.metrics import psnr
-from gspure.images import read_back, read_image, write_image
+from gspure.images import read_back
 from gspure.method.pruning import prune_mask
-from gspure.model import read_model, write_model
 from gspure.public_model import PublicModel
-from gspure.schemes.registry import find_scheme
 from gspure.settings import Range
 from tests.models import blobs, camera, tilted_camera
 
@@ -148,105 +143,6 @@ def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> N
     photograph = renders[1] * 0.9
     before, after = (psnr(photograph, read_back(model.scene()(VIEWS[1]))) for model in (public, noisy))
     assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(before - after)
-
-
-def attack(folder: Path, *words: str) -> int:
-    given = ("--model", folder / "model.ply", "--cameras", folder / "cameras.json", "--split", "all")
-    return main(["attack", *map(str, (*words, *given))])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    """A model, its cameras, and photographs that it shows up to some noise."""
-    folder = tmp_path_factory.mktemp("damage")
-    write_model(folder / "model.ply", model := blobs(2000, size=(0.02, 0.1)))
-    write_cameras(folder / "cameras.json", VIEWS)
-    scene, rng = PublicModel(model).scene(), np.random.default_rng(0)
-    for view in VIEWS:
-        image = scene(view)
-        write_image(folder / f"{view.name}.png", image + rng.normal(0, 0.05, image.shape))
-    return folder
-
-
-@pytest.mark.parametrize("name", ["random_pruning", "gaussian_noise"])
-def test_the_command_does_the_damage_and_records_strength_and_damage(folder: Path, tmp_path: Path, name: str) -> None:
-    outputs = [tmp_path / "one.ply", tmp_path / "other.ply"]
-    for out in outputs:
-        options = ("--damage", "1", "--photographs", str(folder), "--out", str(out), "--verdict", f"{out}.verdict.json")
-        assert attack(folder, name, *options) == 0
-    assert outputs[0].read_bytes() == outputs[1].read_bytes()
-    setting = find_attack(name).strength.setting
-    record = read_json(tmp_path / "one.ply.json")["settings"]
-    images = [read_image(folder / f"{view.name}.png") for view in VIEWS]
-    attacked = read_model(outputs[0])
-    damage = scene_damage(PublicModel(read_model(folder / "model.ply")), VIEWS, images)(PublicModel(attacked))
-    assert damage == record["scene_drop"] == pytest.approx(1, abs=DAMAGE_TOLERANCE)
-    assert record["damage_reference"] == "truth"
-    assert f"{setting}={record[setting]}" in attacked.comments[-2]
-    assert f"{damage:.3f} dB of 1 dB" in attacked.comments[-1]
-    assert read_json(Path(f"{outputs[0]}.verdict.json"))["strength"] == f"{setting}={record[setting]:.4g}"
-
-
-def test_strength_and_damage_are_results_that_quiet_does_not_hide(folder: Path, tmp_path: Path, capsys) -> None:
-    assert attack(folder, "gaussian_noise", "--damage", "3", "--out", str(tmp_path / "out.ply"), "-q") == 0
-    record = read_json(tmp_path / "out.ply.json")["settings"]
-    expected = f"gaussian_noise: sigma={record['sigma']:.4g} lowers the scene's PSNR by an estimated"
-    assert f"{expected} {record['scene_drop']:.2f} dB" in capsys.readouterr().out
-
-
-def test_the_command_prints_and_records_a_damage_below_the_target(folder: Path, tmp_path: Path, capsys) -> None:
-    out = tmp_path / "out.ply"
-    assert attack(folder, "densify_clone", "--damage", "30", "--out", str(out)) == 0
-    record = read_json(tmp_path / "out.ply.json")["settings"]
-    assert record["fraction"] == 1
-    assert record["scene_drop"] < record["damage"] == 30
-    printed = capsys.readouterr().err
-    assert "warning: densify_clone: fraction=1 " in printed
-    assert f"an estimated {record['scene_drop']:.2f} dB" in printed
-    assert record["damage_reference"] == "render"
-
-
-def test_the_record_of_an_attack_names_those_before_it(tmp_path: Path) -> None:
-    write_model(tmp_path / "0.ply", blobs(200))
-    for i, name in enumerate(("unattacked", "random_pruning", "gaussian_noise", "lowest_opacity")):
-        words = ["--model", tmp_path / f"{i}.ply", "--out", tmp_path / f"{i + 1}.ply", "--verdict", tmp_path / "v.json"]
-        assert main(["attack", name, *map(str, words)]) == 0
-    settings = [read_json(tmp_path / f"{i}.ply.json")["settings"]["after"] for i in (1, 2, 3, 4)]
-    assert settings == ["", "", "random_pruning", "random_pruning, gaussian_noise"]
-    assert read_json(tmp_path / "v.json")["strength"].endswith("after random_pruning, gaussian_noise")
-
-
-def test_the_verdict_is_on_the_scheme_in_the_record_of_the_model(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(10))
-    write_record(tmp_path / "model.ply", inputs={}, settings={}, ancestors={"scheme": "marked_clones"})
-    out = tmp_path / "out.ply"
-    words = ["random_pruning", "--model", tmp_path / "model.ply", "--out", out, "--verdict", tmp_path / "verdict.json"]
-    assert main(["attack", *map(str, words)]) == 0
-    assert read_json(tmp_path / "verdict.json")["reached"].keys() == find_scheme("marked_clones").extractions.keys()
-
-
-@pytest.mark.parametrize("name", ["random_pruning", "crop"])
-def test_a_damage_that_only_an_empty_model_would_have_leaves_rows(folder: Path, tmp_path: Path, capsys, name) -> None:
-    out = tmp_path / "out.ply"
-    assert attack(folder, name, "--damage", "100", "--out", str(out), "--verdict", f"{out}.verdict.json", "-q") == 0
-    drop = read_json(tmp_path / "out.ply.json")["settings"]["scene_drop"]
-    assert len(read_model(out))
-    assert f"{drop:.2f} dB, not by 100 dB" in capsys.readouterr().err
-    assert read_json(Path(f"{out}.verdict.json"))["strength"].endswith(f", {drop:.2f} dB reached")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("reorder", "--damage", "1"), "damage: expected an attack with a strength"),
-        (("random_pruning", "--damage", "1", "--set", "fraction=0.5"), "fraction: expected no value"),
-        (("random_pruning", "--damage", "1", "--photographs", "nowhere"), "nowhere"),
-    ],
-)
-def test_a_search_that_cannot_start_is_refused(folder: Path, tmp_path: Path, capsys, words, message) -> None:
-    assert attack(folder, *words, "--out", str(tmp_path / "out.ply")) == 2
-    assert message in capsys.readouterr().err
-    assert not any(tmp_path.iterdir())
 
 
 def test_an_attack_without_a_strength_has_no_damage_to_search() -> None:

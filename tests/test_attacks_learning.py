@@ -11,12 +11,10 @@ import pytest
 from gspure.attacks import Attack, Attacked, Evidence, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
-from gspure.cameras import write_cameras
-from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_back
 from gspure.method.pruning import plain_prune_mask
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import Gaussians
 from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
 from tests.attack_cases import changed, public
@@ -184,16 +182,3 @@ def test_only_3dgs_is_distilled() -> None:
 
     with pytest.raises(InputError, match="distil: not applicable"):
         find_attack("distil").apply(public(features(9)), Evidence(), cameras=VIEWS)
-
-
-def test_the_command_learns_from_the_training_views(tmp_path: Path, capsys) -> None:
-    write_model(tmp_path / "model.ply", blobs(ROWS))
-    views = [replace(VIEWS[i % 2], name=f"view_{i}") for i in range(3)]
-    write_cameras(tmp_path / "cameras.json", views)
-    words = ["attack", "finetune", "--model", tmp_path / "model.ply", "--set", "iterations=4", "--out"]
-    cameras = ["--cameras", tmp_path / "cameras.json"]
-    assert main([*map(str, [*words, tmp_path / "out.ply", *cameras])]) == 0
-    expected = find_attack("finetune").apply(blobs(ROWS), Evidence(), cameras=views[1:], iterations=4).model
-    assert read_model(tmp_path / "out.ply").table.tobytes() == expected.table.tobytes()
-    assert main([*map(str, [*words, tmp_path / "other.ply"])]) == 2
-    assert "--cameras: expected public views" in capsys.readouterr().err

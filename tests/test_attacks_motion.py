@@ -1,24 +1,16 @@
 """Rigid motion: the model moves, views move along, and nothing else is to be seen of it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import motion_of, save_array, write_record
 from gspure.attacks import Evidence, find_attack
-from gspure.cameras import read_cameras, write_cameras
-from gspure.cli import main
-from gspure.cli.options import read_views
 from gspure.errors import InputError
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import Gaussians
 from gspure.model.rotations import rotation_matrices
 from gspure.model.sh_rotation import rotate_sh, rotation_matrix
-from gspure.workflow.configuration import resolved, validated
 from tests.attack_cases import anchors, changed, features, public, unhurried
-from tests.documentation import ROOT
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.blending import render
 from tests.reference.spherical_harmonics import sh_basis, sh_colors
@@ -120,170 +112,6 @@ def test_anchors_are_translated_but_not_rotated() -> None:
 
 def test_the_identity_transform_leaves_views_bit_identical() -> None:
     assert (tilted_camera().moved(np.eye(4)).numbers == tilted_camera().numbers).all()
-
-
-def test_commands_pass_the_rigid_transform_on(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
-    for name, transform in (("reorder", np.eye(4)), ("rigid_transform", moved(blobs(COUNT), 30.0).transform)):
-        assert main(["attack", name, *files, "--transform", str(tmp_path / "transform.npy")]) == 0
-        np.testing.assert_array_equal(np.load(tmp_path / "transform.npy"), transform)
-    (view,) = read_views(Arguments(tmp_path))
-    expected = tilted_camera().moved(moved(blobs(COUNT), 30.0).transform).viewmat
-    np.testing.assert_allclose(view.viewmat, expected, atol=1e-12)
-
-
-def test_views_of_a_model_that_another_attack_moved_are_refused(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    for angle, out in (("30", "out"), ("60", "further")):
-        files = f"--model {tmp_path}/model.ply --out {tmp_path}/{out}.ply --transform {tmp_path}/transform.npy"
-        assert main(["attack", "rigid_transform", "--set", f"angle={angle}", *files.split()]) == 0
-    with pytest.raises(InputError, match=r"transform.npy: --transform: expected the motion of .*out\.ply"):
-        read_views(Arguments(tmp_path))
-    (tmp_path / "out.ply.json").unlink()
-    assert len(read_views(Arguments(tmp_path))) == 1
-
-
-@pytest.mark.parametrize(
-    "motion",
-    [
-        np.zeros((4, 4)),
-        2 * np.eye(4),
-        np.full((4, 4), 1e200),
-        np.array([[0, 0, 0, 0], [1e-312, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]),
-        np.full((4, 4), np.nan),
-        np.diag([1, 1, 1, np.inf]),
-        np.diag([-1.0, 1, 1, 1]),
-    ],
-)
-def test_a_record_with_a_motion_that_is_not_rigid_is_refused(tmp_path: Path, motion) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_record(tmp_path / "model.ply", inputs={}, settings={}, motion=motion)
-    with pytest.raises(InputError, match=r"model\.ply\.json: motion: expected a (rotation without|rigid transform)"):
-        motion_of(tmp_path / "model.ply")
-
-
-def test_the_transform_of_a_model_that_was_moved_twice_is_of_both_motions(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    for before, after, angle, shift in (("model", "once", "30", "0,0,0"), ("once", "out", "60", "1,0,0")):
-        files = f"--model {tmp_path}/{before}.ply --out {tmp_path}/{after}.ply --transform {tmp_path}/transform.npy"
-        settings = f"--set angle={angle} --set translation={shift}"
-        assert main(["attack", "rigid_transform", *settings.split(), *files.split()]) == 0
-    (view,) = read_views(Arguments(tmp_path))
-    images = (
-        render(read_model(tmp_path / f"{name}.ply"), seen, "ewa").channels
-        for name, seen in (("model", tilted_camera()), ("out", view))
-    )
-    assert np.abs(np.subtract(*images)).mean() < 1e-4
-    assert main(["attack", "random_pruning", "--model", f"{tmp_path}/out.ply", "--out", f"{tmp_path}/pruned.ply"]) == 0
-    args = Arguments(tmp_path)
-    args.model = tmp_path / "pruned.ply"
-    assert len(read_views(args)) == 1
-    save_array(args.transform, moved(blobs(1), 60.0).transform)  # the last motion alone
-    with pytest.raises(InputError, match="--transform: expected the motion"):
-        read_views(args)
-
-
-def test_views_that_do_not_move_with_the_model_are_warned_of(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    transform = f"--transform {tmp_path}/transform.npy"
-    for attack, model, out in (
-        (f"rigid_transform {transform}", "model", "moved"),
-        ("random_pruning", "moved", "moved_and_pruned"),
-        ("rigid_transform --set angle=0", "model", "unmoved"),
-        ("reorder", "unmoved", "reordered"),
-    ):
-        assert main(["attack", *f"{attack} --model {tmp_path}/{model}.ply --out {tmp_path}/{out}.ply".split()]) == 0
-
-    def warned(model: str, *, transformed: bool, original: bool = False) -> bool:
-        args = Arguments(tmp_path)
-        args.original = tmp_path / "model.ply" if original else None
-        args.model, args.transform = tmp_path / f"{model}.ply", args.transform if transformed else None
-        capsys.readouterr()
-        read_views(args)
-        return "an attack moved" in capsys.readouterr().err
-
-    assert warned("moved", transformed=False)
-    assert warned("moved_and_pruned", transformed=False)
-    assert not warned("moved", transformed=True)
-    assert not warned("moved", transformed=False, original=True)
-    assert not warned("moved_and_pruned", transformed=True)
-    assert not warned("model", transformed=True)  # it has no record
-    for model in ("unmoved", "reordered"):
-        assert not warned(model, transformed=False)
-        with pytest.raises(InputError, match="--transform: expected the motion"):
-            warned(model, transformed=True)
-
-
-def test_the_motion_of_a_model_without_a_record_stays_unknown(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    files = f"--model {tmp_path}/model.ply --out {tmp_path}/out.ply"
-    assert main(["attack", "random_pruning", *files.split()]) == 0
-    assert motion_of(tmp_path / "out.ply") is None
-    save_array(tmp_path / "transform.npy", moved(blobs(1), 60.0).transform)
-    assert len(read_views(Arguments(tmp_path))) == 1
-
-
-def test_generated_views_follow_the_model_that_they_look_at(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    transform = f"--transform {tmp_path}/transform.npy"
-    assert (
-        main(f"attack rigid_transform {transform} --model {tmp_path}/model.ply --out {tmp_path}/out.ply".split()) == 0
-    )
-    model, orbit = f"{tmp_path}/out.ply", ["--count", "3", "--width", "32", "--height", "24"]
-    assert main(["cameras", "orbit", "--model", model, *orbit, "--out", f"{tmp_path}/cameras.json"]) == 0
-    assert main(["cameras", f"{tmp_path}/cameras.json", "--out", f"{tmp_path}/copied.json"]) == 0
-    assert main(["purify", model, "--cameras", "orbit", "--out", f"{tmp_path}/purified"]) == 0
-    assert main(["render", model, "--cameras", "orbit", "--out", f"{tmp_path}/renders"]) == 0
-    for name in ("cameras.json", "copied.json", "purified/cameras.json", "renders"):
-        args = Arguments(tmp_path)
-        args.cameras = tmp_path / name
-        capsys.readouterr()
-        moved_again = read_views(args)  # --transform is the motion that they follow already
-        args.transform = None
-        for view, same in zip(read_views(args), moved_again, strict=True):
-            np.testing.assert_allclose(view.numbers, same.numbers, atol=1e-9)
-        assert "an attack moved" not in capsys.readouterr().err
-
-
-def test_a_moved_model_that_is_attacked_again_is_rendered_from_views_around_it(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    for before, after in (("model", "once"), ("once", "out")):
-        files = f"--model {tmp_path}/{before}.ply --out {tmp_path}/{after}.ply --transform {tmp_path}/transform.npy"
-        assert main(["attack", "rigid_transform", "--set", "translation=1,2,3", *files.split()]) == 0
-    orbit = f"cameras orbit --model {tmp_path}/once.ply --count 3 --out {tmp_path}/cameras.json"
-    assert main(orbit.split()) == 0
-    transform = moved(read_model(tmp_path / "once.ply"), 30.0, translation=(1, 2, 3)).transform
-    for view, before in zip(read_views(Arguments(tmp_path)), read_cameras(tmp_path / "cameras.json"), strict=True):
-        np.testing.assert_allclose(view.viewmat, before.moved(transform).viewmat, atol=1e-6)
-
-
-def test_the_workflow_refuses_views_that_a_model_does_not_move_with(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera()])
-    assert main(f"attack rigid_transform --model {tmp_path}/model.ply --out {tmp_path}/out.ply".split()) == 0
-    schema = ROOT / "schemas" / "config.schema.yaml"
-    asset = {"model": str(tmp_path / "out.ply"), "cameras": str(tmp_path / "cameras.json")}
-    with pytest.raises(InputError, match=r"assets.moved.cameras: expected views that moved with the model"):
-        resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")
-    assert main(f"cameras orbit --model {tmp_path}/out.ply --out {tmp_path}/around.json".split()) == 0
-    around = {**asset, "cameras": str(tmp_path / "around.json")}
-    with pytest.raises(InputError, match=r"assets.moved.model: expected an unattacked model, found .* of rigid_"):
-        resolved(validated({"assets": {"moved": around}}, schema, "c.yaml"), "c.yaml")
-    (tmp_path / "out.ply.json").unlink()
-    resolved(validated({"assets": {"moved": asset}}, schema, "c.yaml"), "c.yaml")
-
-
-class Arguments:
-    split, up, original = "all", None, None
-
-    def __init__(self, folder: Path) -> None:
-        self.cameras, self.transform, self.model = (folder / f for f in ("cameras.json", "transform.npy", "out.ply"))
 
 
 def distances(means: np.ndarray) -> np.ndarray:

@@ -1,17 +1,11 @@
 """Attacks that remove rows: how many, which, and that nothing happens to the others."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.artifacts import save_array
 from gspure.attacks import Evidence, find_attack
-from gspure.cli import main
-from gspure.model import read_model, write_model
-from tests.anchor_cases import random_public
 from tests.attack_cases import KINDS, evidence, unhurried
 from tests.models import blobs
 
@@ -98,24 +92,3 @@ def test_a_floater_does_not_widen_the_crop() -> None:
     with_floater = find_attack("crop").apply(type(model)(far), Evidence()).prune_mask
     assert with_floater[0]
     assert (with_floater[1:] != mask[1:]).mean() < 0.01
-
-
-def test_the_command_takes_the_opacities_that_gaussians_store(tmp_path: Path) -> None:
-    write_model(tmp_path / "model.ply", blobs(COUNT))
-    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "out.ply")]
-    assert main(["attack", "lowest_opacity", *given_files, "--set", "fraction=0.5"]) == 0
-    stored = Evidence(opacities=blobs(COUNT).opacities)
-    expected = find_attack("lowest_opacity").apply(blobs(COUNT), stored, fraction=0.5).model
-    assert read_model(tmp_path / "out.ply").table.tobytes() == expected.table.tobytes()
-
-
-def test_the_command_wants_opacities_for_anchors_and_takes_those_given(tmp_path: Path, capsys) -> None:
-    random_public(COUNT).write(tmp_path / "model.ply")
-    given_files = ["--model", str(tmp_path / "model.ply"), "--out", str(tmp_path / "attacked" / "model.ply")]
-    assert main(["attack", "lowest_opacity", *given_files]) == 2
-    assert "attack lowest_opacity: opacities: expected an array, found nothing" in capsys.readouterr().err
-    save_array(tmp_path / "opacities.npy", np.linspace(1, 0, COUNT, dtype=np.float32))
-    measured = ["--opacities", str(tmp_path / "opacities.npy"), "--set", "fraction=0.5"]
-    assert main(["attack", "lowest_opacity", *given_files, *measured, "--removed", str(tmp_path / "mask.npy")]) == 0
-    np.testing.assert_array_equal(np.load(tmp_path / "mask.npy"), np.arange(COUNT) >= COUNT / 2)
-    assert (tmp_path / "attacked" / "checkpoints.pth").is_file()  # what belongs to the model went along

@@ -4,7 +4,8 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require, select_columns
+from gspure.attacks.attack import Rng, named
+from gspure.attacks.attacked import Attacked, NotApplicable, require, select_columns
 from gspure.attacks.strength import Strength
 from gspure.constants import MAX_SH_DEGREE
 from gspure.files import Float32

@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attack, Attacked, NotApplicable, Rng, require
+from gspure.attacks.attack import Attack, Rng
+from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.errors import InputError
 from gspure.files import Float64, Indices
 from gspure.model import read_model, write_model

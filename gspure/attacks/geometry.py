@@ -4,7 +4,8 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require, require_attribute
+from gspure.attacks.attack import Rng, named
+from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
 from gspure.files import Float64
 from gspure.model.gaussians import Gaussians

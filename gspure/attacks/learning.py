@@ -6,7 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, NotApplicable, Rng, named, require
+from gspure.attacks.attack import Rng, named
+from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC, TAU_C, TAU_N
 from gspure.errors import InputError

@@ -5,7 +5,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.attacks.attack import Attack, Attacked, Rng, named
+from gspure.attacks.attack import Attack, Rng, named
+from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Strength
 from gspure.constants import TAU_C, TAU_N
 from gspure.files import Bools, Float32, Int32

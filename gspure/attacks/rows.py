@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from gspure.attacks.attack import Attacked, Rng, named, require_attribute
+from gspure.attacks.attack import Rng, named
+from gspure.attacks.attacked import Attacked, require_attribute
 from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
 from gspure.model.activations import LEAST_OPACITY, logit

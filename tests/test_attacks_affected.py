@@ -1,10 +1,10 @@
-"""Did an attack touch what the message is read from?"""
+"""Did an attack affect what the message is read from?"""
 
 import numpy as np
 import pytest
 
 from gspure.attacks import Attacked, find_attack
-from gspure.attacks.reads import affected
+from gspure.attacks.attacked import affected
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from tests.attack_cases import anchors, evidence, features, public
@@ -17,8 +17,8 @@ BLEND = ("semantic_*", "x", "y", "z", "opacity", "scale_*", "rot_*")  # GS-Hider
 FEATURES = ("f_anchor_feat_*",)  # SecureGS
 
 
-def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -> bool:
-    return affected(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), carrier)
+def affects(name: str, model: Gaussians, reads: tuple[str, ...], **settings) -> bool:
+    return affected(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), reads)
 
 
 @pytest.mark.parametrize(
@@ -40,35 +40,35 @@ def reaches(name: str, model: Gaussians, carrier: tuple[str, ...], **settings) -
         ("densify_clone", {}, True, False),
     ],
 )
-def test_an_attack_reaches_what_it_changes_or_loses(name: str, settings: dict, bits: bool, places: bool) -> None:
-    assert reaches(name, blobs(COUNT), BITS, **settings) == bits
-    assert reaches(name, blobs(COUNT), PLACES, **settings) == places
+def test_an_attack_affects_what_it_changes_or_loses(name: str, settings: dict, bits: bool, places: bool) -> None:
+    assert affects(name, blobs(COUNT), BITS, **settings) == bits
+    assert affects(name, blobs(COUNT), PLACES, **settings) == places
 
 
-def test_where_all_rows_are_blended_further_ones_reach_the_message() -> None:
-    assert reaches("inject", features(COUNT), BLEND)
-    assert not reaches("inject", anchors(COUNT), FEATURES)
-    assert not reaches("reorder", features(COUNT), BLEND)
+def test_where_all_rows_are_blended_further_ones_affect_the_message() -> None:
+    assert affects("inject", features(COUNT), BLEND)
+    assert not affects("inject", anchors(COUNT), FEATURES)
+    assert not affects("reorder", features(COUNT), BLEND)
 
 
-def test_one_changed_bit_reaches_the_message() -> None:
+def test_one_changed_bit_affects_the_message() -> None:
     model = blobs(COUNT)
     words = model.table["f_rest_7"].view(np.uint32).copy()
     words[3] ^= 1
     assert affected(model, Attacked.changed(model, {"f_rest_7": words.view(np.float32)}), BITS)
 
 
-def test_a_removed_row_reaches_the_message_for_any_carrier() -> None:
+def test_a_removed_row_affects_the_message_whatever_it_reads() -> None:
     model = blobs(COUNT)
     assert affected(model, Attacked.without(model, np.arange(COUNT) == 0), ())
 
 
-def test_a_removed_column_reaches_the_message() -> None:
+def test_a_removed_column_affects_the_message() -> None:
     model = blobs(COUNT)
     without = Gaussians(model.table[[name for name in model.table.dtype.names if name != "f_rest_0"]])
     assert affected(model, Attacked(without, np.arange(COUNT), COUNT), BITS)
 
 
-def test_a_carrier_that_the_model_does_not_have_is_refused() -> None:
+def test_columns_that_the_model_does_not_have_are_refused() -> None:
     with pytest.raises(InputError, match=r"extraction: semantic_\*: expected columns of the public model, found none"):
-        reaches("unattacked", blobs(COUNT), BLEND)
+        affects("unattacked", blobs(COUNT), BLEND)
