@@ -99,19 +99,19 @@ def packages() -> list[Finding]:
         lines = metadata.requires("gspure") or []
     except metadata.PackageNotFoundError:
         return [Finding(ok=False, cells=("gspure", "is not installed"), fix=_pip("--editable", str(_CHECKOUT)))]
-    requirements = [Requirement(line) for line in lines]
-    return [_package(each) for each in requirements if not each.marker or each.marker.evaluate({"extra": ""})]
-
-
-def _package(requirement: Requirement) -> Finding:
-    required = str(requirement.specifier)
-    try:
-        version = metadata.version(requirement.name)
-    except metadata.PackageNotFoundError:
-        version = "missing"
-    ok = version != "missing" and requirement.specifier.contains(version, prereleases=True)
-    fix = None if ok else _pip(requirement.name + required)
-    return Finding(ok, (requirement.name, version, required), fix=fix)
+    findings = []
+    for requirement in map(Requirement, lines):
+        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        try:
+            version = metadata.version(requirement.name)
+            ok = requirement.specifier.contains(version, prereleases=True)
+        except metadata.PackageNotFoundError:
+            version, ok = "missing", False
+        required = str(requirement.specifier)
+        fix = None if ok else _pip(requirement.name + required)
+        findings.append(Finding(ok, (requirement.name, version, required), fix=fix))
+    return findings
 
 
 def _pip(*arguments: str) -> str:
@@ -125,24 +125,14 @@ def _make(target: str) -> str | None:
 
 
 def report(title: str, findings: Sequence[Finding]) -> Iterator[str]:
-    """Yield the lines of a section."""
+    """Yield the lines of a section; columns of rows of equal length are aligned."""
     yield f"\n{title}"
-    for finding, line in zip(findings, _aligned([finding.cells for finding in findings]), strict=True):
-        yield f"  {_mark(finding)}  {line}"
+    for finding in findings:
+        table = [other.cells for other in findings if len(other.cells) == len(finding.cells)]
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+        cells = "  ".join(cell.ljust(width) for cell, width in zip(finding.cells, widths, strict=True))
+        word, colour = ("ok", 32) if finding.ok else ("no", 31 if finding.needed else 33)
+        mark = f"\033[{colour}m{word}\033[0m" if sys.stdout.isatty() else word
+        yield f"  {mark}  {cells}".rstrip()
         if finding.fix:
             yield f"        fix: {finding.fix}"
-
-
-def _mark(finding: Finding) -> str:
-    word, colour = ("ok", 32) if finding.ok else ("no", 31 if finding.needed else 33)
-    return f"\033[{colour}m{word}\033[0m" if sys.stdout.isatty() else word
-
-
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return one line per row; columns of rows of equal length are aligned."""
-    lines = []
-    for row in rows:
-        table = [cells for cells in rows if len(cells) == len(row)]
-        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        lines.append("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
-    return lines

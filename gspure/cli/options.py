@@ -174,10 +174,8 @@ def read_views(args: Arguments) -> list[Camera]:
     from gspure.cameras.reading import read_transform
 
     views = read_split(args)
-    if not args.transform:
-        return views
-    transform = read_transform(args.transform)
-    return [camera.moved(transform) for camera in views]
+    transform = read_transform(args.transform) if args.transform else None
+    return views if transform is None else [camera.moved(transform) for camera in views]
 
 
 def write_views(folder: Path, views: Sequence[Camera]) -> None:
@@ -195,16 +193,18 @@ def record_command(args: Arguments, folder: Path, run: str = "") -> None:
     from gspure.files import write_provenance
     from gspure.model import model_file
 
-    known = {
-        n: value
-        for n, value in vars(args).items()
-        if n not in {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
-    }
+    skipped = {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
+    known = {name: value for name, value in vars(args).items() if name not in skipped}
     inputs = {name: value for name, value in known.items() if isinstance(value, Path)}
     settings = {name: value for name, value in known.items() if name not in inputs}
     if "model" in inputs:
         inputs["model"] = model_file(inputs["model"])
     write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
+
+
+def add_force(parser: Parser) -> None:
+    """Add ``--force``, for `require_own_folder`."""
+    parser.flag("--force", "write to a folder that holds other files")
 
 
 def require_own_folder(args: Arguments) -> None:
@@ -214,16 +214,10 @@ def require_own_folder(args: Arguments) -> None:
     files = (file for path in args.out.glob("[!.]*") for file in (path, *path.rglob("*")) if file.is_file())
     if args.force or not any(files):
         return
-    record = read_json(file) if (file := args.out / PROVENANCE).is_file() else {}
-    if not isinstance(record, dict) or record.get("command") != args.verb:
-        found, hint = "other files", "name another folder, or use --force"
-        expected = f"an empty folder or results of `gspure {args.verb}`"
-        raise InputError(args.out, "--out", expected=expected, found=found, hint=hint)
-
-
-def add_force(parser: Parser) -> None:
-    """Add ``--force``, for `require_own_folder`."""
-    parser.flag("--force", "write to a folder that holds other files")
+    record = read_json(file) if (file := args.out / PROVENANCE).is_file() else None
+    if not (isinstance(record, dict) and record.get("command") == args.verb):
+        expected, hint = f"an empty folder or results of `gspure {args.verb}`", "name another folder, or use --force"
+        raise InputError(args.out, "--out", expected=expected, found="other files", hint=hint)
 
 
 def described(name: str, defaults: Mapping[str, Any]) -> str:

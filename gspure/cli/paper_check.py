@@ -20,20 +20,18 @@ EXAMPLES = """\
   gspure paper-check --survival results/tables/survival.csv
 """
 
-TEXTS = ("attack", "follows")
-
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--survival", "CSV", "from `gspure contest`: our results beside the paper's", required=False)
+    parser.reads("--survival", "CSV", "survival.csv of `gspure report`: our results beside the paper's", required=False)
     parser.writes("--out", "CSV", "also write all checks to this table", required=False)
 
 
 def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
-    from gspure.artifacts import write_text
     from gspure.evaluation.csv_tables import read_table
     from gspure.evaluation.paper import ROUNDING, beside, check_claims, find_inconsistencies, read_cells
     from gspure.evaluation.survival import Survival
+    from gspure.files import write_text
     from gspure.report.tables import beside_table
 
     cells = read_cells()
@@ -54,56 +52,39 @@ def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
     from gspure.report.table import interval
 
     rows = []
-    for check in checks:
-        claim = check.claim
-        if claim.quantity == "score":
-            names = [display_name(claim.scheme), display_name(claim.variant)]
-            recomputed = score_interval(cells, claim.scheme, claim.variant)
-            rows.append(
-                [
-                    *names,
-                    decimal(claim.value),
-                    str(interval(recomputed, recomputed.scenes)),
-                    signed(check.difference),
-                    _follows(check),
-                ]
-            )
+    for check in (check for check in checks if check.claim.quantity == "score"):
+        scheme, variant = check.claim.scheme, check.claim.variant
+        recomputed = score_interval(cells, scheme, variant)
+        numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
+        rows.append([display_name(scheme), display_name(variant), *numbers, _follows(check)])
     columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
     return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 
 
 def _without_scores(checks: Sequence[Check]) -> Table:
-    rows = [
-        [
-            f"{c.claim.place}: {c.claim.words}",
-            f"{'< ' if c.claim.relation == '<' else ''}{decimal(c.claim.value)}",
-            decimal(c.recomputed),
-            signed(c.difference),
-            _follows(c),
-        ]
-        for c in checks
-        if c.claim.quantity != "score"
-    ]
+    rows = []
+    for check in (check for check in checks if check.claim.quantity != "score"):
+        printed = f"{'< ' if check.claim.relation == '<' else ''}{decimal(check.claim.value)}"
+        numbers = [printed, decimal(check.recomputed), signed(check.difference)]
+        rows.append([f"{check.claim.place}: {check.claim.words}", *numbers, _follows(check)])
     columns = ["place", "printed", "recomputed", "difference", "follows"]
     return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
 
 
 def _all(checks: Sequence[Check]) -> Table:
-    columns = ["place", "words", "quantity", "scheme", "variant", "target", "relation", "printed"]
-    columns += ["recomputed", "difference", "holds", "agrees_with"]
     rows = []
     for check in checks:
-        place, words, quantity, scheme, variant, target, relation, value = check.claim
+        *claim, value = check.claim
         numbers = (f"{value:.2f}", f"{check.recomputed:.4f}", f"{check.difference:.4f}")
-        origin = (place, words, quantity, scheme, variant, target, relation)
-        rows.append([*origin, *numbers, str(check.holds), check.agrees_with])
-    return _table("Printed numbers", columns, rows)
+        rows.append([*map(str, claim), *numbers, str(check.holds), check.agrees_with])
+    columns = ["place", "words", "quantity", "scheme", "variant", "target", "relation", "printed"]
+    return _table("Printed numbers", [*columns, "recomputed", "difference", "holds", "agrees_with"], rows)
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from gspure.report.table import Cell, Column, Row, Table
 
-    headings = [Column(name, text=name in TEXTS) for name in columns]
+    headings = [Column(name, text=name in {"attack", "follows"}) for name in columns]
     return Table(title, headings, [Row([Cell(text) for text in row]) for row in rows])
 
 
