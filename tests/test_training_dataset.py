@@ -44,42 +44,39 @@ def test_the_extent_is_that_of_the_training_cameras(project):
     assert found.extent == pytest.approx(expected)
 
 
-def test_a_missing_photograph_is_named(project):
-    (project / "images" / "orbit_003.png").unlink()
-    assert "orbit_003.png" in refusal(project)
+@pytest.mark.parametrize(
+    ("photograph", "resolution", "refused"),
+    [
+        (None, "native", "orbit_003.png"),
+        (b"no image", "native", "orbit_003.png: file: expected an image"),
+        ((24, 32), "8px", "orbit_003.image: expected the shape of its camera, 32x24, found 24x32"),
+        ((32, 20), "8px", "found 32x20"),
+        ((16, 12), "native", "orbit_003.image: expected a photograph of at least 32x24, found 16x12"),
+    ],
+)
+def test_an_unfit_photograph_is_named(project, photograph, resolution, refused):
+    file = project / "images" / "orbit_003.png"
+    if photograph is None:
+        file.unlink()
+    elif isinstance(photograph, bytes):
+        file.write_bytes(photograph)
+    else:
+        Image.new("RGB", photograph).save(file)
+    assert refused in refusal(project, resolution)
 
 
-def test_a_photograph_that_is_not_an_image_is_named(project):
-    (project / "images" / "orbit_003.png").write_bytes(b"no image")
-    assert "orbit_003.png: file: expected an image" in refusal(project)
-
-
-@pytest.mark.parametrize("size", [(24, 32), (32, 20), (40, 24)])
-def test_a_photograph_of_another_shape_than_its_camera_is_named(project, size):
-    Image.new("RGB", size).save(project / "images" / "orbit_003.png")
-    assert "orbit_003.image: expected" in refusal(project, "8px")
-    assert f"found {size[0]}x{size[1]}" in refusal(project, "8px")
-
-
-def test_a_photograph_smaller_than_its_view_is_named(project):
-    Image.new("RGB", (16, 12)).save(project / "images" / "orbit_003.png")
-    assert "orbit_003.image: expected a photograph of at least 32x24, found 16x12" in refusal(project)
-    assert read_dataset(project, "16px").train[0].width == 16
-
-
-def test_views_that_see_no_points_are_refused(tmp_path):
-    away = colmap_project(tmp_path / "away", [turned_away(view) for view in ring()], POINTS)
-    assert refusal(away).endswith("training views: expected some that see points, found all look away from them")
-
-
-def test_views_without_points_are_refused_if_they_do_not_overlap(tmp_path):
-    apart = colmap_project(tmp_path / "apart", [turned_away(view) for view in ring(3)], [])
-    assert "training views: expected overlapping ones, or at least 4 points, found neither" in refusal(apart)
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_training_views_from_a_single_position_are_refused(tmp_path, count):
-    assert "training views: expected several" in refusal(colmap_project(tmp_path / "few", ring(count), POINTS))
+@pytest.mark.parametrize(
+    ("views", "points", "refused"),
+    [
+        ([turned_away(view) for view in ring()], POINTS, "some that see points, found all look away from them"),
+        ([turned_away(view) for view in ring(3)], [], "overlapping ones, or at least 4 points, found neither"),
+        (ring(1), POINTS, "several, from different places, found none"),
+        (ring(2), POINTS, "several, from different places, found 1 in one place"),
+    ],
+)
+def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, points, refused):
+    source = colmap_project(tmp_path / "project", views, points)
+    assert f"training views: expected {refused}" in refusal(source)
 
 
 @pytest.mark.parametrize("points", [[], POINTS[:3]])
