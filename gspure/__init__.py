@@ -20,7 +20,8 @@ Rendering
 The method
     `purify`: GSPure on one model.
 Attacks and schemes
-    `find_attack`: an attack by name; its ``apply(model)`` returns the attacked model and the origin of its rows.
+    `find_attack`: an attack by name; its ``apply(model)`` returns the attacked model and, for each of its rows, the
+    row that it comes from.
     `find_scheme`: a watermarking scheme by name, which reads the owner's key; the key's ``message(...)`` renders the
     message. `Pair`: photographs of a scene and a message. `hide`: trains a scheme on a pair. `read_public_model`: a
     model with the files beside it.

@@ -175,12 +175,12 @@ class PublicModel:
         trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=lesson.device)
         trainable.set_targets(lesson.images)
         rates = lesson.rates(self.rates)
-        reach = spread(lesson.views)
+        extent = spread(lesson.views)
         for view, factor in lesson.schedule():
             means, quats, scales, opacities, colours = (
                 factor * rates.get(name, 0.0) for name in ("position", "rotation", "scale", "opacity", "colour")
             )
-            step = LearningRates(means * reach, quats, scales, opacities, colours, colours / 20)
+            step = LearningRates(means * extent, quats, scales, opacities, colours, colours / 20)
             trainable.step(lesson.views[view], view, step, background=lesson.background)
         return self._with_attributes(Gaussians.from_stored(**vars(trainable.state().parameters)), rates)
 

@@ -92,14 +92,14 @@ def extreme(seed: int, count: int) -> Gaussians:
 SEEDS = st.integers(0, 2**32)
 
 
-@settings(max_examples=150, **SHARED_FIXTURES)
+@settings(max_examples=50, **SHARED_FIXTURES)
 @given(seed=SEEDS, count=st.integers(1, 60), focal=st.floats(5.0, 2000.0))
 def test_any_finite_rows_give_shares(device, style, energy, seed, count, focal):
     model = extreme(seed, count)
     assert_sound(Renderer(model, device, energy=energy, style=style), camera(33, 31, focal=focal))
 
 
-@settings(max_examples=75, **SHARED_FIXTURES)
+@settings(max_examples=25, **SHARED_FIXTURES)
 @given(seed=SEEDS, colour=st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_any_finite_rows_and_colours_give_finite_images_and_gradients(device, style, seed, colour):
     model = extreme(seed, 40)
@@ -110,7 +110,7 @@ def test_any_finite_rows_and_colours_give_finite_images_and_gradients(device, st
         assert np.isfinite(gradient).all(), name
 
 
-@settings(max_examples=75, **SHARED_FIXTURES)
+@settings(max_examples=25, **SHARED_FIXTURES)
 @given(seed=SEEDS)
 def test_any_finite_rows_give_opacities_of_points_that_are_shares(device, style, seed):
     points = np.random.default_rng(seed).uniform((-3, -3, 1), (3, 3, 7), (200, 3))

@@ -137,8 +137,8 @@ def purify(
     if public.rows_are_gaussians:
         say(f"memory: at most about {decimal(peak_memory(rows, cameras) / 1e9, 1)} GB")
     views = sorted(cameras, key=lambda camera: camera.name)
-    stages = map(public.contributions(device, energy), track(views, "contributions"))
-    weights = accumulate(stages, len(rows), reduction)
+    touched = map(public.contributions(device, energy), track(views, "contributions"))
+    weights = accumulate(touched, len(rows), reduction)
     require_in_view(weights)
     say(f"clustering {len(rows)} Gaussians")
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)

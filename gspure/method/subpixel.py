@@ -44,7 +44,7 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
     weightless = Gaussians(model.table[rows])
     axes, means = principal_axes(weightless), weightless.means.astype(np.float64)
     faces = np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]])  # s_b s_c q_a
-    reach = 2 * np.log(np.maximum(weightless.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
+    squares = 2 * np.log(np.maximum(weightless.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
     largest = np.zeros(len(rows))
     for camera in cameras:
         shown, positions = points_shown(camera, means)
@@ -52,7 +52,7 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
         depths = positions[:, 2]
         rays = (means[shown] - camera.centre) / depths[:, None]
         spread = np.linalg.norm(np.einsum("kai,ki->ka", faces[shown], rays), axis=1)
-        areas = np.pi * reach[shown] * camera.K[0, 0] * camera.K[1, 1] / depths**2 * spread
+        areas = np.pi * squares[shown] * camera.K[0, 0] * camera.K[1, 1] / depths**2 * spread
         largest[shown] = np.maximum(largest[shown], areas)
     small = (largest > 0) & (largest < 1)
     return Subpixel(rows[small], float(1 / np.sqrt(np.median(largest[small])))) if small.any() else None

@@ -10,7 +10,7 @@ from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, Indices
 
-Stage = TypeVar("Stage")
+View = TypeVar("View")
 Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
@@ -20,7 +20,7 @@ LIGHT_FACTOR: Final = 5.0  # of the number of all rows to that of those, above w
 HEAVY_SHARE: Final = 0.1  # of all ω: rows beyond it are heavy; below 1000 rows, 100 times the mean; ours
 
 
-def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> Float64:
+def view_weights(touched: NDArray[Any], reduction: Reduction = "sum") -> Float64:
     r"""Return ω_{k,v} of the Gaussians touched in one view, from its `gspure.renderer.CONTRIBUTION` records [T].
 
     .. math:: \omega_{k,v} = \alpha_k E(G_k, o_v, r_v) \prod_{j<k} (1 - \alpha_j E(G_j, o_v, r_v))
@@ -30,43 +30,41 @@ def view_weights(stage: NDArray[Any], reduction: Reduction = "sum") -> Float64:
     `max` is the largest pixel; `mean_touched` is the sum divided by the number of touched pixels.
     """
     if reduction == "sum":
-        return np.asarray(stage["sum"], np.float64)
+        return np.asarray(touched["sum"], np.float64)
     if reduction == "max":
-        return np.asarray(stage["max"], np.float64)
+        return np.asarray(touched["max"], np.float64)
     if reduction == "mean_touched":
-        return np.asarray(stage["sum"].astype(np.float64) / stage["pixels"])
+        return np.asarray(touched["sum"].astype(np.float64) / touched["pixels"])
     raise InputError("weights", "reduction", expected=f"one of {', '.join(REDUCTIONS)}", found=repr(reduction))
 
 
-def evenly_spread(stages: Sequence[Stage], views: int) -> list[Stage]:
-    """Return `views` stages, evenly spread: the middle one of each of `views` equal parts.
+def evenly_spread(views: Sequence[View], count: int) -> list[View]:
+    """Return `count` views, evenly spread: the middle one of each of `count` equal parts.
 
-    Raise `InputError` unless `views` is between 1 and the number of stages.
+    Raise `InputError` unless `count` is between 1 and the number of views.
     """
-    if not 1 <= views <= len(stages):
-        raise InputError(
-            "weights", "views", expected=f"1 to {len(stages)}, the views that were measured", found=f"{views}"
-        )
-    return [stages[(2 * part + 1) * len(stages) // (2 * views)] for part in range(views)]
+    if not 1 <= count <= len(views):
+        raise InputError("weights", "views", expected=f"1 to {len(views)}, the number of views", found=str(count))
+    return [views[(2 * part + 1) * len(views) // (2 * count)] for part in range(count)]
 
 
-def accumulate(stages: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> Float32:
+def accumulate(views: Iterable[NDArray[Any]], count: int, reduction: Reduction = "sum") -> Float32:
     r"""Return the weights ω_k of `count` Gaussians: float32 [K].
 
     .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
 
     (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, including those that do not show a Gaussian.
-    Views are read one at a time and summed in float64 in the order of `stages`, so the result is bit-identical however
+    Views are read one at a time and summed in float64 in the order of `views`, so the result is bit-identical however
     they were divided into parts. Raise `InputError` if there is no view.
     """
     total = np.zeros(count, np.float64)
-    views = 0
-    for stage in stages:
-        total[stage["index"]] += view_weights(stage, reduction)
-        views += 1
-    if not views:
+    number = 0
+    for touched in views:
+        total[touched["index"]] += view_weights(touched, reduction)
+        number += 1
+    if not number:
         raise InputError("contributions", "views", expected="at least one", found="none")
-    return (total / views).astype(np.float32)
+    return (total / number).astype(np.float32)
 
 
 def require_in_view(weights: NDArray[Any]) -> None:

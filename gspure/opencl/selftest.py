@@ -75,24 +75,19 @@ def _child(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 def _main(arguments: list[str]) -> str | None:
     """List the devices, or test one of them and return its problem."""
-    from gspure.opencl.device import list_devices
-
-    if not arguments:
-        print(json.dumps(_listing()))  # noqa: T201
-        return None
-    problem = frame_problem(list_devices()[int(arguments[0])])
-    return problem and f"error: {problem.removeprefix('error: ')}"
-
-
-def _listing() -> list[dict[str, Any]]:
     from gspure.opencl.device import list_devices, matching_devices
 
+    devices = list_devices()
+    if arguments:
+        problem = frame_problem(devices[int(arguments[0])])
+        return problem and f"error: {problem.removeprefix('error: ')}"
     try:
         selected = matching_devices()
     except InputError:
         selected = ()
     fields = ("index", "kind", "name", "platform", "driver")
-    return [{f: getattr(device, f) for f in fields} | {"selected": device in selected} for device in list_devices()]
+    print(json.dumps([{f: getattr(d, f) for f in fields} | {"selected": d in selected} for d in devices]))  # noqa: T201
+    return None
 
 
 def frame_problem(device: Device) -> str | None:
