@@ -13,12 +13,12 @@ DOCS_PACKAGES := $(VENV)/.packages-docs
 OPENCL := $(VENV)/.opencl
 GL := $(VENV)/.gl
 
-.PHONY: help demo test setup opencl gl lint format docs bench gpu torture lock clean
+.PHONY: help demo test test-all setup opencl gl lint format docs bench gpu lock clean
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
 
 help: ## show this
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made here: results/report.html
 	@setup/unlock.sh $(BIN)/snakemake && $(BIN)/snakemake
@@ -26,6 +26,10 @@ demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made h
 
 test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files at a time
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) ## all tests, with more hostile files, and mutants of the numerical core: hours
+	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest
+	@$(BIN)/python -m tests.hostile.mutants
 
 setup: $(OPENCL) $(GL) ## set up only: .venv, packages, an OpenCL driver, OpenGL
 	@echo "Set up. Try: $(BIN)/gspure doctor"
@@ -60,13 +64,6 @@ gpu: $(DEV_PACKAGES) $(OPENCL) ## with a GPU: test its kernels, measure contribu
 	@$(BIN)/python -m pytest tests/test_kernels_*.py tests/test_renderer.py tests/test_gradients.py tests/test_trainable.py
 	@$(BIN)/python -m benchmarks.drivers
 	@$(BIN)/python -m pytest benchmarks/bench_views.py benchmarks/bench_training.py benchmarks/bench_gsplat.py --record gpu
-
-torture: $(DEV_PACKAGES) $(OPENCL) ## hostile files, kills, full disks, corruption, mutants: benchmarks/torture.md, in hours
-	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.hostile readers || true
-	@$(BIN)/python -m tests.hostile workflow || true
-	@$(BIN)/python -m tests.hostile.mutants
-	@$(BIN)/python -m tests.hostile drivers
-	@$(BIN)/python -m tests.hostile page
 
 lock: $(DEV_PACKAGES) ## choose the newest versions that pyproject.toml allows, and write them down
 	@$(PIP) install uv

@@ -1,7 +1,5 @@
-import re
 import struct
 import zlib
-from itertools import chain
 
 import numpy as np
 import pytest
@@ -9,23 +7,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from gspure.artifacts import write_record
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
-from gspure.evaluation.detection import read_marks
 from gspure.images import (
     FORMATS,
     is_blank,
     mean_colour,
     read_back,
     read_image,
-    record_views,
-    require_all_images,
-    require_intact,
     write_image,
 )
 from gspure.training.dataset import _with_photographs
-from tests.documentation import ROOT
 from tests.models import camera
 
 
@@ -50,13 +42,6 @@ def test_an_image_is_float32_in_0_to_1_by_rows(tmp_path):
     image = read_image(tmp_path / "deep" / "a.png")
     assert image.dtype == np.float32
     assert image.tolist() == array.tolist()
-
-
-def test_the_same_image_gives_the_same_bytes(tmp_path):
-    array = np.random.default_rng(0).random((20, 30, 3))
-    write_image(tmp_path / "a.png", array)
-    write_image(tmp_path / "b.png", array)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_grey_is_spread_over_three_channels_and_transparency_stands_on_black(tmp_path):
@@ -129,13 +114,6 @@ def test_an_image_with_too_many_pixels_is_refused_before_it_is_decoded(tmp_path,
         read(tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("size", [(20_000, 20_000), (0, 5), (5, 0)])
-def test_an_impossible_size_is_refused_too(tmp_path, size):
-    (tmp_path / "a.png").write_bytes(png(*size))
-    with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
-        photograph_size(tmp_path / "a.png")
-
-
 @pytest.mark.parametrize("read", [read_image, photograph_size])
 @pytest.mark.parametrize("kind", ["EPS", "PCX", "TGA"])
 def test_formats_in_which_no_photographs_come_are_refused_without_starting_other_programs(
@@ -156,13 +134,6 @@ def test_photographs_of_every_format_are_recognized_by_their_suffix_and_read(tmp
     (view,) = _with_photographs([camera(4, 3, name="a")], tmp_path)
     assert photograph_size(photograph(view)) == (4, 3)
     assert read_image(photograph(view))[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
-
-
-def test_the_page_of_formats_lists_all_formats_of_photographs():
-    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    (listed,) = re.findall(r"^Photographs are (.*?) files", page, re.MULTILINE | re.DOTALL)
-    assert re.findall(r"[A-Z]{3,}", listed) == [*FORMATS]
-    assert re.findall(r"`(\.\w+)`", listed) == [*chain(*FORMATS.values())]
 
 
 DEEP = {
@@ -199,72 +170,6 @@ def test_a_png_with_a_changed_byte_is_refused(tmp_path):
             read_image(tmp_path / "a.png")
 
 
-SIZES = [(1, 1), (3, 2), (9, 5), (16, 16)]
-
-
-def _refuses_png_without_last_byte(file, size, colour, depth, pixels, interlaced=False):
-    file.write_bytes(png(*size, depth, colour, pixels, interlaced))
-    read_image(file)
-    file.write_bytes(png(*size, depth, colour, pixels[:-1], interlaced))
-    with pytest.raises(InputError, match=rf"pixels: expected {len(pixels)} bytes, found {len(pixels) - 1}"):
-        read_image(file)
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize(("colour", "depth"), [(0, 1), (0, 2), (0, 4), (0, 8), (2, 8), (4, 8), (6, 8)])
-def test_a_png_without_its_last_byte_is_refused(tmp_path, size, colour, depth):
-    channels = {0: 1, 2: 3, 4: 2, 6: 4}[colour]
-    pixels = size[1] * (b"\0" + bytes(-(-size[0] * channels * depth // 8)))
-    _refuses_png_without_last_byte(tmp_path / "a.png", size, colour, depth, pixels)
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_an_interlaced_png_without_its_last_byte_is_refused(tmp_path, size):
-    image = np.arange(1, size[0] * size[1] + 1, dtype=np.uint8).reshape(size[::-1])
-    slices = [np.s_[::8, ::8], np.s_[::8, 4::8], np.s_[4::8, ::4], np.s_[::4, 2::4], np.s_[2::4, ::2]]
-    slices += [np.s_[::2, 1::2], np.s_[1::2]]
-    pixels = b"".join(b"\0" + row.tobytes() for part in slices for row in image[part] if row.size)
-    (tmp_path / "a.png").write_bytes(png(*size, colour=0, pixels=pixels, interlaced=True))
-    assert (read_image(tmp_path / "a.png")[..., 0] * 255).tolist() == image.tolist()
-    _refuses_png_without_last_byte(tmp_path / "a.png", size, 0, 8, pixels, interlaced=True)
-
-
-def test_a_png_that_claims_more_rows_than_it_holds_is_refused_before_it_is_decoded(tmp_path, monkeypatch):
-    (tmp_path / "a.png").write_bytes(png(12, 7_000_000, pixels=bytes(10 * 37)))
-    monkeypatch.setattr("PIL.PngImagePlugin.PngImageFile.load", None)
-    with pytest.raises(InputError, match=r"a\.png: pixels: expected 259000000 bytes, found 370"):
-        read_image(tmp_path / "a.png")
-
-
-def test_a_tiff_without_its_last_rows_is_refused(tmp_path):
-    file = tmp_path / "a.tif"
-    Image.new("RGB", (12, 10), "white").save(file)
-    height, taller = (struct.pack("<HHII", 257, 4, 1, rows) for rows in (10, 1 << 20))
-    content = file.read_bytes()
-    assert height in content
-    file.write_bytes(content.replace(height, taller))
-    with pytest.raises(InputError, match=r"a\.tif: pixels: expected 12582912, found 120"):
-        read_image(file)
-
-
-@pytest.mark.parametrize("compression", ["tiff_deflate", "tiff_lzw", "jpeg"])
-def test_a_corrupt_tiff_is_refused_without_output_of_its_decoder(tmp_path, capfd, compression):
-    file = tmp_path / "a.tif"
-    pixels = np.random.default_rng(0).integers(256, size=(40, 40, 3), dtype=np.uint8)
-    refused = 0
-    for place in (20, 100, 300, 1000):
-        Image.fromarray(pixels).save(file, compression=compression)
-        content = bytearray(file.read_bytes())
-        content[place : place + 40] = b"\xff" * 40
-        file.write_bytes(content)
-        try:
-            read_image(file)
-        except InputError:
-            refused += 1
-    assert refused
-    assert capfd.readouterr() == ("", "")
-
-
 def test_corrupt_metadata_gives_no_warning(tmp_path):
     exif = Image.Exif()
     exif[0x010F] = "x" * 40
@@ -287,37 +192,6 @@ def test_a_failed_write_leaves_the_old_image(tmp_path):
         write_image(tmp_path / "a.png", np.ones((2, 2, 7)))
     assert read_image(tmp_path / "a.png").tolist() == np.ones((2, 2, 3)).tolist()
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-
-
-def test_an_image_replaced_by_another_is_refused_wherever_its_folder_has_a_record(tmp_path):
-    for name, level in (("before", 0.2), ("after", 0.4)):
-        write_image(tmp_path / name / "view.png", np.full((4, 4, 3), level))
-        record_views(tmp_path / name, {"view": []})
-    image = tmp_path / "after" / "view.png"
-    image.write_bytes((tmp_path / "before" / "view.png").read_bytes())
-    for read in (read_image, require_intact, lambda _: read_marks("echo", image.parent, "", 60)):
-        with pytest.raises(InputError, match=r"view.png: content: expected CRC-32 [0-9a-f]{8}, as in rendered.json"):
-            read(image)
-    (tmp_path / "after" / "rendered.json").unlink()
-    assert read_image(image).mean() == pytest.approx(0.2)
-
-
-def test_a_figure_that_differs_from_its_record_is_refused(tmp_path):
-    write_image(tmp_path / "figure.png", np.zeros((4, 4, 3)))
-    write_record(tmp_path / "figure.png", inputs={}, settings={})
-    write_image(tmp_path / "other.png", np.ones((4, 4, 3)))
-    (tmp_path / "figure.png").write_bytes((tmp_path / "other.png").read_bytes())
-    with pytest.raises(InputError, match=r"figure.png: content: expected CRC-32"):
-        require_intact(tmp_path / "figure.png")
-
-
-def test_images_that_the_record_of_their_folder_does_not_list_are_named(tmp_path, capsys):
-    for name in ("a", "b"):
-        write_image(tmp_path / f"{name}.png", np.zeros((2, 2, 3)))
-        record_views(tmp_path, {"a": []})
-        require_all_images(tmp_path)
-        warned = "rendered.json does not list 1 of 2 images: b.png" in capsys.readouterr().err
-        assert warned == (name == "b")
 
 
 @pytest.mark.parametrize(("bright", "blank"), [(0, True), (1, True), (48, False)])

@@ -24,17 +24,15 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the pictures, all of them or none."""
-    from gspure.artifacts import RENDERED, filling
-    from gspure.images import record_views
+    from gspure.artifacts import filling
     from gspure.scenes.lighting import bake
     from gspure.scenes.photography import path_cameras, picture
     from gspure.scenes.placement import PLACEMENTS
     from gspure.scenes.procedural import DECOYS, Interior
 
     views = path_cameras(args.views, args.width, args.height)
-    names = [f"{seed}/{name}" for seed in DECOYS for name in (RENDERED, *(f"{view.name}.png" for view in views))]
+    names = [f"{seed}/{name}" for seed in DECOYS for name in (f"{view.name}.png" for view in views)]
     with filling(args.out, *names) as folder:
         for seed in track(DECOYS, "decoys"):
             lit = bake(Interior(seed)(PLACEMENTS["coincident"]), coarseness=COARSENESS)
             picture(lit, views, folder / str(seed))
-            record_views(folder / str(seed), {view.name: [] for view in views})

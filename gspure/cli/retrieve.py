@@ -28,7 +28,6 @@ def run(args: Arguments) -> None:
     from gspure.evaluation.comparison import pair_images
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
-    from gspure.images import with_records
 
     rows: list[Retrieved] = []
     used: set[Path] = set()
@@ -46,4 +45,4 @@ def run(args: Arguments) -> None:
             raise InputError(folder, variant, expected="one folder for every variant and target", found="a second one")
         rows.append(Retrieved(variant, target, retrieval(similarities)))
     write_table(args.out, Retrieved, rows)
-    write_record(args.out, inputs=with_records(sorted(used)), settings={})
+    write_record(args.out, inputs={path.as_posix(): path for path in sorted(used)}, settings={})
