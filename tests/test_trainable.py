@@ -221,6 +221,3 @@ def test_views_are_counted_where_a_gaussian_is_in_sight(device, style):
     assert not found.statistics().gradient_norms[17:].any()
     found.replace(found.state())
     assert not found.statistics().views.any()
-
-
-# --- edges ------------------------------------------------------------------------------------------------------------
