@@ -1,41 +1,65 @@
+import fcntl
+import json
 import os
 import shlex
 import sys
+from contextlib import suppress
 
-from gspure.artifacts import file_digest
+from snakemake.exceptions import WorkflowError
+from snakemake.utils import validate
+
+import gspure
 from gspure.attacks import find_attack
-from gspure.workflow.configuration import require_distinct_names, resolved, validated
-from gspure.cost import COSTS, LOG, cost_of
-from gspure.errors import InputError
-from gspure.evaluation.controls import BASELINES, CONTROLS
-from gspure.evaluation.detection import files_of
-from gspure.evaluation.outcomes import BITS
+from gspure.errors import InputError, printable
+from gspure.evaluation.controls import CONTROLS
+from gspure.files import write_json
 from gspure.opencl.program import kernel_digest
+from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
-from gspure.workflow.captures import capture_files
-from gspure.workflow.decisions import DEFAULT
-from gspure.workflow.models import OWNER, Model, Plan
-from gspure.workflow.options import options, repeated
-from gspure.workflow.pairs import pair_arguments, pair_files
-from gspure.workflow.sources import code_digest
-from gspure.workflow.variants import Decision, Variant
+from gspure.workflow.configuration import resolve
+from gspure.workflow.plan import (
+    METHOD,
+    VANILLA,
+    Model,
+    Plan,
+    Variant,
+    capture_files,
+    message_model,
+    pair_of,
+    pair_settings,
+    pair_files,
+)
+from gspure.workflow.sources import code_digest, files_digest
 
-KERNELS = kernel_digest()
-TEMPLATE_DIGESTS = []
 
+def refuse(reason):
+    print(f"gspure: {reason}", file=sys.stderr)
+    sys.exit(2)
+
+
+# Every Snakemake that runs here holds this lock as long as it lives; by it, setup/unlock.sh and `gspure audit` tell the
+# lock that a killed one left behind from that of a running one.
+with suppress(OSError):
+    os.makedirs(".snakemake", exist_ok=True)
+    ALIVE = open(".snakemake/gspure.lock", "w")
+    fcntl.flock(ALIVE, fcntl.LOCK_SH | fcntl.LOCK_NB)
 
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"
 try:
-    for file in workflow.configfiles:
-        require_distinct_names(file)
-    config = resolved(validated(config, Path(workflow.basedir) / "schemas" / "config.schema.yaml", source), source)
+    validate(config, "../schemas/config.schema.yaml")
+    config = resolve(config, source)
 except InputError as error:
-    print(f"gspure: {error}", file=sys.stderr)
-    sys.exit(2)
+    refuse(error)
+except WorkflowError as error:
+    fault = error.__context__  # of jsonschema
+    refuse(f"{source}: {fault.json_path.removeprefix('$.')}: {printable(fault.message)}")
 
 PLAN = Plan(config)
 MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
 VARIANTS = config["variants"]
+WATERMARKED = "|".join(PLAN.schemes) or "none"
+PICTURED = "|".join(model.scheme for model in PLAN.models if model.hides_picture) or "none"
+KERNELS = kernel_digest()
 
 # Jobs on the OpenCL device use all cores, one job at a time; with `threads` set, as many run at once as there are cores.
 THREADS = config["threads"] or 16
@@ -45,7 +69,7 @@ TURNS = 0 if config["threads"] else 1
 wildcard_constraints:
     scheme="|".join(PLAN.scenes),
     scene="[A-Za-z0-9_-]+(?:@[0-9]+)?",
-    variant="|".join([*VARIANTS, *CONTROLS]),
+    variant="|".join(VARIANTS),
     # The folder of a decision below that of its model; empty for the decision of the method.
     decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
 
@@ -55,113 +79,110 @@ scattergather:
 
 
 # Jobs use the Python of Snakemake, even if it is not on PATH, unless --sdm provides an environment.
-prefix = f"export GSPURE_DEVICE={shlex.quote(config['device'])}; " if config["device"] else ""
-if not workflow.deployment_settings.deployment_method:
+STEPS = Path(workflow.basedir) / "rules" / "steps"
+prefix = f"export GSPURE_STEPS={shlex.quote(str(STEPS))}; "
+if config["device"]:
+    prefix += f"export GSPURE_DEVICE={shlex.quote(config['device'])}; "
+if workflow.deployment_settings.deployment_method:
+    prefix += f"export PYTHONPATH={shlex.quote(os.path.dirname(os.path.dirname(gspure.__file__)))}; "
+else:
     prefix += f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; "
 shell.prefix(prefix)
 
 
-def job(command):
-    """Return the shell command of a rule: a gspure command and its log, which ends with the exit status on failure."""
-    logged = f"POCL_MAX_PTHREAD_COUNT={{threads}} {LOG}={{log:q}} python -m gspure {command} > {{log:q}} 2>&1"
-    return f"{logged} || {{{{ status=$?; echo exit status $status >> {{log:q}}; exit $status; }}}}"
+def start():
+    """Write down the configuration, for the report, and refuse to start without the packages that jobs need."""
+    write_json(Path("results/configuration.json"), config)
+    try:
+        for name, scheme in PLAN.schemes.items():
+            require_packages(scheme.packages, f"scheme {name}")
+        for settings in VARIANTS.values():
+            require_packages(find_attack(settings["attack"]).packages, f"attack {settings['attack']}")
+    except InputError as error:
+        refuse(error)
+
+
+def logged(program):
+    """Return the shell command of a rule; the last line of its log is the reason of a failure."""
+    killed = 'echo "killed by signal $((status - 128))" >> {log:q}'
+    failed = f"{{{{ status=$?; [ $status -lt 128 ] || {killed}; exit $status; }}}}"
+    return f"POCL_MAX_PTHREAD_COUNT={{threads}} {program} > {{log:q}} 2>&1 || {failed}"
+
+
+def step(name):
+    """Return the shell command of a rule that runs rules/steps/NAME.py, with the argument `job`.
+
+    Not `script:`, which loads Snakemake in every job, at 0.25 CPU seconds.
+    """
+    return logged(f"python -P $GSPURE_STEPS/{name}.py {{params.job:q}}")
+
+
+def job(*groups, **settings):
+    """Return the argument of a step, as JSON: the named inputs and outputs, and settings, values or by wildcards.
+
+    Each of `groups` returns several settings.
+    """
+
+    def argument(wildcards, input, output):
+        chosen = {name: value(wildcards) if callable(value) else value for name, value in settings.items()}
+        for group in groups:
+            chosen |= group(wildcards)
+        return json.dumps({**dict(input.items()), **dict(output.items()), **chosen})
+
+    return argument
+
+
+def command(name, *words, **options):
+    """Return a gspure command as words for the shell: lists are several values, mappings repeat an option."""
+    words = [name, *words]
+    for option, value in options.items():
+        values = value if isinstance(value, list) else [value]
+        pairs = [[f"{key}={each}"] for key, each in value.items()] if isinstance(value, dict) else [values]
+        for values in pairs if value is not None else []:
+            words += [f"--{option.replace('_', '-')}", *values]
+    return shlex.join(map(str, words))
+
+
+def code(name, *modules):
+    """Return a digest of the code of a step, or of a command, and of further modules."""
+    file = STEPS / f"{name}.py"
+    return code_digest(file if file.is_file() else f"gspure.cli.{name}", *modules)
 
 
 def get_model(wildcards):
     return Model(PLAN, wildcards.scheme, wildcards.scene)
 
 
-def get_public_model(wildcards):
-    return get_model(wildcards).public
-
-
-def get_scheme(wildcards):
-    return get_model(wildcards).scheme_option
-
-
 def get_variant(wildcards):
     return Variant(get_model(wildcards), wildcards.variant)
 
 
+def get_public_model(wildcards):
+    return get_model(wildcards).public
+
+
+def get_model_digest(wildcards):
+    """Return a digest of the user's model, so that a replaced file counts even if it is older."""
+    return files_digest(get_model(wildcards).users_files)
+
+
+def get_scheme(wildcards):
+    return get_model(wildcards).named_scheme
+
+
 def get_decision(wildcards):
-    return Decision(get_model(wildcards), wildcards.get("decision", "").rpartition("/")[2] or DEFAULT)
+    return wildcards.decision.rpartition("/")[2] or METHOD
 
 
-def get_artifact(name):
-    """Return the input function of an artifact: that of the first decision with the same settings up to it."""
-    return lambda wildcards: get_decision(wildcards).path(name)
+def get_made(name):
+    """Return the input function of what is made for a decision: that of the first one with the same settings up to it."""
+    return lambda wildcards: get_model(wildcards).path(name, get_decision(wildcards))
 
 
-def get_method_options(*names):
-    """Return the function of some settings of a decision as options."""
-    return lambda wildcards: get_decision(wildcards).options(*names)
-
-
-def get_training_files(wildcards):
-    """Return the files that a model is trained from: cameras, points and photographs."""
-    settings = config["assets"][wildcards.scene]
-    return capture_files(settings["train"], settings["photographs"])
-
-
-def get_training_options(wildcards):
-    settings = config["assets"][wildcards.scene]["training"]
-    return options(settings, *settings)
-
-
-def get_pair_files(wildcards):
-    return pair_files(config["pairs"][wildcards.scene])
-
-
-def get_pair_arguments(wildcards):
-    return pair_arguments(config["pairs"][wildcards.scene], config["views"]["off_path"])
-
-
-def get_message_files(wildcards):
-    pair = PLAN.messages[wildcards.message]
-    return capture_files(pair["message"], pair["message_photographs"])
+def get_setting(name):
+    """Return the function of a setting of a decision."""
+    return lambda wildcards: get_model(wildcards).decision(get_decision(wildcards))[name]
 
 
 def get_pair(wildcards):
-    return get_model(wildcards).pair
-
-
-def get_contributions(wildcards):
-    """Return the indices of a decision's contributions, one for each part of the views."""
-    return gather.views("{folder}/{scatteritem}.tsv", folder=get_decision(wildcards).path("contributions"))
-
-
-def get_variant_files(wildcards):
-    """Return the model of a variant or control, and the views of the scene or of the message."""
-    variant = get_variant(wildcards)
-    return {"model": variant.public, **variant.view_files(wildcards.get("target", "scene"))}
-
-
-def get_view_options(wildcards):
-    return get_variant(wildcards).view_options(wildcards.get("target", "scene"))
-
-
-def get_target(wildcards):
-    return "message" if wildcards.owner else "scene"
-
-
-def get_camera_files(wildcards):
-    return get_model(wildcards).camera_files(get_target(wildcards))
-
-
-def get_detector_files(wildcards):
-    """Return the files that the command of a detector names, such as its code and weights, or the key of bits."""
-    if wildcards.detector == BITS:
-        return [f"{get_model(wildcards).folder}/key"]
-    return files_of(config["detectors"][wildcards.detector]["command"])
-
-
-def get_attack_files(wildcards):
-    variant = get_variant(wildcards)
-    return {"model": get_public_model(wildcards), **variant.evidence, **variant.render_files}
-
-
-def get_extractions(model):
-    """Return the finished extractions of all variants and controls of a model; baselines have none."""
-    names = [name for name in (*VARIANTS, *model.controls) if name not in BASELINES]
-    folders = [folder for name in names for folder in Variant(model, name).renders]
-    return get_finished(folder for folder in folders if os.path.basename(folder) != "scene")
+    return PLAN.config["pairs"][pair_of(wildcards.scene)]

@@ -13,9 +13,9 @@ import gspure
 from gspure import constants
 from gspure.attacks import Evidence, attacks
 from gspure.attacks.registry import BUILT_IN
-from gspure.workflow.configuration import resolved, validated
 from tests.documentation import PAGES, ROOT, blocks, edges, install_example, workflow_edges
 from tests.models import blobs
+from tests.workflow_cases import settled
 
 DOCS = ROOT / "docs"
 
@@ -85,7 +85,7 @@ def test_the_example_attack_is_registered_and_works(plugged_in):
 
 
 def test_the_example_configuration_is_valid(plugged_in):
-    settled = resolved(validated(plugged_in, ROOT / "schemas" / "config.schema.yaml", "example"), "example")
-    assert settled["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
-    assert settled["variants"]["faint_pruning"]["attack"] == "faint_pruning"
-    assert settled["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}
+    config = settled(plugged_in)
+    assert config["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
+    assert config["variants"]["faint_pruning"]["attack"] == "faint_pruning"
+    assert config["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}

@@ -19,10 +19,7 @@ from gspure.method.weights import accumulate
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
-from gspure.workflow.models import Model
-from gspure.workflow.variants import Variant
 from tests.models import without
-from tests.test_workflow_models import plan_of
 
 torch = pytest.importorskip("torch")
 
@@ -173,18 +170,3 @@ def test_a_key_of_a_picture_reads_no_bits(pair_folder, tmp_path, capsys):
     words = ["detect", str(tmp_path / "renders"), "--scheme", "planted", "--key", str(tmp_path / "key")]
     assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 2
     assert "expected bits, found a picture" in capsys.readouterr().err
-
-
-def test_jobs_read_bits_from_all_variants_and_controls_and_extract_no_picture():
-    plan = plan_of(assets=None, schemes={"marked_clones": {}}, repetitions=1)
-    model = Model(plan, "marked_clones", "raised")
-    assert model.targets == ["scene"]
-    assert model.controls == ["clean", "wrong_key", "other_scene"]
-    readings = [*plan.config["variants"], *model.controls]
-    assert model.detections == [f"{model.folder}/{name}/detections/bits.csv" for name in readings]
-    measured = [*plan.config["variants"], "clean"]
-    assert model.metrics == [f"{model.folder}/{name}/metrics.csv" for name in measured]
-    assert not model.hidden
-    options = f"--scheme marked_clones --key {model.folder}/key"
-    assert Variant(model, "gspure").detection_options("bits") == options
-    assert Variant(model, "wrong_key").detection_options("bits") == f"{options} --wrong-key 1"

@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 from gspure.datasets import SCENES
-from gspure.evaluation.controls import CONTROLS
-from tests.test_workflow import Project, checkout, planned  # noqa: F401
 from tests.training_cases import colmap_project, ring
+from tests.workflow_cases import CONFIG as TINY
+from tests.workflow_cases import started
 
 pytestmark = pytest.mark.workflow
 
@@ -37,8 +37,8 @@ def captures(folder, names):
 
 
 @pytest.fixture
-def project(tmp_path, checkout):  # noqa: F811
-    return Project(tmp_path, checkout)
+def project(tmp_path):
+    return started(tmp_path / "project", TINY)
 
 
 def configured(project, name):
@@ -59,25 +59,16 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     captures(project.folder / "data", SCENES)
     config = configured(project, "mipnerf360.yaml")
     models, variants = len(HIDDEN) * len(config["schemes"]), len(DEFAULT_VARIANTS)
-    jobs = planned(project.run("--dry-run"))
-    once = [
-        "embed_message",
-        "train_clean_model",
-        "measure_opacities",
-        "measure_surface",
-        "measure_hidden_weights",
-    ]
-    once += ["accumulate_weights", "build_features", "span_tree", "select_clusters", "decide_pruning", "draw_model"]
+    jobs = project.planned()
+    once = ["embed_message", "train_clean_model", "prepare_cameras_of_pair", "accumulate_weights", "span_tree"]
+    once += ["decide_pruning", "measure_surface", "draw_watermarked_model", "evaluate_controls"]
     expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1}
     expected |= dict.fromkeys(once, models)
-    expected["prepare_cameras"] = 2 * models  # of the scene and of the message
     expected["measure_contributions"] = config["views"]["parts"] * models
-    expected["attack_model"] = variants * models
-    expected["render_scene"] = (variants + 1) * models  # and that of the clean model
-    expected["compare_renders"] = (variants + len(CONTROLS)) * models
+    expected["attack_model"] = expected["evaluate_variant"] = variants * models
     assert jobs.items() >= expected.items()
     assert "train_model" not in jobs
-    assert jobs["total"] < 80 * models
+    assert jobs["total"] < 35 * models
 
 
 def test_a_missing_scene_is_named(project):
@@ -91,5 +82,5 @@ def test_a_missing_scene_is_named(project):
 def test_two_user_captures_are_hidden_in_each_other(project):
     captures(project.folder / "photos", ["scene", "message"])
     configured(project, "photos.yaml")
-    jobs = planned(project.run("--dry-run"))
+    jobs = project.planned()
     assert jobs.items() >= {"train_message": 2, "make_pair": 2, "embed_message": 2, "write_report": 1}.items()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
-from gspure.cli import JOBS
 from gspure.workflow import sources
-from gspure.workflow.sources import code_digest
+from gspure.workflow.sources import code_digest, files_digest
+from tests.workflow_cases import ROOT
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -31,8 +34,10 @@ def package(tmp_path, monkeypatch):
         (tmp_path / f"{name}.py").parent.mkdir(exist_ok=True)
         (tmp_path / f"{name}.py").write_text(text)
     sources._imports.cache_clear()
+    sources._file.cache_clear()
     yield tmp_path
     sources._imports.cache_clear()
+    sources._file.cache_clear()
 
 
 @pytest.mark.parametrize("module", ["stage", "middle/__init__", "middle/deep"])
@@ -61,6 +66,7 @@ def plugin(package, tmp_path, monkeypatch):
         (folder / f"{name}.py").write_text(text)
     monkeypatch.syspath_prepend(str(folder.parent))
     sources._imports.cache_clear()
+    sources._file.cache_clear()
     return folder
 
 
@@ -84,19 +90,42 @@ def test_the_digest_of_a_plug_in_covers_only_its_imports(plugin):
     assert code_digest("murky.attack") == before
 
 
-def test_stages_that_share_little_code_have_digests_of_their_own():
-    assert len({code_digest(f"gspure.cli.{job}") for job in JOBS}) == len(JOBS)
+def test_an_edit_of_a_script_or_of_what_it_imports_changes_its_digest(package, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text("from gspure.stage import run\n")
+    first = code_digest(script)
+    (package / "middle/deep.py").write_text("depth = 2\n")
+    second = code_digest(script)
+    script.write_text("from gspure.stage import run  # edited\n")
+    assert len({first, second, code_digest(script)}) == 3
 
 
 def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend_on_clustering():
-    assert "gspure.renderer" in reached("gspure.cli.contributions")
-    assert "gspure.method.pruning" in reached("gspure.cli.prune")
-    assert not {"gspure.renderer", "gspure.method.contributions"} & reached("gspure.cli.prune")
-    assert not any(name.startswith("gspure.method.tree") for name in reached("gspure.cli.contributions"))
+    assert "gspure.renderer" in reached("contributions")
+    assert "gspure.method.pruning" in reached("decision")
+    assert not {"gspure.renderer", "gspure.method.contributions"} & reached("decision")
+    assert not {"gspure.method.tree", "gspure.method.clusters"} & reached("contributions")
 
 
-def reached(module):
-    found = sources._imports(module)
+def reached(step):
+    found = {*sources._named((ROOT / "rules" / "steps" / f"{step}.py").read_bytes(), [])}
     while more := {name for known in found for name in sources._imports(known)} - found:
         found |= more
     return found
+
+
+def test_a_file_is_read_once_and_again_when_it_was_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sources._known_digests.cache_clear()
+    file = Path("model.ply")
+    file.write_text("first")
+    before = files_digest([file])
+    monkeypatch.setattr(sources, "file_digest", lambda path: "never")
+    assert files_digest([file]) == before
+    sources._known_digests.cache_clear()  # as in another run
+    assert files_digest([file]) == before
+    file.write_text("later")
+    os.utime(file, (0, 0))
+    assert files_digest([file]) != before
+    assert files_digest([Path("missing.ply")]) == files_digest([])
+    sources._known_digests.cache_clear()

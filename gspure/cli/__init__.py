@@ -9,7 +9,7 @@ import argparse
 import errno
 import importlib
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,7 +17,7 @@ from gspure import __version__, progress
 from gspure.cli.parser import Arguments, Parser, suggestion
 from gspure.errors import InputError, printable
 
-USER_COMMANDS = {
+COMMANDS = {
     "audit": "run the whole workflow in the current folder: attack a model in many ways and write a report",
     "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
@@ -31,26 +31,11 @@ USER_COMMANDS = {
     "attack": "apply one attack or control to a model: remove, change or move its Gaussians",
     "train": "train a 3DGS model from photographs",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
-    "failures": "list the failed jobs of the workflow, with reasons and logs",
+    "report": "write the tables, figures and report of a run, also of one that failed or still goes on",
     "paper-check": "recompute the paper's tables, and list numbers that do not follow from them",
     "doctor": "check OpenCL devices, OpenGL and packages, and print how to fix what is missing",
     "completion": "print a script for tab completion in a shell",
 }
-JOBS = {
-    "contributions": "compute the contribution of every Gaussian to each view (stored per view)",
-    "weights": "average the contributions over the views: weights omega [K]",
-    "opacities": "write the opacity of every row (for an anchor, the mean over its Gaussians and the views)",
-    "hidden": "measure the share of the message's weight on rows that plain_weight prunes",
-    "surface": "measure the distance of every row from the visible surface, for the attack gof",
-    "features": "standardize positions, opacities and weights: features F [K,5]",
-    "tree": "compute HDBSCAN's minimum spanning tree from features and min_samples",
-    "cluster": "select clusters from a spanning tree",
-    "prune": "decide which Gaussians to prune, and diagnose the clustering",
-    "decoys": "ray-trace random rooms, as false candidates of `gspure retrieve`",
-    "retrieve": "test whether extractions retrieve the message among candidates",
-    "report": "write the tables, figures and page of a run",
-}
-COMMANDS = USER_COMMANDS | JOBS
 
 DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 
@@ -117,11 +102,11 @@ def parser_of(name: str) -> argparse.ArgumentParser:
 
 def _overview(argv: Sequence[str]) -> NoReturn:
     """Print all commands or the version, or refuse a command line that does not begin with a command; exit."""
-    commands = _listed("commands", USER_COMMANDS) + "\n\n" + _listed("jobs of the workflow", JOBS)
+    commands = "\n".join(f"  {name:<15}{meaning}" for name, meaning in COMMANDS.items())
     parser = Parser(
         prog="gspure",
         usage="gspure [-h] [-V] COMMAND ...",
-        description=f"{DESCRIPTION}\n\n{commands}",
+        description=f"{DESCRIPTION}\n\ncommands:\n{commands}",
         epilog="`gspure COMMAND --help` shows options and examples of one command; `gspure doctor` checks the set-up.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -130,7 +115,3 @@ def _overview(argv: Sequence[str]) -> NoReturn:
         parser.error(f"no command {argv[0]!r}{suggestion(argv[0], COMMANDS)}")
     parser.parse_args(argv[:1] or ["--help"])
     parser.error("expected a command")
-
-
-def _listed(title: str, commands: Mapping[str, str]) -> str:
-    return "\n".join([f"{title}:", *(f"  {name:<15}{meaning}" for name, meaning in commands.items())])

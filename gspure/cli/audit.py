@@ -3,12 +3,13 @@
 import fcntl
 import os
 import re
-import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+import time
+from collections import deque
+from collections.abc import Sequence
+from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,23 +17,21 @@ from typing import Any
 from gspure.cli.options import add_cameras, add_quiet
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
+from gspure.progress import say, tell
 from gspure.settings import CORES
-from gspure.workflow.job_progress import COMMAND, SHOWN
-from gspure.workflow.options import DEFAULT_PROFILE, profile_options
 
 EXAMPLES = """\
   gspure audit point_cloud.ply --cameras orbit              # results/report.html
   gspure audit output/bicycle --cameras output/bicycle --dry-run
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
-  gspure audit mine.yaml -- --forcerun render_scene         # options of Snakemake
+  gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
 
 _CONFIGURATION = Path("results/audit.yaml")
-_LOCKS = Path(".snakemake/locks")
-_DRY_RUN = re.compile("--dry-?r.*|-[a-zA-Z]*n[a-zA-Z]*")
-_UNTIL_UNREAD = (  # Snakemake, ended without a traceback when the reader of its output (`| head`) has gone
-    "import signal; signal.signal(signal.SIGPIPE, signal.SIG_DFL); from snakemake.cli import main; main()"
-)
+_STATE = Path(".snakemake")
+_JOB = re.compile(r"Job \d+: (.+)")
+_DONE = re.compile(r"(\d+) of (\d+) steps")
+_SHOWN = 20  # lines of Snakemake's, if it fails without a reason
 
 
 def add_arguments(parser: Parser) -> None:
@@ -46,56 +45,29 @@ def add_arguments(parser: Parser) -> None:
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
     add_quiet(parser)
-    parser.flag("-v", "--verbose", "print Snakemake's output, not a progress bar; options after -- imply this")
+    parser.flag("-v", "--verbose", "print Snakemake's output, not a line for each job; options after -- imply this")
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 
 def run(args: Arguments) -> int:
-    """Write the configuration of a model, and become Snakemake; a dry run writes to a temporary folder only."""
-    if not os.access(Path.cwd(), os.W_OK):
-        raise InputError(Path.cwd(), "permissions", expected="a folder to write results to", found="a read-only one")
-    if args.dry_run or any(_DRY_RUN.fullmatch(word) for word in args.passed_on):
+    """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
+    if args.dry_run:
         with TemporaryDirectory() as folder:
-            configuration = _configuration(args, Path(folder) / _CONFIGURATION.name)
-            status = subprocess.call(_command(args, configuration, ["-c", _UNTIL_UNREAD]))
-        if status == -signal.SIGPIPE:
-            raise BrokenPipeError
-        return status
+            return subprocess.call(_command(args, _configuration(args, Path(folder) / _CONFIGURATION.name)))
     configuration = _configuration(args, _CONFIGURATION)
-    environment = {**os.environ, COMMAND: shlex.join(["gspure", *sys.argv[1:]])}
-    if args.quiet or not (args.verbose or args.passed_on):
-        environment[SHOWN] = "problems" if args.quiet else "jobs"
-    with nullcontext() if {"--unlock", "--nolock"} & {*args.passed_on} else _only_run(configuration):
-        return os.execve(sys.executable, _command(args, configuration), environment)  # noqa: S606
+    if args.verbose or args.passed_on:
+        return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
+    _remove_lock(configuration)
+    return _shown(_command(args, configuration))
 
 
-@contextmanager
-def _only_run(configuration: Path) -> Iterator[None]:
-    """Refuse a second run in this folder, until the process that this one becomes has ended."""
-    _LOCKS.mkdir(parents=True, exist_ok=True)
-    with _LOCKS.with_name("audit").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(_LOCKS, "lock", expected="no other run here", found="one that runs") from None
-        if any(_LOCKS.glob("*.lock")):  # Snakemake's
-            hint = f"if none runs: gspure audit {shlex.quote(str(configuration))} -- --unlock"
-            found = "one that runs or was killed"
-            raise InputError(_LOCKS, "lock", expected="no other run here", found=found, hint=hint)
-        os.set_inheritable(lock.fileno(), True)  # noqa: FBT003
-        yield
-
-
-def _command(args: Arguments, configuration: Path, snakemake: Sequence[str] = ("-m", "snakemake")) -> list[str]:
-    """Return the command line of Snakemake; the default profile as options, unless another profile may be meant."""
-    workflow = snakefile()  # named after --configfile, which would take the targets for configurations
-    options = ["--configfile", str(configuration), "--snakefile", str(workflow)]
-    if not (args.verbose or args.passed_on or any(Path(name).exists() for name in ("default", DEFAULT_PROFILE))):
-        options += profile_options(workflow.parent)
-    options += ["--dry-run"] if args.dry_run else []
-    options += ["--cores", str(args.cores)] if args.cores else []
+def _command(args: Arguments, configuration: Path) -> list[str]:
+    """Return the command line of Snakemake, which finds its default profile beside the workflow."""
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(snakefile())]
+    command += ["--dry-run"] if args.dry_run else []
+    command += ["--cores", str(args.cores)] if args.cores else []
     sys.stdout.flush()
-    return [sys.executable, *snakemake, *options, *args.passed_on]
+    return [*command, "--configfile", str(configuration), *args.passed_on]
 
 
 def snakefile() -> Path:
@@ -105,20 +77,54 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
+def _remove_lock(configuration: Path) -> None:
+    """Remove the lock that a killed Snakemake left behind; refuse a second run beside one that lives."""
+    if not any(_STATE.glob("locks/*.lock")):
+        return
+    with (_STATE / "gspure.lock").open("a") as alive:  # which every Snakemake holds (rules/common.smk)
+        try:
+            fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(_STATE, "lock", expected="no other run here", found="one that runs") from None
+    command = [sys.executable, "-m", "snakemake", "--unlock", "--snakefile", str(snakefile())]
+    subprocess.run([*command, "--configfile", str(configuration)], check=True, capture_output=True)
+
+
+def _shown(command: Sequence[str]) -> int:
+    """Run Snakemake, and show a line for each job, and reasons of failures, in place of its output."""
+    began, done, total = time.monotonic(), 0, 0
+    last: deque[str] = deque(maxlen=_SHOWN)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, errors="replace") as process:
+        signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal interrupts Snakemake, too
+        for line in process.stderr or ():
+            if progress := _DONE.match(line):
+                done, total = int(progress[1]), int(progress[2])
+            elif job := _JOB.match(line):
+                place = f"{done} of {total} jobs done, " if total else ""
+                say(f"{place}{timedelta(seconds=round(time.monotonic() - began))}: {job[1]}")
+            elif line.startswith(("gspure", "warning:", "Nothing to be done", "Complete log")):
+                tell(line.rstrip())
+                last.clear()
+            else:
+                last.append(line.rstrip())
+    if process.returncode:
+        tell("\n".join(last))
+    return process.returncode
+
+
 def _configuration(args: Arguments, target: Path) -> Path:
-    """Return the configuration file; write that of a model to `target`, unless the last audit had the same."""
+    """Return the configuration file; that of a model is written to `target`."""
     import yaml
 
-    from gspure.artifacts import replacing_only, write_text
+    from gspure.files import write_text
     from gspure.model import model_file
     from gspure.model.compressed.sog import INDEX
-    from gspure.workflow.configuration import require_distinct_names, resolved, validated
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
         if args.cameras or args.up:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views")
-        require_distinct_names(source)
         return source
     if not args.cameras:
         raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")
@@ -131,20 +137,13 @@ def _configuration(args: Arguments, target: Path) -> Path:
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
     configuration = {"assets": {scene: asset}, **_method(model)}
-    schema = snakefile().parent / "schemas" / "config.schema.yaml"
-    resolved(validated(configuration, schema, _CONFIGURATION), _CONFIGURATION)
-    text = yaml.safe_dump(configuration)
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
-            last = _CONFIGURATION.read_text(encoding="utf-8")
-            if not _is_audit_of(configuration, yaml.safe_load(last)):
-                hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
-                found = "that of another model, or an edited one"
-                raise InputError(_CONFIGURATION, "assets", expected=f"the audit of {model}", found=found, hint=hint)
-        if last == text:
-            return _CONFIGURATION
-    with replacing_only("audit", [target]):
-        write_text(target, text)
+            last = yaml.safe_load(_CONFIGURATION.read_text(encoding="utf-8"))
+        if [*last["assets"]] != [scene]:
+            hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
+            raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(last["assets"]), hint=hint)
+    write_text(target, yaml.safe_dump(configuration))
     return target
 
 
@@ -158,14 +157,3 @@ def _method(model: Path) -> dict[str, Any]:
     if not scheme or (scheme.tau_c, scheme.tau_n) == (TAU_C, TAU_N):
         return {}
     return {"method": {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}}
-
-
-def _is_audit_of(configuration: dict[str, Any], last: Any) -> bool:
-    """Return whether the `last` configuration is an audit of the same model, with these or other views."""
-    ((scene, asset),) = configuration["assets"].items()
-    match last:
-        case {"assets": {**assets}} if last | {"assets": 0} == configuration | {"assets": 0} and [*assets] == [scene]:
-            match assets[scene]:
-                case {"model": str(model), **views} if views.keys() <= {"cameras", "generated"}:
-                    return Path(model).resolve() == Path(asset["model"]).resolve()
-    return False

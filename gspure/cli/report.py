@@ -4,13 +4,26 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 EXAMPLES = """\
-  gspure report results                  # results/report.html
+  gspure report results                  # results/report.html, also of a run that has failed or still goes on
 """
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("results", "DIR", "folder of results of `gspure audit`")
+    parser.reads("results", "DIR", "folder of results of `gspure audit` or the workflow")
 
 
 def run(args: Arguments) -> None:
-    raise InputError(args.results, "configuration.json", expected="the configuration of a run", found="none")
+    from gspure.evaluation.names import display_name, model_name
+    from gspure.files import read_json
+    from gspure.progress import tell
+    from gspure.report.writing import write_report
+    from gspure.workflow.plan import Plan
+
+    file = args.results / "configuration.json"
+    if not file.is_file():
+        raise InputError(args.results, file.name, expected="the configuration of a run", found="no such file")
+    for outcome in write_report(args.results, Plan(read_json(file)).report):
+        if outcome.failure:
+            name = model_name(outcome.scheme, outcome.folder)
+            tell(f"gspure: {name}, {display_name(outcome.variant)}: no results: {outcome.failure}")
+    print(args.results / "report.html")

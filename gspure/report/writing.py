@@ -47,10 +47,11 @@ class ReportPlan:
     links: Sequence[Path] = ()
 
 
-def write_report(results: Path, plan: ReportPlan) -> None:
+def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     """Write ``tables/``, ``figures/``, the figures of every model that need several variants, and ``report.html``.
 
-    Variants without results are named with the reason. Figures that cannot be drawn are left out with a warning.
+    Variants without results are named with the reason. Figures that cannot be drawn are left out with a warning. Return
+    all outcomes.
     """
     outcomes = collect(results, plan.models)
     survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
@@ -67,6 +68,7 @@ def write_report(results: Path, plan: ReportPlan) -> None:
         comparisons.append(Comparison(audit, shown, tables, pictures))
     names = ("results", "summary", "survival", "contest", "matched")
     write_page(page, comparisons, [*(results / "tables" / f"{name}.csv" for name in names), *plan.links])
+    return outcomes
 
 
 def _write_tables(

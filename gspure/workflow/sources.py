@@ -1,75 +1,93 @@
-"""Digests of the code behind a result, by which the workflow knows the results that an edit makes stale."""
+"""Digests by which the workflow knows what to run again: of the code behind a result, and of the user's files."""
 
 import ast
-from collections.abc import Iterator
+import json
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Final
 
-from gspure.artifacts import digest
+from gspure.files import digest, file_digest, write_json
 
-_PACKAGE = Path(__file__).parents[1]
+_PACKAGE: Final = Path(__file__).parents[1]
+_KNOWN: Final = Path(".snakemake/digests.json")  # of the user's files, by path, size, time and inode
 
 
-def code_digest(*modules: str) -> str:
-    """Return a digest of the source of `modules` and of all that these import, at any depth.
+def files_digest(files: Iterable[str | Path]) -> str:
+    """Return a digest of the content of files; an unchanged one is read only once, in whatever run."""
+    known, found = _known_digests(), []
+    for file in map(Path, files):
+        if file.is_file():
+            state = file.stat()
+            name = f"{file} {state.st_size} {state.st_mtime_ns} {state.st_ino}"
+            found.append(known.get(name) or file_digest(file))
+            if name not in known:
+                known[name] = found[-1]
+                with suppress(OSError):  # a dry run in a folder of somebody else's
+                    write_json(_KNOWN, known)
+    return digest(*found)
 
-    Only Python sources of this package and of the plug-in's package count, also those imported inside functions. This
+
+@cache
+def _known_digests() -> dict[str, str]:
+    with suppress(OSError, ValueError):
+        return dict(json.loads(_KNOWN.read_text()))
+    return {}
+
+
+def code_digest(*sources: str | Path) -> str:
+    """Return a digest of the source of modules and scripts, and of all that these import, at any depth.
+
+    Only Python sources of this package and of a plug-in's package count, also those imported inside functions. This
     package's ``__init__`` does not count: it only names the public functions.
     """
-    waiting = [module for module in modules if _file(module)]
-    known = set(waiting)
+    scripts = [source for source in sources if isinstance(source, Path)]
+    known = {source for source in sources if isinstance(source, str)}
+    for script in scripts:
+        known |= {name for name in _named(script.read_bytes(), []) if name.startswith("gspure.") and _file(name)}
+    waiting = [*known]
     while waiting:
         new = _imports(waiting.pop()) - known
         known |= new
         waiting += new
-    return digest(*(file.read_bytes() for name in sorted(known) if (file := _file(name))))
+    return digest(*(file.read_bytes() for file in [*scripts, *filter(None, map(_file, sorted(known)))]))
 
 
 @cache
 def _imports(module: str) -> frozenset[str]:
-    file = _file(module)
-    names = _named(ast.parse(file.read_bytes()), _parents(module, file)) if file else ()
-    packages = {"gspure", _top(module)}
-    return frozenset(name for name in names if name != "gspure" and _top(name) in packages and _file(name))
+    if not (file := _file(module)):
+        return frozenset()
+    parents = module.split(".")
+    names = _named(file.read_bytes(), parents if file.name == "__init__.py" else parents[:-1])
+    packages = {"gspure", parents[0]}
+    return frozenset(name for name in names if name != "gspure" and name.split(".")[0] in packages and _file(name))
 
 
-def _named(tree: ast.AST, parents: list[str]) -> Iterator[str]:
-    """Yield the modules that a module imports, and the names imported from them, which may be modules too."""
-    for node in ast.walk(tree):
+def _named(source: bytes, parents: list[str]) -> Iterator[str]:
+    """Yield the modules that a source imports, and the names imported from them, which may be modules too."""
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             above = parents[: len(parents) + 1 - node.level] if node.level else []
-            source = ".".join([*above, *([node.module] if node.module else [])])
-            yield from (source, *(f"{source}.{alias.name}" for alias in node.names))
+            module = ".".join([*above, *([node.module] if node.module else [])])
+            yield from (module, *(f"{module}.{alias.name}" for alias in node.names))
 
 
-def _parents(module: str, file: Path) -> list[str]:
-    """Return the package in which a module's relative imports begin."""
-    names = module.split(".")
-    return names if file.name == "__init__.py" else names[:-1]
-
-
+@cache
 def _file(module: str) -> Path | None:
     """Return the source of a module; None without one."""
     top, *inner = module.split(".")
-    if (home := _home(top)) is None:
+    if top == "gspure":
+        home = _PACKAGE
+    elif (spec := find_spec(top)) is None:
         return None
+    elif spec.submodule_search_locations:
+        home = Path(spec.submodule_search_locations[0])
+    else:
+        home = Path(spec.origin or top).with_suffix("")
     path = home.joinpath(*inner)
     source = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     return source if source.exists() else None
-
-
-def _home(top: str) -> Path | None:
-    """Return the folder of a package, or the file of a module without its suffix; None if there is no such module."""
-    if top == "gspure":
-        return _PACKAGE
-    spec = find_spec(top)
-    if spec and spec.submodule_search_locations:
-        return Path(spec.submodule_search_locations[0])
-    return Path(spec.origin).with_suffix("") if spec and spec.origin else None
-
-
-def _top(module: str) -> str:
-    return module.partition(".")[0]

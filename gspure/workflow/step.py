@@ -1,0 +1,50 @@
+"""The start of a step: a script of ``rules/steps``, which a rule runs with one argument, a JSON object."""
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from gspure.cameras import Camera, read_cameras, split
+from gspure.errors import InputError, printable
+from gspure.progress import tell, warnings_in_lines
+
+
+def run(function: Callable[..., None]) -> None:
+    """Call `function` with the entries of the JSON object by name, as paths where it wants paths.
+
+    On bad input, end with exit status 2 and one line: the last one of the log is the reason of a failure.
+    """
+    hints = get_type_hints(function)
+    arguments = {name: _typed(value, hints.get(name)) for name, value in json.loads(sys.argv[1]).items()}
+    try:
+        with warnings_in_lines():
+            function(**arguments)
+    except InputError as error:
+        _refuse(str(error))
+    except MemoryError as error:
+        _refuse(f"out of memory: {error}")
+    except OSError as error:
+        _refuse(f"{error.filename}: {error.strerror}")
+
+
+def _typed(value: Any, hint: Any) -> Any:
+    if hint == list[Path]:
+        return [Path(path) for path in ([value] if isinstance(value, str) else value)]
+    return Path(value) if hint in (Path, Path | None) and value else value
+
+
+def _refuse(reason: str) -> None:
+    tell(f"gspure {Path(sys.argv[0]).stem}: {printable(reason)}")
+    sys.exit(2)
+
+
+def views_of(cameras: Path, name: str) -> list[Camera]:
+    """Return the views of a split, ``train``, ``test`` or ``all``, in the order of their names."""
+    every = read_cameras(cameras)
+    train, test = split(every)
+    views = {"train": train, "test": test, "all": sorted(every, key=lambda camera: camera.name)}[name]
+    if not views:
+        raise InputError(cameras, "cameras", expected=f"at least one {name} view", found="none")
+    return views

@@ -1,3 +1,0 @@
-#!/bin/sh
-# usage: cancel.sh JOB...
-exec kubectl delete --wait=false "$@"

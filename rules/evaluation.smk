@@ -1,0 +1,168 @@
+# Variants of a model: attacked, rendered, and compared with photographs of scene and message or, without photographs, with
+# renders of the unattacked model.
+
+
+# An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.
+rule attack_model:
+    input:
+        unpack(lambda wildcards: {**get_variant(wildcards).measured, **get_variant(wildcards).rendered}),
+        model=get_public_model,
+    output:
+        public=directory("results/{scheme}/{scene}/{variant}/public"),
+        verdict="results/{scheme}/{scene}/{variant}/verdict.json",
+    log:
+        "results/logs/{scheme}/{scene}/{variant}/attack.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/{variant}/attack.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: lambda wildcards: THREADS if get_variant(wildcards).rendered else 1
+    resources:
+        opencl_device=lambda wildcards: TURNS if get_variant(wildcards).rendered else 0,
+    params:
+        kernels=lambda wildcards: KERNELS if get_variant(wildcards).rendered else "",
+        code=lambda wildcards: code(
+            "attack", get_variant(wildcards).attack.function.__module__, get_model(wildcards).module
+        ),
+        model=get_model_digest,
+        job=job(lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
+    message:
+        "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
+    shell:
+        step("attack")
+
+
+rule evaluate_variant:
+    input:
+        lambda wildcards: get_evaluated_files(get_model(wildcards), [wildcards.variant]),
+        public="results/{scheme}/{scene}/{variant}/public",
+        verdict="results/{scheme}/{scene}/{variant}/verdict.json",
+    output:
+        metrics="results/{scheme}/{scene}/{variant}/metrics.csv",
+        retrieval="results/{scheme}/{scene}/{variant}/retrieval.csv",
+        renders=directory("results/{scheme}/{scene}/{variant}/renders"),
+        detections=directory("results/{scheme}/{scene}/{variant}/detections"),
+    log:
+        "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/{variant}/evaluate.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=lambda wildcards: code("evaluate", get_model(wildcards).module),
+        files=lambda wildcards: files_digest(get_variant(wildcards).detector_files),
+        job=lambda wildcards: json.dumps(get_model(wildcards).evaluation([wildcards.variant])),
+    message:
+        "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        step("evaluate")
+
+
+# All negative controls of a model; the output lists them, and each has a folder of its own, as variants have.
+rule evaluate_controls:
+    input:
+        lambda wildcards: get_evaluated_files(get_model(wildcards), get_model(wildcards).controls),
+    output:
+        controls="results/{scheme}/{scene}/controls.json",
+    log:
+        "results/logs/{scheme}/{scene}/controls.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/controls.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=lambda wildcards: code("evaluate", get_model(wildcards).module),
+        files=lambda wildcards: get_controls_digest(get_model(wildcards)),
+        job=lambda wildcards, output: json.dumps(
+            get_model(wildcards).evaluation(get_model(wildcards).controls) | {"listed": output.controls}
+        ),
+    message:
+        "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        step("evaluate")
+
+
+rule trace_decoys:
+    output:
+        directory(expand("results/decoys/{{width}}x{{height}}x{{views}}/{seed}", seed=DECOYS)),
+    log:
+        "results/logs/decoys/{width}x{height}x{views}.log",
+    benchmark:
+        "results/benchmarks/decoys/{width}x{height}x{views}.tsv"
+    wildcard_constraints:
+        width="[0-9]+",
+        height="[0-9]+",
+        views="[0-9]+",
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code("decoys"),
+        job=job(
+            folder=lambda wildcards: "results/decoys/{width}x{height}x{views}".format(**wildcards),
+            **{name: lambda wildcards, name=name: int(wildcards[name]) for name in ("views", "width", "height")},
+        ),
+    message:
+        "Ray-tracing random scenes as candidates of the retrieval"
+    shell:
+        step("decoys")
+
+
+REPORTED = [f"{variant.folder}/metrics.csv" for model in PLAN.models for variant in model.variants]
+REPORTED += [f"{model.folder}/controls.json" for model in PLAN.models if model.controls]
+REPORTED += expand("results/{model}/{made}", model=MODELS, made=["diagnosis.json", "figures/model"])
+
+
+# It scans the results, so it also runs, `onerror`, when some are missing.
+rule write_report:
+    input:
+        REPORTED,
+    output:
+        page=report("results/report.html", caption="../report/page.rst", category="Report", labels={"page": "report"}),
+        table="results/tables/results.csv",
+        results=report("results/tables/results.md", category="Tables", labels={"table": "all results"}),
+        contest=report("results/tables/contest.md", category="Tables", labels={"table": "GSPure against other attacks"}),
+    log:
+        "results/logs/report.log",
+    benchmark:
+        "results/benchmarks/report.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code("report"),
+        templates=files_digest(sorted(Path(gspure.__file__).parent.glob("report/templates/*"))),
+        plan=str(PLAN.report),
+    message:
+        "Writing tables, figures and the report"
+    shell:
+        logged("python -m gspure report results")
+
+
+def get_evaluated_files(model, names):
+    """Return the files that the evaluation of variants or controls reads beside attacked models."""
+    variants = [Variant(model, name) for name in names]
+    files = [f"{model.folder}/cameras.json", *model.decoys]
+    files += [file for variant in variants for file in variant.detector_files]
+    files += [variant.public for variant in variants if not variant.is_attacked]
+    if model.is_watermarked:
+        files += [f"{model.folder}/message_cameras.json", f"{model.folder}/key", model.public]
+        files += [f"{model.pair}/scene", f"{model.pair}/message"]
+    if {model.references} - {f"{variant.folder}/renders" for variant in variants} and not model.is_watermarked:
+        files += [model.references]
+    if any(variant.evaluation["baseline"] for variant in variants):
+        files += [f"{model.folder}/unattacked/renders"]
+    return files
+
+
+def get_controls_digest(model):
+    """Return a digest of the user's files that the controls of a model read."""
+    variants = [Variant(model, name) for name in model.controls]
+    clean = Model(PLAN, VANILLA, model.settings["clean"]).users_files if model.settings.get("clean") else []
+    return files_digest([*clean, *(file for variant in variants for file in variant.detector_files)])

@@ -1,0 +1,199 @@
+# Models and their views: trained from photographs, or by schemes on pairs; the user's own are used where they are. What a
+# person types, `gspure pair`, is a command here, too.
+
+
+rule make_pair:
+    input:
+        lambda wildcards: pair_files(get_pair(wildcards)),
+        message=lambda wildcards: [f for f in [message_model(get_pair(wildcards))] if f.startswith("results/messages/")],
+    output:
+        cameras="results/pairs/{scene}/cameras.json",
+        points="results/pairs/{scene}/points3D.ply",
+        scene=directory("results/pairs/{scene}/scene"),
+        message=directory("results/pairs/{scene}/message"),
+    log:
+        "results/logs/pairs/{scene}/pair.log",
+    benchmark:
+        "results/benchmarks/pairs/{scene}/pair.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=code("pair"),
+        files=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
+        command=lambda wildcards: command(
+            "pair",
+            get_pair(wildcards)["scene"],
+            message_model(get_pair(wildcards)),
+            out=f"results/pairs/{wildcards.scene}",
+            **pair_settings(get_pair(wildcards)),
+        ),
+    message:
+        "Making pair {wildcards.scene}"
+    shell:
+        logged("python -m gspure {params.command}")
+
+
+rule train_message:
+    input:
+        lambda wildcards: get_message_files(wildcards),
+    output:
+        model=directory("results/messages/{message}"),
+    log:
+        "results/logs/messages/{message}.log",
+    benchmark:
+        "results/benchmarks/messages/{message}.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=code("train"),
+        files=lambda wildcards: files_digest(get_message_files(wildcards)),
+        command=lambda wildcards, output: command(
+            "train",
+            PLAN.messages[wildcards.message]["message"],
+            "--force",
+            out=output.model,
+            **{name: PLAN.messages[wildcards.message][name] for name in ("iterations", "resolution", "seed")},
+        ),
+    message:
+        "Training a model of message {wildcards.message}"
+    shell:
+        logged("python -m gspure {params.command}")
+
+
+# A killed run continues from its last checkpoint, which is beside the outputs.
+rule train_model:
+    input:
+        lambda wildcards: get_training_files(wildcards),
+    output:
+        model=f"results/{VANILLA}/{{scene}}/public/point_cloud.ply",
+        cameras=f"results/{VANILLA}/{{scene}}/trained/cameras.json",
+    log:
+        f"results/logs/{VANILLA}/{{scene}}/train.log",
+    benchmark:
+        f"results/benchmarks/{VANILLA}/{{scene}}/train.tsv"
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=code("train"),
+        files=lambda wildcards: files_digest(get_training_files(wildcards)),
+        command=lambda wildcards, output: command(
+            "train",
+            config["assets"][wildcards.scene]["train"],
+            *("--resume", "--force"),
+            out=os.path.dirname(output.cameras),
+            model=output.model,
+            **config["assets"][wildcards.scene]["training"],
+        ),
+    message:
+        "Training a model of {wildcards.scene}"
+    shell:
+        logged("python -m gspure {params.command}")
+
+
+rule embed_message:
+    input:
+        cameras=lambda wildcards: f"{get_model(wildcards).pair}/cameras.json",
+        points=lambda wildcards: f"{get_model(wildcards).pair}/points3D.ply",
+        scene=lambda wildcards: f"{get_model(wildcards).pair}/scene",
+        message=lambda wildcards: f"{get_model(wildcards).pair}/message",
+    output:
+        model="results/{scheme}/{scene}/public/point_cloud.ply",
+        key=directory("results/{scheme}/{scene}/key"),
+    log:
+        "results/logs/{scheme}/{scene}/embed.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/embed.tsv"
+    wildcard_constraints:
+        scheme=WATERMARKED,
+    conda:
+        "../envs/gspure.yaml"
+    threads: THREADS
+    resources:
+        opencl_device=TURNS,
+    params:
+        kernels=KERNELS,
+        code=lambda wildcards: code("embed", get_model(wildcards).module),
+        command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
+    message:
+        "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
+    shell:
+        logged("python -m gspure {params.command}")
+
+
+# A clean model, trained without the message, is a control.
+use rule embed_message as train_clean_model with:
+    output:
+        model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
+    log:
+        "results/logs/{scheme}/{scene}/clean/embed.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
+    params:
+        command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}/clean", message_weight=0),
+    message:
+        "Training {wildcards.scheme} on {wildcards.scene} without a message"
+
+
+rule prepare_cameras:
+    input:
+        lambda wildcards: get_model(wildcards).view_files,
+        model=get_public_model,
+    output:
+        cameras="results/{scheme}/{scene}/cameras.json",
+    log:
+        "results/logs/{scheme}/{scene}/cameras.log",
+    benchmark:
+        "results/benchmarks/{scheme}/{scene}/cameras.tsv"
+    wildcard_constraints:
+        scheme=VANILLA,
+    conda:
+        "../envs/gspure.yaml"
+    params:
+        code=code("cameras"),
+        files=lambda wildcards: files_digest(get_model(wildcards).view_files),
+        model=get_model_digest,
+        job=job(views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
+    message:
+        "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
+    shell:
+        step("cameras")
+
+
+# The views of the message are the owner's.
+use rule prepare_cameras as prepare_cameras_of_pair with:
+    output:
+        cameras="results/{scheme}/{scene}/cameras.json",
+        message_cameras="results/{scheme}/{scene}/message_cameras.json",
+    wildcard_constraints:
+        scheme=WATERMARKED,
+
+
+def get_message_files(wildcards):
+    pair = PLAN.messages[wildcards.message]
+    return capture_files(pair["message"], pair["message_photographs"])
+
+
+def get_training_files(wildcards):
+    asset = config["assets"][wildcards.scene]
+    return capture_files(asset["train"], asset["photographs"])
+
+
+def get_embedding(wildcards, out, **changes):
+    """Return the command that trains a model with the scheme's settings and some changes."""
+    settings = dict(get_model(wildcards).embed_settings)
+    settings["set"] = {**settings["set"], **changes}
+    return command(
+        *("embed", wildcards.scheme, get_model(wildcards).pair, "--force"), out=out.format(**wildcards), **settings
+    )

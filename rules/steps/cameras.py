@@ -1,0 +1,24 @@
+"""Prepare the views of a model: read or generate, then scale them; those of the message are the owner's."""
+
+from pathlib import Path
+from typing import Any
+
+from gspure.cameras import GENERATED, read_cameras, scaled, write_cameras
+from gspure.model import read_model
+from gspure.workflow.step import run
+
+
+def prepare(
+    model: Path, views: dict[str, str], settings: dict[str, Any], cameras: Path, message_cameras: Path | None = None
+) -> None:
+    for source, target in zip(views.values(), filter(None, (cameras, message_cameras)), strict=True):
+        if source in GENERATED:
+            generated = {name: value for name, value in settings["generated"].items() if value is not None}
+            generated["fov_degrees"] = generated.pop("fov")
+            found = GENERATED[source](read_model(model), **generated)
+        else:
+            found = read_cameras(source)
+        write_cameras(target, scaled(found, settings["resolution"]))
+
+
+run(prepare)

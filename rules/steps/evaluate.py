@@ -1,0 +1,116 @@
+"""Evaluate variants or controls of a model: render, extract, read marks, and compare all with the references."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gspure.cameras.reading import read_transform
+from gspure.cli.extract import FIT_STEPS
+from gspure.evaluation.comparison import Reference, compare, pair_images, write_metrics
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
+from gspure.evaluation.names import UNATTACKED
+from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
+from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
+from gspure.files import read_json, write_json, write_provenance
+from gspure.images import write_image
+from gspure.opencl.device import choose_device
+from gspure.progress import track
+from gspure.public_model import Lesson, PublicModel, RenderView
+from gspure.schemes.matching import registered
+from gspure.schemes.pair import Capture
+from gspure.schemes.registry import find_scheme, read_public_model
+from gspure.schemes.scheme import ADAPTIVE, Key, wrong_key
+from gspure.workflow.step import run, views_of
+
+Variant = dict[str, Any]  # `gspure.workflow.plan.Variant.evaluation`
+
+
+def evaluate(
+    variants: dict[str, Variant],
+    cameras: Path,
+    split: str,
+    reference: Reference,
+    references: Path,
+    decoys: list[Path],
+    scheme: str | None = None,
+    key: Path | None = None,
+    message_cameras: Path | None = None,
+    published: Path | None = None,
+    photographs: Path | None = None,
+    listed: Path | None = None,
+) -> None:
+    views = {SCENE: views_of(cameras, split)} | ({MESSAGE: views_of(message_cameras, split)} if message_cameras else {})
+    owners = find_scheme(scheme).read_key(key) if scheme and key else None
+    original = read_public_model(published, scheme).drawn(published).model if published else None
+    for name, variant in variants.items():
+        folder = Path(variant["folder"])
+        renders = folder / "renders"
+        shutil.rmtree(renders, ignore_errors=True)
+        renders.mkdir(parents=True)
+        (folder / DETECTIONS).mkdir(exist_ok=True)
+        if variant["attacked"] and "not applicable" in read_json(folder / "verdict.json"):
+            write_metrics(folder / "metrics.csv", [])
+            write_table(folder / "retrieval.csv", Retrieved, [])
+            continue
+        its_key = wrong_key(owners, 1) if owners and variant["wrong_key"] else owners
+        transform = read_transform(folder / "transform.npy") if variant["attacked"] else np.eye(4)
+        public = read_public_model(model := Path(variant["model"]), scheme)
+        for target in variant["rendered"]:
+            moves = transform if target != ADAPTIVE else np.eye(4)
+            if target == SCENE:
+                drawable = public.drawable(model)
+                draw = drawable.scene(choose_device(), drawable.model.background)
+            elif its_key:
+                draw = extraction(public.drawn(model), its_key, target, original, photographs)
+            for camera in track([view.moved(moves) for view in views[SCENE if target == SCENE else MESSAGE]], target):
+                write_image(renders / target / f"{camera.name}.png", draw(camera))
+        for detector, settings in variant["detectors"].items():
+            write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, settings, renders / SCENE))
+        compared = folder.with_name(UNATTACKED) / "renders" if variant["baseline"] else renders
+        if targets := variant["compared"]:
+            against = {target: MESSAGE for target in targets if target not in (SCENE, MESSAGE)}
+            pairs, _ = pair_images(references, compared, against, targets)
+            write_metrics(folder / "metrics.csv", [compare(pair, reference, variant["baseline"]) for pair in pairs])
+        write_table(
+            folder / "retrieval.csv", Retrieved, retrieved(name, variant["rendered"], renders, references, decoys)
+        )
+        write_provenance(folder, "evaluate", inputs={"model": model}, settings=variant)
+    if listed:
+        write_json(listed, [*variants])
+
+
+def extraction(public: PublicModel, key: Key, target: str, original: Any, photographs: Path | None) -> RenderView:
+    """Return the renderer of an extraction; an owner who adapts has the published model, and perhaps photographs."""
+    if target == ADAPTIVE:
+        public = registered(public, original)
+        if photographs:
+            capture = Capture.read(photographs)
+            views = [camera.moved(np.eye(4)) for camera in capture.views]
+            lesson = Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=choose_device())
+            key = key.fitted(public, lesson)
+    return key.message(public, target, choose_device())
+
+
+def read(key: Key | None, settings: dict[str, Any], images: Path) -> list[Reading]:
+    """Return what a detector reads from images: the user's command, or the key of a scheme that hides bits."""
+    if key and not settings:
+        return read_bits(key.read_bits, key.bits, images)
+    return read_marks(settings["command"], images, settings["message"], settings["timeout"])
+
+
+def retrieved(
+    variant: str, targets: list[str], renders: Path, references: Path, decoys: list[Path]
+) -> Iterator[Retrieved]:
+    """Yield how well each extraction is retrieved among candidates."""
+    for target in filter(is_picture, targets):
+        pairs, _ = pair_images(references / MESSAGE, renders / target)
+        candidates = [false_candidates(pair, index, decoys) for index, pair in enumerate(pairs)]
+        found = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
+        yield Retrieved(variant, target, retrieval(found))
+
+
+run(evaluate)

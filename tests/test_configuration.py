@@ -1,0 +1,164 @@
+"""The configuration: its schema, its defaults, and what is refused before any job starts."""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+from snakemake.exceptions import WorkflowError
+
+from gspure.attacks import attacks
+from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES
+from gspure.errors import InputError
+from gspure.method.clusters import SELECTIONS
+from gspure.method.features import PARTS
+from gspure.method.weights import REDUCTIONS
+from gspure.scenes.staging import NAMES, PROTOCOLS
+from gspure.schemes.pair import INITIALIZATIONS
+from gspure.workflow.plan import Plan
+from tests.training_cases import colmap_project, ring
+from tests.workflow_cases import ROOT, SCHEMA, filled, settled
+
+CONTENT = yaml.safe_load(SCHEMA.read_text())
+BOT = {"model": __file__, "cameras": "orbit"}
+PLANTED = {"pairs": {"room": {}}, "schemes": {"planted": {}}}
+EVERY = {"unattacked": {}, "gspure": {}}
+BASES = ("config.yaml", "mini.yaml", "six_pairs.yaml")
+OVERLAYS = ("ablations.yaml", "severity.yaml", "sweep.yaml", "views.yaml")
+
+
+def properties(schema, path=()):
+    for name, subschema in schema.get("properties", {}).items():
+        yield (*path, name), subschema
+        yield from properties(subschema, (*path, name))
+        if isinstance(values := subschema.get("additionalProperties"), dict):
+            yield from properties(values, (*path, name))
+
+
+def test_the_schema_is_valid():
+    Draft202012Validator.check_schema(CONTENT)
+
+
+@pytest.mark.parametrize(("path", "subschema"), [*properties(CONTENT)], ids=str)
+def test_every_setting_has_a_description(path, subschema):
+    assert "description" in subschema or "$ref" in subschema
+
+
+def test_naming_a_model_and_its_cameras_is_enough():
+    config = settled({"assets": {"bot": BOT}})
+    assert config["views"] == {"evaluate": "test", "parts": 1}
+    assert {variant["attack"] for variant in config["variants"].values()} <= attacks().keys()
+    assert [model.scene for model in Plan(config).models] == ["bot"]
+
+
+def test_defaults_and_choices_are_those_of_the_code():
+    method, pair = CONTENT["properties"]["method"]["properties"], CONTENT["properties"]["pairs"]["additionalProperties"]
+    defaults = {name: method[name]["default"] for name in ("min_samples", "min_cluster_size", "max_cluster_share")}
+    assert [*defaults.values()] == [MIN_SAMPLES, MIN_CLUSTER_SIZE, MAX_CLUSTER_SHARE]
+    assert (tuple(method["selection"]["enum"]), {*method["reduction"]["enum"]}) == (SELECTIONS, {*REDUCTIONS})
+    assert tuple(pair["properties"]["protocol"]["enum"]) == PROTOCOLS
+    assert tuple(pair["properties"]["initialization"]["enum"]) == INITIALIZATIONS
+    decision = CONTENT["properties"]["decisions"]["additionalProperties"]["properties"]
+    assert decision.keys() == {*method, "cluster_on"}
+    assert decision["cluster_on"]["default"] == list(PARTS)
+
+
+@pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS)])
+def test_shipped_configurations_can_be_combined(base, overlay):
+    config, changes = (yaml.safe_load((ROOT / "config" / name).read_text()) for name in (base, overlay))
+    for name, value in changes.items():
+        config[name] = {**config.get(name, {}), **value} if isinstance(value, dict) else value
+    assert len(settled(config)["variants"]) >= len(config["variants"])
+
+
+@pytest.mark.parametrize(
+    ("config", "place"),
+    [
+        ({"asets": {}}, "$"),
+        ({"assets": {"bot": {"model": "bot.ply"}}}, "$.assets.bot"),
+        ({"assets": {"a/b": BOT}}, "$.assets"),
+        ({"method": {"selection": "best"}}, "$.method.selection"),
+        ({"method": {"tau_n": 0}}, "$.method.tau_n"),
+        ({"views": {"parts": 1.5}}, "$.views.parts"),
+        ({"pairs": {"room": {"views": 2}}}, "$.pairs.room.views"),
+        ({"variants": {"gspure": {}}}, "$.variants"),
+        ({"decisions": {"where": {"cluster_on": ["position"]}}}, "$.decisions.where.cluster_on"),
+    ],
+    ids=str,
+)
+def test_the_schema_refuses_a_wrong_setting(config, place):
+    with pytest.raises(WorkflowError) as refusal:
+        filled(config)
+    assert refusal.value.__context__.json_path == place
+
+
+def variants(**changed):
+    return {**PLANTED, "variants": {**EVERY, **changed}, "decisions": {"gentle": {}}}
+
+
+@pytest.mark.parametrize(
+    ("config", "line"),
+    [
+        ({}, "assets: expected at least one model, or a pair and a scheme, found none"),
+        ({"pairs": {"room": {}}}, "assets: expected at least one model, or a pair and a scheme, found none"),
+        ({**PLANTED, "pairs": {"a": {"message": "no"}}}, f"pairs.a: expected both of {NAMES}, or both paths"),
+        ({**PLANTED, "pairs": {"a": {"scene": "no", "message": "no"}}}, "pairs.a.scene: .* file or folder, found no"),
+        (
+            {**PLANTED, "schemes": {"splats": {}}},
+            "schemes.splats: expected one of .*splats_in_splats.*, found 'splats'",
+        ),
+        ({**PLANTED, "schemes": {"planted": {"bits": 3}}}, "schemes.planted.bits: expected one of .*unknown key"),
+        ({**PLANTED, "schemes": {"planted": {"message_weight": 0}}}, "schemes.planted.message_weight: .* more than 0"),
+        ({**PLANTED, "extractions": ["message", "message_x"]}, "extractions: expected one of message.*'message_x'"),
+        ({**PLANTED, "decisions": {"method": {}}}, "decisions.method: "),
+        ({**PLANTED, "detectors": {"scene": {"command": "ls"}}}, "detectors.scene: "),
+        ({"assets": {"bot": {**BOT, "model": "no.ply"}}}, "assets.bot.model: expected .* found no.ply"),
+        ({"assets": {"bot": {**BOT, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
+        ({"assets": {"bot": {**BOT, "clean": "other"}}}, "assets.bot.clean: expected one of none, found 'other'"),
+        ({"assets": {"bot": {"train": "no"}}}, "assets.bot.train: expected an existing file or folder, found no"),
+        ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
+        (variants(clean={"attack": "crop"}), "variants.clean: expected a name of no control"),
+        (variants(gof={"attack": "crop"}), "variants.gof.attack: expected gof"),
+        (variants(gspur={}), "variants.gspur: expected one of .*plain_weight.*, found 'gspur'"),
+        (variants(crop={"fraction": 2}), "variants.crop.fraction: expected a number from 0 to 1"),
+        (variants(gspure={"decision": "mild"}), "variants.gspure.decision: expected one of gentle, found 'mild'"),
+        (variants(reorder={"decision": "gentle"}), "variants.reorder.decision: expected no entry"),
+        (variants(random_matched={"decision": "gentle"}), "variants.random_matched.decision: expected method"),
+        (variants(gspure={"damage": 1}), "variants.gspure.damage: expected an attack with a strength, found gspure"),
+        (variants(gof={"damage": [1, 2], "tolerance": 3}), "variants.gof.tolerance: expected nothing beside damage"),
+    ],
+    ids=str,
+)
+def test_a_setting_that_no_job_could_use_is_refused_in_one_line(config, line):
+    with pytest.raises(InputError, match="^mine.yaml: " + line) as refusal:
+        settled(config)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_list_of_damages_is_a_variant_for_each():
+    config = settled(variants(gspure_scaled={"damage": [0.3, 2]}, noise={"attack": "gaussian_noise", "damage": 1}))
+    assert [*config["variants"]] == ["unattacked", "gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB", "noise@1dB"]
+    assert config["variants"]["noise@1dB"]["attack"] == "gaussian_noise"
+
+
+def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
+    for iteration in (7, 30):
+        file = tmp_path / f"point_cloud/iteration_{iteration}/point_cloud.ply"
+        file.parent.mkdir(parents=True)
+        file.touch()
+    config = settled({"assets": {"bot": {**BOT, "model": str(tmp_path)}}})
+    assert config["assets"]["bot"]["model"] == str(file)
+
+
+def test_photographs_are_found_and_a_missing_one_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    colmap_project(Path("garden"), ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
+    asset = settled({"assets": {"garden": {"train": "garden"}}})["assets"]["garden"]
+    assert len(asset["photographs"]) == 9
+    assert all(Path(image).is_file() and not Path(image).is_absolute() for image in asset["photographs"])
+    Path(asset["photographs"][0]).unlink()
+    with pytest.raises(InputError, match=Path(asset["photographs"][0]).name):
+        settled({"assets": {"garden": {"train": "garden"}}})

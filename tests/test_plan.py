@@ -1,0 +1,266 @@
+"""The files and settings of jobs: of models, of their variants and controls, and of decisions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gspure.attacks import find_attack
+from gspure.attacks.attack import Attack
+from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE
+from gspure.evaluation.paper import read_cells
+from gspure.workflow import plan as planning
+from gspure.workflow.plan import MADE, METHOD, Model, Plan, Variant, factors_of, first_alike, message_name, sweeps
+from tests.workflow_cases import ROOT, plan_of, settled
+
+CONFIG = yaml.safe_load("""
+assets: {bot: {model: README.md, cameras: orbit}}
+pairs: {raised: {}, front: {message: room, placement: front}}
+schemes: {splats_in_splats: {seed: 3, iterations: 60}, secure_gs: {}}
+repetitions: 2
+decisions: {same: {}, leaf: {selection: leaf}, blind: {cluster_on: [position, opacity]}, mild: {tau_n: 1.5}}
+variants:
+  unattacked: {}
+  gspure: {}
+  leaf: {attack: gspure, decision: leaf}
+  mild: {attack: gspure, decision: mild}
+  plain_weight: {decision: mild}
+  noise: {attack: gaussian_noise, sigma: 0.2, seed: 5}
+""")
+FOLDER = "results/splats_in_splats/raised@1"
+SHIPPED = {
+    name: yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
+    for name in ("ablations", "paper", "sweep", "views")
+}
+
+
+def changed(**changes) -> Plan:
+    return plan_of({name: value for name, value in {**CONFIG, **changes}.items() if value is not None})
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return changed()
+
+
+@pytest.fixture
+def bot(plan) -> Model:
+    return Model(plan, "vanilla", "bot")
+
+
+@pytest.fixture
+def again(plan) -> Model:
+    """A repetition of a scheme on a pair."""
+    return Model(plan, "splats_in_splats", "raised@1")
+
+
+def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(plan):
+    scenes = ["raised", "raised@1", "front", "front@1"]
+    schemes = ["splats_in_splats", "secure_gs"]
+    expected = ["results/vanilla/bot", *(f"results/{scheme}/{scene}" for scheme in schemes for scene in scenes)]
+    assert [model.folder for model in plan.models] == expected
+
+
+def test_a_repetition_has_the_pair_and_other_seeds(again):
+    assert again.pair == "results/pairs/raised"
+    assert again.embed_settings == {"seed": 4, "initialization": "both", "set": {"iterations": 60}}
+    assert Variant(again, "noise").attacked_by["seed"] == 6
+
+
+def test_a_users_model_is_read_in_place_and_compared_with_its_renders(bot):
+    assert bot.public == bot.users_files[0] == "README.md"
+    assert (bot.view_files, bot.targets, bot.controls, bot.decoys) == ([], ["scene"], [], [])
+    assert bot.view_settings["generated"]["count"] == 24
+    evaluation = bot.evaluation(["gspure"])
+    assert (evaluation["references"], evaluation["reference"]) == ("results/vanilla/bot/unattacked/renders", "render")
+    assert "key" not in evaluation
+
+
+def test_chosen_extractions_are_those_that_are_compared(again):
+    assert again.targets == ["scene", "message", "message_adaptive", "message_oracle"]
+    chosen = changed(assets=None, extractions=["message", "message_oracle"])
+    assert chosen.models[0].targets == ["scene", "message", "message_oracle"]
+    assert chosen.models[0].evaluation(["gspure"])["published"] is None
+
+
+def test_candidates_of_the_retrieval_are_other_messages_and_random_scenes_of_the_same_size(again):
+    traced = [f"results/decoys/160x120x4/{seed}" for seed in range(9000, 9010)]
+    assert again.decoys == ["results/pairs/front/message", *traced]
+
+
+def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again):
+    assert again.controls == list(CONTROLS)
+    assert Variant(again, OTHER_SCENE).public == "results/splats_in_splats/front/public/point_cloud.ply"
+    alike = changed(assets=None, pairs={"raised": {}, "front": {"placement": "front"}}).models[0]
+    assert alike.controls == [name for name in CONTROLS if name != OTHER_SCENE]
+
+
+def test_a_control_shows_what_it_is_compared_in(again):
+    wrong = Variant(again, "wrong_key").evaluation
+    assert (wrong["model"], wrong["wrong_key"], wrong["rendered"]) == (again.public, True, again.targets[1:])
+    for name in BASELINES:
+        blank = Variant(again, name).evaluation
+        assert (blank["rendered"], blank["compared"], blank["baseline"]) == ([], again.targets, name)
+
+
+def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
+    model = changed(assets=None, schemes={"marked_clones": {}}, repetitions=1).models[0]
+    assert model.controls == ["clean", "wrong_key", "other_scene"]
+    assert {name: Variant(model, name).evaluation["compared"] for name in ("gspure", *model.controls)} == {
+        "gspure": ["scene"],
+        "clean": ["scene"],
+        "wrong_key": [],
+        "other_scene": [],
+    }
+    assert all([*Variant(model, name).detectors] == ["bits"] for name in ("gspure", *model.controls))
+    assert model.reported.controls == ["clean"]
+
+
+def test_detectors_read_variants_and_clean_models():
+    mark = {"mark": {"command": "python README.md"}}
+    bare = {"model": "README.md", "cameras": "orbit"}
+    plan = changed(assets={"bot": {**bare, "clean": "before"}, "before": bare}, detectors=mark, schemes={})
+    read = {name: [*Variant(model, name).detectors] for model in plan.models[:1] for name in ("gspure", "clean")}
+    assert read == {"gspure": ["mark"], "clean": ["mark"]}
+    assert Variant(plan.models[0], "gspure").detector_files == ["README.md"]
+    assert Variant(plan.models[1], "gspure").detectors == {}
+
+
+@pytest.mark.parametrize("name", ["finetune", "reestimate", "distil", "prune_repair"])
+def test_an_attack_gets_neither_photographs_nor_key_nor_message(again, monkeypatch, name):
+    monkeypatch.chdir(ROOT)
+    learning = Variant(replace(again, plan=changed(variants={**CONFIG["variants"], name: {}})), name)
+    weights = {"weights": f"{FOLDER}/weights.npy"} if name == "prune_repair" else {}
+    assert {**learning.measured, **learning.rendered} == {"cameras": f"{FOLDER}/cameras.json"} | weights
+    assert not any(word in str(learning.attacked_by) for word in ("photographs", "key", "message", "pairs"))
+
+
+def test_only_a_search_for_a_damage_gets_photographs_of_the_scene(again, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    plan = changed(variants={**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}})
+    weak = Variant(replace(again, plan=plan), "plain_weight@0.3dB")
+    assert weak.rendered == {"cameras": f"{FOLDER}/cameras.json", "photographs": "results/pairs/raised/scene"}
+    assert weak.attacked_by == {"name": "plain_weight", "seed": 1, "settings": {}, "damage": 0.3, "split": "test"}
+    assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").rendered
+
+
+def test_only_a_fitting_owner_gets_photographs_of_the_message(plan, again):
+    learned = Model(plan, "secure_gs", "raised").evaluation(["gspure"])
+    assert learned["photographs"] == "results/pairs/raised/message"
+    assert again.evaluation(["gspure"])["photographs"] is None
+    assert again.evaluation(["gspure"])["published"] == again.public
+
+
+def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again, monkeypatch):
+    assert Variant(again, "leaf").measured == {"prune_mask": f"{FOLDER}/decisions/leaf/prune_mask.npy"}
+    attack = Variant(again, "plain_weight")
+    assert (attack.measured, attack.attacked_by["settings"]) == ({"weights": f"{FOLDER}/weights.npy"}, {"tau": 1.5})
+    monkeypatch.chdir(ROOT)
+    scaled = {"attack": "gspure_scaled", "decision": "blind", "scale": 0.5}
+    scaled = Variant(replace(again, plan=changed(variants={**CONFIG["variants"], "scaled": scaled})), "scaled")
+    clusters = f"{FOLDER}/decisions/blind/clusters.npz"
+    assert scaled.measured == {"labels": clusters, "weights": f"{FOLDER}/opacities.npy"}
+    assert scaled.attacked_by["settings"] == {"tau_c": 4.0, "tau_n": 4.0, "scale": 0.5}
+
+
+def test_only_built_in_attacks_get_the_factors_of_a_decision(again, monkeypatch):
+    def temper(model, rng, *, tau: float = 0.5): ...
+
+    monkeypatch.setattr(planning, "find_attack", lambda name: Attack("temper", temper))
+    assert Variant(again, "plain_weight").attacked_by["settings"] == {}
+
+
+def test_equal_decisions_share_what_is_made_and_others_have_a_folder(again):
+    assert again.path("prune_mask.npy", "same") == f"{FOLDER}/prune_mask.npy"
+    assert again.path("tree.npy", "leaf") == f"{FOLDER}/tree.npy"
+    assert again.path("clusters.npz", "leaf") == f"{FOLDER}/decisions/leaf/clusters.npz"
+    assert again.thresholded("leaf") == f"{FOLDER}/weights.npy"
+    assert again.thresholded("blind") == f"{FOLDER}/opacities.npy"
+
+
+def test_factors_that_are_null_suit_the_scheme(plan):
+    factors = [(d["tau_c"], d["tau_n"]) for d in (plan.decisions[name][METHOD] for name in plan.schemes)]
+    assert factors == [(4.0, 4.0), (3.0, 2.0)]
+
+
+SETTINGS = {"energy": "ewa", "reduction": "max", "views": 4, "min_samples": 7, "selection": "leaf", "tau_n": 9.0}
+
+
+@given(own=st.lists(st.sampled_from(sorted(SETTINGS)), unique=True))
+@settings(max_examples=30)
+def test_decisions_share_exactly_what_depends_on_equal_settings(own):
+    among = changed(assets=None, decisions={"own": {name: SETTINGS[name] for name in own}}, variants=None).decisions
+    known = set()
+    for name, depends in MADE.items():
+        known |= {*depends}
+        assert (first_alike(among["secure_gs"], "own", name) == METHOD) == known.isdisjoint(own)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_entry_of_a_shipped_set_is_used_and_its_own(name):
+    variants = settled({"pairs": {"room": {}}, "schemes": {"planted": {}}, **SHIPPED[name]})["variants"]
+    used = {variant["decision"] for variant in variants.values() if "decision" in variant}
+    assert used == {*SHIPPED[name]["decisions"]}
+    assert len({tuple(sorted(variant.items())) for variant in variants.values()}) == len(variants)
+
+
+def test_the_ablations_have_the_names_of_the_paper_s_cells():
+    printed = {cell.variant for cell in read_cells() if cell.table in (2, 3)}
+    assert printed <= SHIPPED["ablations"]["variants"].keys()
+
+
+def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
+    variants = {
+        "unattacked": {},
+        "gspure": {},
+        "gentle": {"attack": "gspure", "decision": "gentle"},
+        "leaf": {"attack": "gspure", "decision": "leaf"},
+        "gentle_leaf": {"attack": "gspure", "decision": "gentle_leaf"},
+        "half": {"attack": "random_pruning", "fraction": 0.5},
+        "random_pruning": {},
+        "half_again": {"attack": "random_pruning", "fraction": 0.5, "seed": 1},
+        "gspure_scaled": {"damage": [0.3, 2]},
+        "noise": {"attack": "gaussian_noise", "sigma": 0.2, "attributes": "base_colour"},
+        "ewa": {"attack": "plain_weight", "decision": "ewa"},
+        "plain_weight": {},
+    }
+    own = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
+    plan = changed(assets=None, decisions={**own, "ewa": {"energy": "ewa"}}, variants=variants)
+    assert plan.report.sweeps == {
+        "gspure": ["gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"],
+        "gspure leaf": ["leaf", "gentle_leaf"],
+        "random_pruning": ["half", "random_pruning"],
+    }
+    assert plan.report.points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
+    assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == plan.report.points["secure_gs"]
+
+
+def test_a_sweep_is_not_named_after_a_variant_that_is_none_of_its_own():
+    swept = {f"rp_{share}": {"attack": "random_pruning", "fraction": share / 100} for share in (10, 50)}
+    named = changed(assets=None, variants={"unattacked": {}, "gspure": {}, "random_pruning": {"seed": 1}, **swept})
+    assert sweeps(named.config["variants"], named.decisions["vanilla"]) == {"random_pruning sweep": [*swept]}
+
+
+def test_the_report_knows_variants_controls_and_photographs(plan):
+    models = plan.report.models
+    assert [*models] == [f"{model.scheme}/{model.scene}" for model in plan.models]
+    assert models["secure_gs/front"].photographs.name == "front"
+    assert (models["secure_gs/front"].protocol, models["secure_gs/front"].initialization) == ("shared", "both")
+    assert (models["vanilla/bot"].photographs, models["vanilla/bot"].protocol) == (None, "")
+    assert models["secure_gs/front"].controls == list(CONTROLS)
+
+
+def test_pairs_with_one_message_of_photographs_share_its_model(plan):
+    pair = {"message": "captures/b", "message_photographs": [], "iterations": 9, "resolution": "320px", "seed": 0}
+    pairs = {"one": {**pair, "scene": "captures/a"}, "two": {**pair, "scene": "captures/c"}, "traced": {}}
+    assert [*Plan({**plan.config, "pairs": pairs}).messages] == [message_name(pair)]
+
+
+def test_attacks_are_found_by_name():
+    assert find_attack("gspure").name == "gspure"
