@@ -11,7 +11,7 @@ from typing import Final
 import yaml
 
 from gspure.attacks import find_attack
-from gspure.evaluation.controls import FLOOR
+from gspure.evaluation.controls import LEVEL_CONTROLS
 from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched
@@ -83,7 +83,7 @@ class _Left:
 
     def _level(self, extraction: str, variant: str = UNATTACKED) -> float:
         """Return the message's PSNR above the highest control without a message, or the share of correct bits."""
-        controls = [self._known.get((extraction, control)) for control in FLOOR] if extraction != BITS else []
+        controls = [self._known.get((extraction, control)) for control in LEVEL_CONTROLS] if extraction != BITS else []
         floor = max((row.message.mean for row in controls if row and row.message), default=0.0)
         message = self._known[extraction, variant].message
         return message.mean - floor if message else math.nan

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gspure.figures import style
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, share_cloud
+from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, ranks, share_cloud
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -54,7 +54,7 @@ def test_shares_in_the_legend_of_clusters_add_up(labels: np.ndarray, period: int
 @given(arrays(np.float32, 40, elements=st.floats(0, 9, width=16)), arrays(np.int32, 40, elements=st.integers(-1, 1)))
 def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels: np.ndarray) -> None:
     labels[:2] = 0, 1
-    rank = rank_cloud(np.zeros((40, 3), np.float32), labels, weights).scalars["rank"]
+    rank = ranks(labels, weights)
     deciding = weights.astype(np.float64)
     for cluster in (0, 1):
         deciding[labels == cluster] = weights[labels == cluster].mean(dtype=np.float64)
@@ -65,7 +65,7 @@ def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels
 
 
 def test_low_and_high_ranks_have_the_ends_of_the_scale() -> None:
-    cloud = rank_cloud(BALL[:3], np.full(3, -1, np.int32), np.array([5, 0, 1], np.float32))
+    cloud = rank_cloud(BALL[:3], ranks(np.full(3, -1, np.int32), np.array([5, 0, 1], np.float32)))
     assert colour(cloud, 1) == (68, 1, 84)  # viridis
     assert colour(cloud, 0) == (253, 231, 36)
     assert cloud.scale
@@ -75,7 +75,6 @@ def test_low_and_high_ranks_have_the_ends_of_the_scale() -> None:
 def test_the_share_of_the_message_goes_from_the_colour_of_the_scene_to_that_of_the_message() -> None:
     cloud = share_cloud(BALL[:4], np.array([2, 0, 3, 0], np.float32), np.array([0, 5, 3, 0], np.float32))
     assert [colour(cloud, i) for i in (0, 1, 3)] == [hexadecimal(c) for c in (style.KEPT, style.MESSAGE, style.NOISE)]
-    np.testing.assert_array_equal(cloud.scalars["message_share"], np.array([0, 1, 0.5, np.nan], np.float32))
     middle = np.mean([hexadecimal(style.KEPT), hexadecimal(style.MESSAGE)], axis=0)
     np.testing.assert_allclose(cloud.colours[2], middle, atol=1)
     assert cloud.scale
@@ -88,12 +87,11 @@ def test_pruned_gaussians_have_another_colour() -> None:
     assert [label.rpartition(": ")[2] for label, _ in cloud.legend[0]] == ["75.0%", "25.0%"]
 
 
-def test_a_subset_keeps_points_colours_and_scalars_together() -> None:
+def test_a_subset_keeps_points_and_colours_together() -> None:
     weights = RNG.random(400, np.float32)
-    cloud = rank_cloud(BALL, np.full(400, -1, np.int32), weights)
+    cloud = rank_cloud(BALL, ranks(np.full(400, -1, np.int32), weights))
     rows = np.array([7, 3, 99])
     part = cloud.subset(rows)
     assert np.array_equal(part.points, BALL[rows])
     assert np.array_equal(part.colours, cloud.colours[rows])
-    assert np.array_equal(part.scalars["weight"], weights[rows])
     assert part.scale is cloud.scale

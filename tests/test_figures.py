@@ -128,7 +128,7 @@ def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
     assert (image[..., 0] > image[..., 2] + 40).sum() > 0.1 * covered.sum()
     assert (image[..., 2] > image[..., 0] + 10).sum() > 0.1 * covered.sum()
     points = np.array([[0, 0, 4], [1.2, 0.7, 6]], np.float32)
-    two = Cloud(points, np.array([[200, 0, 0], [0, 0, 200]], np.uint8), {})
+    two = Cloud(points, np.array([[200, 0, 0], [0, 0, 200]], np.uint8))
     picture = plates.portrait(two, Camera("view", 480, 320, intrinsics(400, 400, 180, 200), np.eye(4))).astype(int)
     for channel, (x, y, z) in zip((0, 2), points, strict=True):
         others = [c for c in range(3) if c != channel]

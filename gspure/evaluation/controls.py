@@ -13,8 +13,8 @@ MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)
 
 BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
 
-FLOOR: Final = (*MESSAGE_FREE, *BASELINES)
-"""Controls whose highest is the floor of a scene. Without the wrong key, which is applied to a model with the message;
-with baselines, since an extraction of a clean model may be black, which any trace of the message exceeds."""
+LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
+"""Controls whose highest is the control level of a scene. Without the wrong key, which is applied to a model with the
+message; with baselines, since an extraction of a clean model may be black, which any trace of the message exceeds."""
 
 CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)

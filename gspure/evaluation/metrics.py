@@ -14,10 +14,6 @@ from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM
 from gspure.errors import InputError
 from gspure.files import Float64
 from gspure.progress import decimal
-from gspure.settings import SHARE, Range
-
-PEAK_RATIO: Final = Range(0.0, 200.0)  # dB; one step of 16 bits in one value of the largest image has 197 dB
-CORRELATION: Final = Range(-1.0, 1.0)
 
 _STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself
 
@@ -211,13 +207,6 @@ class Metric(NamedTuple):
     compute: Callable[[NDArray[Any], NDArray[Any]], float]  # of a reference and another image [H,W,3] in 0 .. 1
     title: str
     decimals: int  # in tables
-    limits: Range = Range(-math.inf, math.inf)  # of finite values
-    identical: float = math.inf  # the value for identical images
-
-    def require(self, value: float) -> None:
-        """Raise `ValueError` if no two images have this value; rounding may exceed the limits."""
-        if value != self.identical and round(value, 9) not in self.limits:
-            raise ValueError(f"{self.title} {value} is not {self.limits.expected}")
 
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
@@ -225,12 +214,12 @@ class Metric(NamedTuple):
 
 
 METRICS: Final[Mapping[str, Metric]] = {
-    "psnr": Metric(psnr, "PSNR", 2, PEAK_RATIO),
-    "ssim": Metric(ssim, "SSIM", 3, CORRELATION, 1.0),
-    "region": Metric(region_psnr, "region PSNR", 2, PEAK_RATIO),
-    "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3, SHARE, 1.0),
-    "nc": Metric(normalized_correlation, "NC", 3, CORRELATION, 1.0),
-    "structure": Metric(gradient_correlation, "GC", 3, CORRELATION, 1.0),
+    "psnr": Metric(psnr, "PSNR", 2),
+    "ssim": Metric(ssim, "SSIM", 3),
+    "region": Metric(region_psnr, "region PSNR", 2),
+    "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3),
+    "nc": Metric(normalized_correlation, "NC", 3),
+    "structure": Metric(gradient_correlation, "GC", 3),
 }
 
 

@@ -1,12 +1,12 @@
 """Survival of the message after each attack: its margin above the negative controls of its scene."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.controls import CLEAN, FLOOR, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.controls import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
@@ -15,7 +15,7 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, is
 from gspure.evaluation.significance import Detectability, detectability
 from gspure.progress import decimal
 
-MARGIN: Final = 1.0  # smallest margin above the floor at which a message counts as present, dB; our choice
+MARGIN: Final = 1.0  # smallest margin above the control level at which a message counts as present, dB
 
 
 class Survival(NamedTuple):
@@ -36,7 +36,7 @@ class Survival(NamedTuple):
     ms_ssim_drop: Interval | None
     nc_drop: Interval | None  # drop of the normalized correlation
     rms_ratio: float  # damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)
-    above_floor: Interval | None  # the message's PSNR, or a detector's mean reading, minus the floor of the same scene
+    above_floor: Interval | None  # the message's PSNR, or a detector's mean reading, minus the control level
     share_left: Interval | None  # `above_floor` divided by its value before the attack; None if no scene is `present`
     region_left: Interval | None  # the same of the message's PSNR without its background
     above_wrong_key: Interval | None  # the message's PSNR minus that of a wrong key applied to the unattacked model, dB
@@ -111,9 +111,9 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     """Return scheme and folder of the models whose message is flat, not present or not retrieved before any attack."""
     absent = []
     for alike in by_condition(outcomes).values():
-        scene_floor = control_levels(alike)
+        control_level = control_levels(alike)
         for o in (o for o in alike if o.variant == UNATTACKED and MESSAGE in o.targets):
-            above = o.targets[MESSAGE].psnr - scene_floor.get((o.scene, o.seed), -math.inf)
+            above = o.targets[MESSAGE].psnr - control_level.get((o.scene, o.seed), -math.inf)
             retrieval = o.retrieval.get(MESSAGE)
             is_missed = bool(retrieval and retrieval.decides and not retrieval.succeeds)
             if o.is_flat(MESSAGE) or above < MARGIN or is_missed:
@@ -123,7 +123,7 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
 
 def _highest(levels: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
     highest: dict[tuple[str, int], float] = {}
-    for control in FLOOR:
+    for control in LEVEL_CONTROLS:
         for cell, value in levels.get(control, {}).items():
             highest[cell] = max(value, highest.get(cell, value))
     return highest
@@ -139,11 +139,11 @@ def _survival(
 ) -> Survival:
     known = [o for o in alike if extraction in o.messages]
     attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
-    before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
+    before, after, control_level = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
     if is_picture(extraction):
         tried = {o.scene for o in unattacked if extraction in o.retrieval and o.retrieval[extraction].decides}
-        present_before = _present(before, scene_floor) - (tried - _retrieved(unattacked, extraction))
-        survived = present_before & _present(after, scene_floor)
+        present_before = _present(before, control_level) - (tried - _retrieved(unattacked, extraction))
+        survived = present_before & _present(after, control_level)
     else:
         present_before = _detected(unattacked, extraction) - doubtful_scenes(known, extraction)
         survived = present_before & _detected(attacked, extraction)
@@ -164,19 +164,19 @@ def _survival(
         len(survived),
         len(only_retrieved),
         any(reached) if reached else None,
-        known_interval(_drops(attacked, extraction)),
-        known_interval(_drops(attacked, SCENE)),
-        known_interval(_drops_of("region", attacked, extraction)),
-        known_interval(_drops_of("ms_ssim", attacked, extraction)),
-        known_interval(_drops_of("nc", attacked, extraction)),
+        _mean(attacked, lambda o: o.drop(extraction)),
+        _mean(attacked, lambda o: o.drop(SCENE)),
+        _mean(attacked, lambda o: o.drops(extraction)["region"]),
+        _mean(attacked, lambda o: o.drops(extraction)["ms_ssim"]),
+        _mean(attacked, lambda o: o.drops(extraction)["nc"]),
         _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
-        known_interval(differences(after, scene_floor)),
+        known_interval(differences(after, control_level)),
         known_interval(_shares_left(levels, variant, present_before)),
         known_interval(_shares_left(region, variant, present_before)) if is_picture(extraction) else None,
         known_interval(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
-        _searched_damage(attacked),
+        None if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked) else _mean(attacked, reached_damage),
     )
 
 
@@ -191,18 +191,8 @@ def _scene_levels(attacked: Cells, control: Cells, extraction: str) -> tuple[lis
     return first, second
 
 
-def _drops(attacked: Sequence[Outcome], target: str) -> Cells:
-    return {(o.scene, o.seed): o.drop(target) for o in attacked}
-
-
-def _searched_damage(attacked: Sequence[Outcome]) -> Interval | None:
-    if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked):
-        return None
-    return known_interval({(o.scene, o.seed): reached_damage(o) for o in attacked})
-
-
-def _drops_of(metric: str, attacked: Sequence[Outcome], target: str) -> Cells:
-    return {(o.scene, o.seed): o.drops(target)[metric] for o in attacked}
+def _mean(attacked: Sequence[Outcome], value: Callable[[Outcome], float]) -> Interval | None:
+    return known_interval({(o.scene, o.seed): value(o) for o in attacked})
 
 
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:
@@ -214,16 +204,16 @@ def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, C
 
 def _shares_left(levels: Mapping[str, Cells], variant: str, present: set[str]) -> Cells:
     """Return the share left in each `present` scene, from means over seeds, as cells with one seed."""
-    before, after, scene_floor = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
-    known = before.keys() & after.keys() & scene_floor.keys()
-    floors = {cell: scene_floor[cell] for cell in known if cell[0] in present}
-    whole, left = (scene_means(differences(psnr, floors)) for psnr in (before, after))
+    before, after, control_level = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
+    known = before.keys() & after.keys() & control_level.keys()
+    level = {cell: control_level[cell] for cell in known if cell[0] in present}
+    whole, left = (scene_means(differences(psnr, level)) for psnr in (before, after))
     return {(scene, 0): max(0.0, left[scene]) / margin for scene, margin in whole.items() if 0 < margin < math.inf}
 
 
-def _present(psnr: Cells, scene_floor: Cells) -> set[str]:
-    """Return the scenes in which the mean over seeds lies `MARGIN` or more above the floor."""
-    return {scene for scene, margin in scene_means(differences(psnr, scene_floor)).items() if margin >= MARGIN}
+def _present(psnr: Cells, control_level: Cells) -> set[str]:
+    """Return the scenes in which the mean over seeds lies `MARGIN` or more above the control level."""
+    return {scene for scene, margin in scene_means(differences(psnr, control_level)).items() if margin >= MARGIN}
 
 
 def _retrieved(outcomes: Iterable[Outcome], extraction: str) -> set[str]:

@@ -1,4 +1,4 @@
-"""Point clouds of figures: points, their colours and scalars, and the legend.
+"""Point clouds of figures: points, their colours and the legend.
 
 Three clouds show the method, as in the paper: clusters, ranks of the weights that decide about pruning, and the prune
 mask. One shows the message: its share of each Gaussian's weight.
@@ -6,12 +6,10 @@ mask. One shows the message: its share of each Gaussian's weight.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL, SH_DC, TAU_C, TAU_N
 from gspure.figures import style
@@ -41,13 +39,12 @@ class Scale:
 class Cloud:
     """A coloured point cloud: world coordinates [N,3] and sRGB colours [N,3].
 
-    `scalars` [N] are the data behind the colours, for export. The rows of the legend are labels with their colours,
-    ``none`` for words alone; it is empty if there is a `scale` of continuous colours.
+    The rows of the legend are labels with their colours, ``none`` for words alone; it is empty if there is a `scale`
+    of continuous colours.
     """
 
     points: Float32
     colours: UInt8
-    scalars: Mapping[str, NDArray[np.generic]]
     legend: Legend = ()
     scale: Scale | None = None
 
@@ -56,13 +53,12 @@ class Cloud:
 
     def subset(self, rows: Indices | Bools) -> Cloud:
         """Return the points in `rows` (indices or a mask [N]), with the legend of all."""
-        scalars = {name: values[rows] for name, values in self.scalars.items()}
-        return replace(self, points=self.points[rows], colours=self.colours[rows], scalars=scalars)
+        return replace(self, points=self.points[rows], colours=self.colours[rows])
 
 
 def colour_cloud(means: Float32, sh_dc: Float32) -> Cloud:
     """Colour each Gaussian as it looks on average over all directions: by its coefficients of degree 0, [K,3]."""
-    return Cloud(means, np.rint(255 * np.clip(0.5 + SH_DC * sh_dc, 0, 1)).astype(np.uint8), {})
+    return Cloud(means, np.rint(255 * np.clip(0.5 + SH_DC * sh_dc, 0, 1)).astype(np.uint8))
 
 
 def weight_cloud(means: Float32, weights: Float32) -> Cloud:
@@ -74,7 +70,7 @@ def weight_cloud(means: Float32, weights: Float32) -> Cloud:
     colours = np.where(positive[:, None], _colour_map(place), style.rgb(style.NOISE)).astype(np.uint8)
     ends = [np.format_float_positional(10**end, 1, fractional=False, trim="-") for end in (low, high)]
     scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), (f"{ends[0]} or less", "weight (grey: 0)", ends[1]))
-    return Cloud(means, colours, {"weight": weights}, scale=scale)
+    return Cloud(means, colours, scale=scale)
 
 
 def cluster_cloud(means: Float32, labels: Int32, pruned: Bools) -> Cloud:
@@ -94,7 +90,7 @@ def cluster_cloud(means: Float32, labels: Int32, pruned: Bools) -> Cloud:
     entry[largest_first] = np.arange(len(sizes)) % hues + hues * kept[largest_first]
     entry[NOISE_LABEL] = -1
     legend = _cluster_legend(sizes[largest_first], kept[largest_first], max(len(labels), 1))
-    return Cloud(means, palette[entry[labels]], {"cluster": labels}, legend)
+    return Cloud(means, palette[entry[labels]], legend)
 
 
 def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
@@ -111,8 +107,8 @@ def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
     return (*rows, ((f"noise: {percent((total - sizes.sum()) / total)}", style.NOISE),))
 
 
-def rank_cloud(means: Float32, labels: Int32, weights: Float32, tau_c: float = 1.0, tau_n: float = 1.0) -> Cloud:
-    """Colour each Gaussian by the rank of the weight that decides about it, times its factor: GSPure prunes low ranks.
+def ranks(labels: Int32, weights: Float32, tau_c: float = 1.0, tau_n: float = 1.0) -> Float64:
+    """Return the rank [K] of the weight that decides about each Gaussian, times its factor: GSPure prunes low ranks.
 
     The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n` outside.
     The rank is the share of Gaussians with a lower product, from 0 to 1; equal ones share their mean rank.
@@ -120,10 +116,13 @@ def rank_cloud(means: Float32, labels: Int32, weights: Float32, tau_c: float = 1
     deciding = deciding_weights(labels, weights) * np.where(labels != NOISE_LABEL, tau_c, tau_n)
     _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
     first = np.cumsum(count) - count
-    rank = (first + (count - 1) / 2)[tie] / max(len(means) - 1, 1)
-    scalars = {"rank": rank.astype(np.float32), "weight": weights}
+    return np.asarray((first + (count - 1) / 2)[tie] / max(len(labels) - 1, 1))
+
+
+def rank_cloud(means: Float32, rank: Float64) -> Cloud:
+    """Colour each Gaussian by its rank."""
     scale = Scale(_colour_map(np.linspace(0, 1, _STEPS)), ("lowest", "rank", "highest"))
-    return Cloud(means, _colour_map(rank), scalars, scale=scale)
+    return Cloud(means, _colour_map(rank), scale=scale)
 
 
 def _colour_map(values: Float64) -> UInt8:
@@ -138,7 +137,7 @@ def kept_cloud(means: Float32, pruned: Bools) -> Cloud:
     colours = np.array([style.rgb(style.KEPT), style.rgb(style.PRUNED)])[pruned.astype(np.intp)]
     share = float(pruned.mean()) if len(pruned) else 0.0
     row = ((f"kept: {percent(1 - share)}", style.KEPT), (f"pruned: {percent(share)}", style.PRUNED))
-    return Cloud(means, colours, {"pruned": pruned.astype(np.uint8)}, (row,))
+    return Cloud(means, colours, (row,))
 
 
 def share_cloud(means: Float32, weights: Float32, hidden: Float32) -> Cloud:
@@ -150,9 +149,8 @@ def share_cloud(means: Float32, weights: Float32, hidden: Float32) -> Cloud:
     total = weights.astype(np.float64) + hidden
     share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
     colours = np.where(total[:, None] > 0, _between(np.nan_to_num(share)), style.rgb(style.NOISE)).astype(np.uint8)
-    scalars = {"message_share": share.astype(np.float32), "weight": weights, "hidden_weight": hidden}
     scale = Scale(_between(np.linspace(0, 1, _STEPS)), ("0%", "message's share", "100%"))
-    return Cloud(means, colours, scalars, scale=scale)
+    return Cloud(means, colours, scale=scale)
 
 
 def _between(share: Float64) -> UInt8:
@@ -191,6 +189,7 @@ class Purified:
         """What a row is: Gaussians or anchors."""
         return Signature.of(self.public.model.names).rows
 
-    def ranks(self) -> Cloud:
-        """Return the cloud of the ranks by which GSPure prunes."""
-        return rank_cloud(self.means, self.labels, self.weights, self.tau_c, self.tau_n)
+    @cached_property
+    def ranks(self) -> Float64:
+        """The ranks [K] by which GSPure prunes."""
+        return ranks(self.labels, self.weights, self.tau_c, self.tau_n)

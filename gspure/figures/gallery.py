@@ -14,7 +14,7 @@ from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
 from gspure.figures import style
 from gspure.figures.charts import write_weight_histogram
-from gspure.figures.clouds import Cloud, Purified, cluster_cloud, kept_cloud, share_cloud
+from gspure.figures.clouds import Cloud, Purified, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.panels import show
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, portrait, write_plate
 from gspure.figures.probe import gl_problem
@@ -27,10 +27,6 @@ from gspure.opencl.device import Device
 from gspure.progress import percent, warn
 from gspure.renderer import Renderer
 
-NAMES: Final = tuple(
-    f"{name}.png"
-    for name in ("before_after", "splats", "weights", "clusters", "ranks", "kept", "hidden", "purification")
-)
 CAPTIONS: Final = "captions.json"  # beside the figures: the caption of each by its file's name
 _PLATE: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
 _SPLATS: Final = ("model", "clusters", "pruned rows alone")
@@ -97,13 +93,14 @@ def _drawings(model: Purified, cameras: Sequence[Camera], device: Device | None)
         write_plate(path, [portrait(shown, fitted(eye, PICTURE_WIDTH))], [shown])
 
     def draw_purification(before: Cloud, path: Path) -> None:
-        clouds = [cloud.subset(thinned(len(cloud))) for cloud in (before, model.ranks(), before.subset(~model.pruned))]
+        ranked = rank_cloud(model.means, model.ranks)
+        clouds = [cloud.subset(thinned(len(cloud))) for cloud in (before, ranked, before.subset(~model.pruned))]
         camera = fitted(eye, PAGE_WIDTH // (len(clouds) + is_visible))
         pictures = [portrait(cloud, camera) for cloud in clouds]
         if is_visible:
             render = model.public.scene(device, _WHITE)
             pictures.insert(0, np.rint(255 * render(camera).clip(0, 1)).astype(np.uint8))
-            clouds.insert(0, Cloud(model.means[:0], np.empty((0, 3), np.uint8), {}))
+            clouds.insert(0, Cloud(model.means[:0], np.empty((0, 3), np.uint8)))
         write_plate(path, pictures, clouds, _PLATE[-len(clouds) :])
 
     for name, cloud, caption in _clouds(model):
@@ -122,7 +119,7 @@ def _clouds(model: Purified) -> Iterator[tuple[str, Cloud, str]]:
         "opacity and weight. The legend gives their shares. Kept clusters are pale, noise is grey."
     )
     yield "clusters", cluster_cloud(means, labels, pruned), caption
-    yield "ranks", model.ranks(), _RANKS
+    yield "ranks", rank_cloud(means, model.ranks), _RANKS
     yield "kept", kept_cloud(means, pruned), f"{pruned.sum():,} of {len(means):,} {model.rows} are pruned."
     if model.hidden is not None:
         yield "hidden", share_cloud(means, model.weights, model.hidden), _message_caption(model, model.hidden)

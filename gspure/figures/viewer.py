@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL
-from gspure.figures.clouds import Cloud, Purified, cluster_cloud, colour_cloud, kept_cloud, share_cloud, weight_cloud
+from gspure.figures.clouds import (
+    Cloud,
+    Purified,
+    cluster_cloud,
+    colour_cloud,
+    kept_cloud,
+    rank_cloud,
+    share_cloud,
+    weight_cloud,
+)
 from gspure.files import Float32, Float64, Indices, write_json
 from gspure.method.pruning import cluster_weights, mean_weight
 
@@ -59,7 +68,7 @@ def _positions(means: Float32, axes: NDArray[np.floating]) -> Float64:
 
 def _removal(model: Purified) -> Float64:
     """Return for every row [K] the share of rows removed once it is, if the lowest ranks go first, as in GSPure."""
-    rank = model.ranks().scalars["rank"]
+    rank = model.ranks.astype(np.float32)
     return np.searchsorted(np.sort(rank), rank, side="right") / len(rank)
 
 
@@ -80,7 +89,7 @@ def _clouds(model: Purified, sh_dc: Float32 | None) -> Iterator[tuple[str, Cloud
     if sh_dc is not None:
         yield "colour", colour_cloud(means, sh_dc)
     yield "cluster", cluster_cloud(means, labels, model.pruned)
-    yield "rank", model.ranks()
+    yield "rank", rank_cloud(means, model.ranks)
     yield "weight", weight_cloud(means, weights)
     yield "pruned", kept_cloud(means, model.pruned)
     if model.hidden is not None:

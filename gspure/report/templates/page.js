@@ -13,8 +13,8 @@ addEventListener("click", event => {
 addEventListener("hashchange", () => reveal(location.hash)?.scrollIntoView());
 reveal(location.hash)?.scrollIntoView();
 
-// Print everything but records, and a picture of every viewer.
-const folded = () => document.querySelectorAll("details:not(.record, [open])");
+// Print everything, and a picture of every viewer.
+const folded = () => document.querySelectorAll("details:not([open])");
 let unfolded = [];
 addEventListener("beforeprint", () => {
   unfolded = [...folded()];
