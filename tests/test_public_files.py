@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gspure.cli import main
-from gspure.schemes import gs_hider, secure_gs
+from gspure.schemes import secure_gs
 from gspure.schemes.gs_hider.files import DecoderFile
 from gspure.schemes.gs_hider.model import FeatureModel
 from tests.anchor_cases import random_public
@@ -31,13 +31,6 @@ def test_attacked_models_have_the_networks_byte_for_byte(tmp_path, scheme):
     out = tmp_path / "attacked" / "point_cloud.ply"
     assert main(["attack", "random_pruning", "--model", str(network.parent), "--out", str(out)]) == 0
     assert out.with_name(network.name).read_bytes() == network.read_bytes()
-
-
-def test_of_several_decoders_the_newest_is_used_with_a_warning(tmp_path, capsys):
-    for iteration in (9, 7):
-        FeatureModel(rows(), DecoderFile(Path(f"chkpnt{iteration}_net.pth"), b"")).write(tmp_path / "point_cloud.ply")
-    assert gs_hider.SCHEME.read_public(tmp_path).decoder.source.name == "chkpnt9_net.pth"
-    assert "that of iteration 9 is used" in capsys.readouterr().err
 
 
 def test_networks_in_two_formats_are_warned_of(tmp_path, capsys):

@@ -8,13 +8,24 @@ from hypothesis import strategies as st
 from gspure.scenes import lighting, ray_tracer
 from gspure.scenes import scene as scene_module
 from gspure.scenes.lighting import bake
-from gspure.scenes.photography import path_cameras
-from gspure.scenes.placement import PLACEMENTS
-from gspure.scenes.ray_tracer import trace
+from gspure.scenes.photography import path_cameras, trace
+from gspure.scenes.rooms import PLACEMENTS
 from gspure.scenes.scene import Lamp, Scene, displayed, first_hits
-from gspure.scenes.solids import BACK, BOTTOM, Box, Room, Sphere
+from gspure.scenes.solids import (
+    BACK,
+    BOTTOM,
+    Box,
+    Room,
+    Sphere,
+    banded,
+    checker,
+    inlaid,
+    plain,
+    reflectance,
+    rings,
+    stripes,
+)
 from gspure.scenes.staging import scene_builder
-from gspure.scenes.textures import banded, checker, inlaid, plain, reflectance, rings, stripes
 from tests.models import camera
 
 GREY = (plain("#808080"),)
@@ -69,17 +80,6 @@ def test_extents_are_the_lengths_of_a_face(solid):
         for axis, uv in enumerate((np.stack([line, middle], 1), np.stack([middle, line], 1))):
             steps = np.diff(solid.chart(face, uv)[0], axis=0)
             assert np.sqrt((steps**2).sum(axis=1)).sum() == pytest.approx(solid.extents[face, axis], rel=1e-5)
-
-
-def test_interior_points_are_spread_evenly_over_the_interior():
-    numbers = np.random.default_rng(0).random((20000, 3))
-    sphere = SOLIDS["sphere"]
-    radii = np.linalg.norm(sphere.inside(numbers) - sphere.centre, axis=1) / sphere.radius
-    assert radii.max() <= 1.0
-    assert np.mean(radii < 0.5) == pytest.approx(1 / 8, abs=0.01)
-    inside = SOLIDS["room"].inside(numbers)
-    assert inside.min(axis=0) == pytest.approx([-3.0, -2.5, 0.0], abs=0.01)
-    assert inside.max(axis=0) == pytest.approx([3.0, 2.5, 3.0], abs=0.01)
 
 
 def test_the_nearest_solid_is_hit_first_in_any_order():

@@ -20,7 +20,7 @@ from gspure.progress import say, track, warn
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
 from gspure.scenes.photography import path_cameras, photograph
-from gspure.scenes.placement import PLACEMENTS
+from gspure.scenes.rooms import PLACEMENTS
 from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
 from gspure.settings import PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.training.dataset import read_dataset, read_photographs

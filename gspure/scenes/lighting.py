@@ -1,7 +1,7 @@
 """Diffuse light on the solids, baked once per scene: a soft lamp, the sky, and one bounce.
 
-Light is kept on a grid of nodes per face (a light map) and interpolated between them. Photographs and Gaussians read
-the same maps, so both show the same view-independent colours, free of sampling noise.
+Light is kept on a grid of nodes per face (a light map) and interpolated between them. All views read the
+same maps, so they show the same colours, free of sampling noise.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gspure.files import Float64, Indices
-from gspure.scenes.scene import Lamp, Scene, albedo, displayed, first_hits
+from gspure.scenes.scene import Lamp, Scene, albedo, first_hits
 from gspure.scenes.solids import Solid
 
 Lightmap = Float64  # light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear
@@ -31,10 +31,6 @@ class LitScene:
     def radiance(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the linear radiance [N,3] that leaves places of solid `index`."""
         return albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
-
-    def colours(self, index: int, faces: Indices, uv: Float64) -> Float64:
-        """Return the display colours [N,3] of places of solid `index`."""
-        return displayed(self.radiance(index, faces, uv))
 
     def traced(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
         """Return the linear radiance [N,3] that rays see (the sky's where they leave), and their distances [N]."""

@@ -6,10 +6,22 @@ from typing import Final
 
 import numpy as np
 
-from gspure.scenes.placement import HALF_WIDTH, Placement
+from gspure.scenes.rooms import HALF_WIDTH, Placement
 from gspure.scenes.scene import Lamp, Scene
-from gspure.scenes.solids import Box, Room, Solid, Sphere, Vector
-from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
+from gspure.scenes.solids import (
+    Box,
+    Room,
+    Solid,
+    Sphere,
+    Texture,
+    Vector,
+    banded,
+    checker,
+    inlaid,
+    plain,
+    rings,
+    stripes,
+)
 
 Random = np.random.Generator
 
@@ -173,7 +185,7 @@ def _hills(floor: float, rng: Random) -> Iterator[Solid]:
             height *= np.clip(np.hypot(x, y - 0.5) / 3.0 - 0.9, 0.0, 1.2)
             if height > 0.05 and y > -1.5:
                 texture = _pattern(rng, 0.2, 0.5, hue=(0.12, 0.4))
-                yield Box((x, y, floor + height / 2), (size, size, height), (texture,), detail=2.0)
+                yield Box((x, y, floor + height / 2), (size, size, height), (texture,))
 
 
 def _pattern(

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gspure.files import Bools, Float64, Indices
-from gspure.scenes.solids import Solid, Vector
-from gspure.scenes.textures import GAMMA
+from gspure.scenes.solids import GAMMA, Solid, Vector
 
 _PACKET = 12  # successive rays that are tested together for solids out of their reach
 _ROUNDING = 1e-6  # metres by which bounds are too large, so that rounding makes no solid seem out of reach

@@ -1,18 +1,75 @@
-"""The solids that scenes are built of: boxes, rooms (boxes seen from inside) and spheres.
+"""The solids that scenes are built of, boxes, rooms (boxes seen from inside) and spheres, and their patterns.
 
 A solid has one or more faces, each with a chart: unit coordinates (u, v) in [0, 1]^2 to points of the surface. World z
 points up. All arithmetic is element by element in float64, so it does not depend on a BLAS library or its threads.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
 
 import numpy as np
 
-from gspure.files import Float64, Indices
-from gspure.scenes.textures import Texture
+from gspure.files import Bools, Float64, Indices
+
+Texture = Callable[[Float64], Float64]
+"""From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""
+
+GAMMA = 2.2  # exponent between linear light and display values
+
+
+def reflectance(colour: str) -> Float64:
+    """Return the linear reflectance [3] of a display colour ``#rrggbb``."""
+    channels: Float64 = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    return channels**GAMMA
+
+
+def plain(colour: str) -> Texture:
+    """Return one colour everywhere."""
+    value = reflectance(colour)
+    return lambda places: np.broadcast_to(value, (len(places), 3))
+
+
+def checker(first: str, second: str, size: float) -> Texture:
+    """Return squares of `size` metres in two alternating colours."""
+
+    def at(places: Float64) -> Float64:
+        square = np.floor(places / size).astype(np.int64)
+        return _choose((square[:, 0] + square[:, 1]) % 2 == 0, first, second)
+
+    return at
+
+
+def stripes(first: str, second: str, size: float, *, along: int) -> Texture:
+    """Return bands of `size` metres that alternate along direction `along` (0 or 1)."""
+    return lambda places: _choose(np.floor(places[:, along] / size) % 2 == 0, first, second)
+
+
+def banded(lower: str, upper: str, height: float) -> Texture:
+    """Return one colour up to `height` metres in the second direction, and another above it."""
+    return lambda places: _choose(places[:, 1] < height, lower, upper)
+
+
+def rings(first: str, second: str, size: float) -> Texture:
+    """Return concentric rings of `size` metres around the origin in two alternating colours."""
+    return lambda places: _choose(np.floor(np.sqrt((places**2).sum(axis=1)) / size) % 2 == 0, first, second)
+
+
+def inlaid(outer: Texture, inner: Texture, centre: tuple[float, float], size: tuple[float, float]) -> Texture:
+    """Return one texture with a rectangle of another laid into it, whose origin is the rectangle's centre."""
+
+    def at(places: Float64) -> Float64:
+        local = places - centre
+        inside = (np.abs(local) <= np.array(size) / 2.0).all(axis=1, keepdims=True)
+        return np.where(inside, inner(local), outer(places))
+
+    return at
+
+
+def _choose(is_first: Bools, first: str, second: str) -> Float64:
+    return np.stack([reflectance(second), reflectance(first)]).take(is_first, axis=0)
+
 
 Vector = tuple[float, float, float]
 
@@ -25,16 +82,14 @@ _IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))  # the two axes along which a face perp
 class Box:
     """A box, turned by `yaw` radians about the vertical; centre and edge lengths are in metres.
 
-    It has one texture for all faces, or six in the order of the face numbers. `detail` is how much its errors count
-    when Gaussians are dealt out to surfaces; a wall's count 1. Only some `faces` exist, by default all but the bottom,
-    on which it stands.
+    It has one texture for all faces, or six in the order of the face numbers. Only some `faces` exist, by default all
+    but the bottom, on which it stands.
     """
 
     centre: Vector
     size: Vector
     textures: tuple[Texture, ...]
     yaw: float = 0.0
-    detail: float = 4.0
     faces: tuple[int, ...] = (LEFT, RIGHT, FRONT, BACK, TOP)
 
     @cached_property
@@ -76,10 +131,6 @@ class Box:
         normals[:, axis] = side
         return self._placed(local), self._turned(normals, self.yaw)
 
-    def inside(self, numbers: Float64) -> Float64:
-        """Return points [N,3] of the interior, spread evenly when `numbers` [N,3] are over the unit cube."""
-        return self._placed(numbers - 0.5)
-
     def _placed(self, local: Float64) -> Float64:
         points: Float64 = self._turned(local * self.size, self.yaw) + np.array(self.centre)
         return points
@@ -107,7 +158,6 @@ class Box:
 class Room(Box):
     """A box seen from inside, by default open to the front and to the sky."""
 
-    detail: float = 1.0
     faces: tuple[int, ...] = (LEFT, RIGHT, BACK, BOTTOM)
 
     @property
@@ -140,7 +190,6 @@ class Sphere:
     centre: Vector
     radius: float
     textures: tuple[Texture, ...]
-    detail: float = 4.0
     faces: tuple[int, ...] = (0,)
 
     @property
@@ -176,13 +225,6 @@ class Sphere:
         ring = np.sin(colatitude)
         normals = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), np.cos(colatitude)], axis=1)
         return np.array(self.centre) + self.radius * normals, normals
-
-    def inside(self, numbers: Float64) -> Float64:
-        """Return points of the interior."""
-        # Archimedes: even in height is even in area; and the cube of the radius is even in volume
-        colatitude = np.arccos(1.0 - 2.0 * numbers[:, 1]) / np.pi
-        _, normals = self.chart(0, np.stack([numbers[:, 0], colatitude], axis=1))
-        return np.array(self.centre) + self.radius * np.cbrt(numbers[:, 2:]) * normals
 
 
 Solid = Box | Sphere  # what scenes are built of

@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 
 from gspure.files import Float64
-from gspure.scenes.demo import room, vault
 from gspure.scenes.lighting import LitScene, bake
-from gspure.scenes.placement import PLACEMENTS, Placement
 from gspure.scenes.procedural import PROCEDURAL
+from gspure.scenes.rooms import PLACEMENTS, Placement, room, vault
 from gspure.scenes.scene import Scene
 from gspure.settings import SEED
 
