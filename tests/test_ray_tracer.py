@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.scenes import lighting, ray_tracer
+from gspure.scenes import lighting, photography
 from gspure.scenes import scene as scene_module
 from gspure.scenes.lighting import bake
 from gspure.scenes.photography import path_cameras, trace
@@ -209,7 +209,7 @@ def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, m
     build = scene_builder(name)
     view = path_cameras(3, 40, 30)[1]
     first = trace(bake(build(PLACEMENTS["raised"])), view)
-    monkeypatch.setattr(ray_tracer, "_RAYS_AT_ONCE", 77)
+    monkeypatch.setattr(photography, "_RAYS_AT_ONCE", 77)
     monkeypatch.setattr(scene_module, "_PACKET", 7)
     monkeypatch.setattr(scene_module, "_PACKETS_AT_ONCE", 10)
     again = trace(bake(build(PLACEMENTS["raised"])), view)
