@@ -41,7 +41,8 @@ def read_public_model(path: str | Path, scheme: str | None = None) -> PublicMode
 
     Warn of unused columns, 3-D filters and render modes, which may make other programs draw another image.
     """
-    public = _read(Path(path), scheme)
+    known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
+    public = known.read_public(Path(path)) if known else PublicModel(model)
     if unused := public.unused_columns:
         warn(f"{path}: columns that are kept, but have no effect on renders: {listed(unused)}")
     if FILTER in public.model.names and public.model.table[FILTER].any():
@@ -51,16 +52,6 @@ def read_public_model(path: str | Path, scheme: str | None = None) -> PublicMode
             f"{path}: trained in the render mode {mode}, which gspure does not apply: renders differ from its trainer's"
         )
     return public
-
-
-def geometry_of(path: Path) -> str:
-    """Return the digest of a model that records name: of its rows without colours, and of the networks of anchors."""
-    return _read(path).geometry_digest()
-
-
-def _read(path: Path, scheme: str | None = None) -> PublicModel:
-    known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
-    return known.read_public(path) if known else PublicModel(model)
 
 
 def recognized(model: Gaussians) -> Scheme | None:

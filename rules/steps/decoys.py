@@ -5,8 +5,8 @@ from pathlib import Path
 from gspure.progress import track
 from gspure.scenes.lighting import bake
 from gspure.scenes.photography import path_cameras, picture
-from gspure.scenes.placement import PLACEMENTS
 from gspure.scenes.procedural import DECOYS, Interior
+from gspure.scenes.rooms import PLACEMENTS
 from gspure.workflow.step import run
 
 COARSENESS = 2
