@@ -73,8 +73,10 @@ def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
     """Project points, and sort those that the view shows by tile."""
     rows, positions = points_shown(frame.camera, points)
     columns, _ = frame.tiles
-    tiles = (positions[:, 1] // TILE).astype(np.intp) * columns + (positions[:, 0] // TILE).astype(np.intp)
-    order = np.argsort(tiles, kind="stable")
+    column, row = (positions[:, :2].astype(np.int32) // np.int32(TILE)).T
+    tiles = row * np.int32(columns) + column
+    is_few = frame.tiles[0] * frame.tiles[1] < 1 << 16  # of which numpy has a radix sort
+    order = np.argsort(tiles.astype(np.uint16) if is_few else tiles, kind="stable")
     return Placed(rows[order], tiles[order], positions[order].astype(np.float32))
 
 
