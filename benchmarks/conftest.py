@@ -17,7 +17,7 @@ from machine import describe
 from pytest_benchmark.fixture import BenchmarkFixture
 from timing import Measure, Times, Variants, one_round
 
-from gspure.artifacts import write_json, write_text
+from gspure.files import write_json, write_text
 from gspure.opencl.device import choose_device
 from gspure.opencl.engine import Engine
 

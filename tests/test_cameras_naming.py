@@ -11,10 +11,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gspure.artifacts import write_text
 from gspure.cameras import read_cameras, write_cameras
 from gspure.cameras.naming import LONGEST_NAME, safe_name
 from gspure.errors import InputError
+from gspure.files import write_text
 
 OUT = Path("/out/folder").resolve()
 PIECES = (

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array
 from gspure.cameras import write_cameras
 from gspure.cli import main
+from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER, filtered

@@ -5,11 +5,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from gspure.artifacts import digest  # noqa: E402
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
 from gspure.figures.clouds import Purified  # noqa: E402
 from gspure.figures.gallery import draw_model  # noqa: E402
+from gspure.files import digest  # noqa: E402
 from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.public_model import PublicModel  # noqa: E402

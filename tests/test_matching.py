@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from gspure.artifacts import save_array
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.evaluation.metrics import psnr
+from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import Gaussians, write_model
 from gspure.model.motion import moved

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.artifacts import save_arrays
 from gspure.errors import InputError
+from gspure.files import save_arrays
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from gspure.schemes.pair import read_pair

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.lib import recfunctions as rfn
 
-from gspure.artifacts import read_json, save_array
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras import read_cameras, split
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import psnr
+from gspure.files import read_json, save_array
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
