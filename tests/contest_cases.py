@@ -63,7 +63,7 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
     Its controls are a clean model without the message, and black images.
     """
     truth = results / "pairs" / name.rpartition("/")[2]
-    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6), "black": (0.5, 0.5)}
+    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6)}
     for variant, of_targets in errors.items():
         folder, rows = results / name / variant, []
         for target, error in zip(("scene", "message"), of_targets, strict=True):
@@ -74,6 +74,9 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
                 write_image(folder / "renders" / target / f"{view}.png", (1 - error) * image + error * noise)
         rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders")[0]]
         write_metrics(folder / "metrics.csv", rows)
+        if variant == "unattacked":
+            black = [compare(pair, TRUTH, "black") for pair in pair_images(truth, folder / "renders")[0]]
+            write_metrics(results / name / "black" / "metrics.csv", black)
         if variant in attacks:
             verdict = {"reached": {"message": of_targets[1] > 0.02}, "strength": "sigma=0.1"}
             write_json(folder / "verdict.json", verdict)

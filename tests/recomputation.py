@@ -1,10 +1,9 @@
-"""Every number of the tables of a finished workflow, recomputed from its images, arrays and records alone.
+"""Every number of the tables of a run, recomputed from its images and arrays alone.
 
-Nothing here is imported from the package: sums are written out, and files are read by numpy, PIL and json.
+Nothing here is imported from the package: sums are written out, and files are read by numpy and PIL.
 """
 
 import csv
-import json
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -129,7 +128,7 @@ class Results:
             if condition(row) == chosen and (row["variant"], row["target"]) == (variant, target)
         }
 
-    def floor(self, chosen: tuple[str, ...], target: str, column: str = "psnr") -> Cells:
+    def highest(self, chosen: tuple[str, ...], target: str, column: str = "psnr") -> Cells:
         highest: Cells = {}
         for control in WITHOUT_MESSAGE:
             for cell, value in self.cells(chosen, control, target, column).items():
@@ -187,10 +186,7 @@ def check_results(results: Results) -> int:
     """Check ``results.csv``: means over views, drops, Scores and shares, from the images and masks."""
     count = 0
     known: dict[Any, dict[str, float]] = {}
-    measured = [
-        (row, {view: metrics(*pair) for view, pair in results.images(row).items() if not view.startswith("off_path")})
-        for row in results.rows
-    ]
+    measured = [(row, {view: metrics(*pair) for view, pair in results.images(row).items()}) for row in results.rows]
     equal = defaultdict(set)  # views that a variant shows exactly; they are in no mean of their model
     for row, views in measured:
         equal[model(row), row["target"]] |= {view for view, numbers in views.items() if numbers["psnr"] == math.inf}
@@ -225,39 +221,6 @@ def check_results(results: Results) -> int:
     return count
 
 
-def check_retrieval(results: Results) -> int:
-    """Check the retrieval of ``results.csv``: every candidate from its picture."""
-    count = 0
-    for row in (row for row in results.rows if row["retrieval_views"]):
-        pairs, hits, true, false, least = results.folder / "pairs", [], [], [], math.inf
-        views = {view: pair for view, pair in results.images(row).items() if not view.startswith("off_path")}
-        others = [path / "message" for path in sorted(pairs.iterdir()) if path.name != row["scene"]]
-        decoys = [pairs / row["scene"] / "scene", *others, *sorted(results.folder.glob("decoys/*/*"))]
-        used = json.loads((results.of(row).parent / "retrieval.csv.json").read_text())["inputs"]
-        decoys = [path for path in decoys if any(f"{path.relative_to(results.folder)}/" in name for name in used)]
-        for i, (view, (photograph, shown)) in enumerate(views.items()):
-            pictures = [photograph[:, ::-1], photograph[::-1], photograph[::-1, ::-1]]
-            for folder in decoys:
-                files = sorted(folder.glob("*.png"))
-                chosen = folder / f"{view}.png"
-                pictures.append(pixels(chosen if chosen.is_file() else files[i % len(files)]))
-            distinct = [photograph]
-            for picture in pictures:
-                if picture.shape == photograph.shape and not any(np.array_equal(picture, other) for other in distinct):
-                    distinct.append(picture)
-            scores = [metrics(picture, shown)["structure"] for picture in distinct]
-            hits.append(scores[0] > max(scores[1:]))
-            true.append(scores[0])
-            false += scores[1:]
-            least = min(least, len(scores))
-        auc = np.mean([(t > f) + 0.5 * (t == f) for t, f in product(true, false)])
-        numbers = {"top1": np.mean(hits), "auc": auc, "views": len(views), "candidates": least}
-        count += compare(
-            row, {f"retrieval_{name}": float(value) for name, value in numbers.items()}, f"{row['variant']}"
-        )
-    return count
-
-
 def check_summary(results: Results) -> int:
     """Check ``summary.csv``, from ``results.csv``."""
     count = 0
@@ -268,7 +231,6 @@ def check_summary(results: Results) -> int:
             ("message", row["extraction"], "psnr"),
             ("score", row["extraction"], "score"),
             ("retrieved", row["extraction"], "retrieval_top1"),
-            ("off_path_scene", "scene", "off_path_psnr"),
         ):
             cells = results.cells(condition(row), row["variant"], target, column)
             known = {cell: value for cell, value in cells.items() if math.isfinite(value)}
@@ -282,10 +244,10 @@ def check_survival(results: Results) -> int:
     count = 0
     for row in results.read("survival.csv"):
         chosen, variant, extraction = condition(row), row["variant"], row["extraction"]
-        floor = results.floor(chosen, extraction)
+        highest = results.highest(chosen, extraction)
         before, after = (results.cells(chosen, name, extraction) for name in ("unattacked", variant))
-        present = _present(results, chosen, "unattacked", extraction, before, floor)
-        by_psnr = _above(after, floor)
+        present = _present(results, chosen, "unattacked", extraction, before, highest)
+        by_psnr = _above(after, highest)
         survived = present & by_psnr
         after = {cell: value for cell, value in after.items() if cell[0] in present or not present}
         before = {cell: value for cell, value in before.items() if cell in after}
@@ -293,8 +255,12 @@ def check_survival(results: Results) -> int:
         scenes = {cell: value for cell, value in scene_after.items() if cell in after}
         free = set.union(*(_retrieved(results, chosen, name, extraction) for name in ("clean", "other_scene")))
         only = (present - survived) & _retrieved(results, chosen, variant, extraction) - free
-        above, whole = (over_scenes(drops(level, floor)) for level in (after, before))
-        expected = {"present": len(present), "survived": len(survived), "only_retrieved": len(only)}
+        above, whole = (over_scenes(drops(level, highest)) for level in (after, before))
+        expected = {
+            "present": len(present & {scene for scene, _ in after}),
+            "survived": len(survived),
+            "only_retrieved": len(only),
+        }
         expected |= interval(over_scenes(drops(before, after)), "message_drop")
         expected |= interval(over_scenes(drops(scene_before, scenes)), "scene_drop")
         expected |= interval(above, "above_floor")
@@ -313,16 +279,16 @@ def check_survival(results: Results) -> int:
     return count
 
 
-def _above(level: Cells, floor: Cells) -> set[str]:
-    scenes = sorted({scene for scene, _ in level.keys() & floor.keys()})
-    return {scene for scene, margin in zip(scenes, over_scenes(drops(level, floor)), strict=True) if margin >= 1}
+def _above(level: Cells, highest: Cells) -> set[str]:
+    scenes = sorted({scene for scene, _ in level.keys() & highest.keys()})
+    return {scene for scene, margin in zip(scenes, over_scenes(drops(level, highest)), strict=True) if margin >= 1}
 
 
-def _present(results: Results, chosen: Any, variant: str, target: str, level: Cells, floor: Cells) -> set[str]:
+def _present(results: Results, chosen: Any, variant: str, target: str, level: Cells, highest: Cells) -> set[str]:
     measured = {
         cell[0] for cell, value in results.cells(chosen, variant, target, "retrieval_top1").items() if value == value
     }
-    return _above(level, floor) - (measured - _retrieved(results, chosen, variant, target))
+    return _above(level, highest) - (measured - _retrieved(results, chosen, variant, target))
 
 
 def _retrieved(results: Results, chosen: Any, variant: str, target: str) -> set[str]:
@@ -383,70 +349,11 @@ def check_searched(results: Results) -> int:
     return count
 
 
-def check_costs(results: Results) -> int:
-    """Check ``attacks.csv``: CPU time and memory, from the files of costs."""
-    count = 0
-    for row in table(results.folder / "benchmarks" / "attacks.csv"):
-        if row["kind"] == "variant" and condition(row) in results.conditions:
-            costs: dict[str, list[Any]] = defaultdict(list)
-            models = {results.of(known).parent.name for known in results.rows if condition(known) == condition(row)}
-            for name in models:
-                file = results.folder / "benchmarks" / row["scheme"] / name / row["attack"] / "attack.cost.json"
-                if file.is_file():
-                    cost = json.loads(file.read_text())
-                    costs[name.partition("@")[0]].append([cost["cpu"], cost["memory"]])
-            cpu, memory = np.mean([np.mean(scene, axis=0) for scene in costs.values()], axis=0)
-            count += compare(row, {"cpu": cpu, "memory": memory}, row["attack"])
-    return count
-
-
-def check_diagnoses(results: Results) -> int:
-    """Check ``diagnosis.json`` and ``hidden.json``, from weights, labels and the message's weights."""
-    count = 0
-    for place in {results.of(row).parent for row in results.rows}:
-        if not (place / "diagnosis.json").is_file():
-            continue
-        settings = json.loads((place / "prune_mask.npy.json").read_text())["settings"]
-        weights = np.load(place / "weights.npy").astype(np.float64)
-        labels, written = np.load(place / "clusters.npz")["labels"], json.loads((place / "diagnosis.json").read_text())
-        deciding = np.array(
-            [weights[labels == label].mean() if label >= 0 else w for label, w in zip(labels, weights, strict=True)]
-        )
-        tau = np.where(labels >= 0, settings["tau_c"], settings["tau_n"])
-        pruned, plain = deciding < weights.mean() / tau, weights < weights.mean() / settings["tau_n"]
-        sizes = [int((labels == label).sum()) for label in range(labels.max() + 1)]
-        either, sorted_sums = (pruned | plain).sum(), np.cumsum(np.sort(weights)[::-1])
-        expected = {
-            "gaussians": len(weights),
-            "weighted": int((weights > 0).sum()),
-            "holding": min(n for n in range(1, len(weights) + 1) if sorted_sums[n - 1] >= 0.99 * sorted_sums[-1]),
-            "clusters": len(sizes),
-            "largest_share": max(sizes, default=0) / len(labels),
-            "noise_share": float(np.mean(labels < 0)),
-            "pruned_share": float(pruned.mean()),
-            "pruned_as_cluster": float(np.mean(pruned & (labels >= 0))),
-            "pruned_as_noise": float(np.mean(pruned & (labels < 0))),
-            "pruned_weight_share": weights[pruned].sum() / weights.sum(),
-            "plain_share": float(plain.mean()),
-            "changed_share": float((pruned ^ plain).sum() / either) if either else 0.0,
-        }
-        count += compare({name: str(written[name]) for name in expected}, expected, f"{place}")
-        assert np.array_equal(pruned, np.load(place / "prune_mask.npy"))
-        if (hidden := place / "hidden.npy").is_file():
-            message = np.load(hidden).astype(np.float64)
-            share = json.loads((place / "hidden.json").read_text())["hidden_low_share"]
-            count += compare({"share": str(share)}, {"share": message[plain].sum() / message.sum()}, f"{place}")
-    return count
-
-
 CHECKS: Iterable[Any] = (
     check_metrics,
     check_results,
-    check_retrieval,
     check_summary,
     check_survival,
     check_contest,
     check_searched,
-    check_costs,
-    check_diagnoses,
 )

@@ -16,6 +16,7 @@ from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
 from gspure.report.writing import ReportPlan, write_report
 from tests.contest_cases import write_model
+from tests.recomputation import CHECKS, Results, check_searched
 from tests.test_viewer import AXES, purified
 
 ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
@@ -69,6 +70,11 @@ def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
     )
     assert (gspure.present, gspure.survived, gspure.scenes) == (2, 0, 2)
     assert "Without results: noise on sis, vault" in (run / "tables" / "results.md").read_text()
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_every_number_of_the_tables_follows_from_the_images(run: Path, check) -> None:
+    assert check(Results(run)) > 0 or check is check_searched
 
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
