@@ -15,7 +15,7 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"constants", "errors", "progress", "settings", "files", "plugins"} | {"artifacts", "cost", "failures"},
+    {"constants", "errors", "progress", "settings", "files", "plugins"} | {"artifacts"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer", "public_model"},
@@ -137,3 +137,16 @@ def test_the_core_does_not_import_torch() -> None:
         return set() if part_of(source) == "schemes" or source.name == "torch_bridge.py" else names
 
     assert offences(through) == []
+
+
+PRIVATE = re.compile(
+    r"workflow\._|\._build_dag|update_needrun|persistence\.|exit_gracefully|_user_kill|scheduler\.failed|"
+    r"spawned_job_args_factory"
+)
+"""Names of Snakemake that are not its interface."""
+
+
+def test_no_private_name_of_snakemake_is_used() -> None:
+    root = PACKAGE.parent
+    texts = [*TREES, root / "Snakefile", *(root / "rules").rglob("*.smk"), *(root / "rules").rglob("*.py")]
+    assert [path.name for path in texts if PRIVATE.search(path.read_text(encoding="utf-8"))] == []
