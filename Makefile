@@ -28,7 +28,7 @@ test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files a
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
 test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) ## all tests, with more hostile files, and mutants of the numerical core: hours
-	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest
+	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist loadfile
 	@$(BIN)/python -m tests.hostile.mutants
 
 setup: $(OPENCL) $(GL) ## set up only: .venv, packages, an OpenCL driver, OpenGL

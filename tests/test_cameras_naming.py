@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gspure.cameras import read_cameras, write_cameras
-from gspure.cameras.naming import LONGEST_NAME, safe_name
+from gspure.cameras.photographs import LONGEST_NAME, safe_name
 from gspure.errors import InputError
 from gspure.files import write_text
 

@@ -3,18 +3,15 @@
 from gspure.cameras.camera import Camera, intrinsics, split, views_digest
 from gspure.cameras.colmap import read_points
 from gspure.cameras.inria import write_cameras
-from gspure.cameras.off_path import off_path_cameras
 from gspure.cameras.orbit import GENERATED, bounding_sphere, orbit_cameras, shell_cameras
-from gspure.cameras.photographs import require_images
+from gspure.cameras.photographs import require_images, scaled
 from gspure.cameras.reading import read_cameras
-from gspure.cameras.resolution import scaled
 
 __all__ = [
     "GENERATED",
     "Camera",
     "bounding_sphere",
     "intrinsics",
-    "off_path_cameras",
     "orbit_cameras",
     "read_cameras",
     "read_points",

@@ -10,10 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
 from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
 from gspure.errors import InputError
-from gspure.files import Float64, Indices
+from gspure.files import digest, Float64, Indices
 from gspure.progress import Described
 from gspure.settings import SIDE
 

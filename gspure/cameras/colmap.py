@@ -9,23 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras import colmap_binary, colmap_text
 from gspure.cameras.camera import Camera, intrinsics
-from gspure.cameras.colmap_records import Lens, Points, Pose
+from gspure.cameras.colmap_files import Lens, Points, Pose, read_lenses_file, read_points_file, read_poses_file
 from gspure.cameras.entry import Entry
-from gspure.cameras.naming import distinct, view_name
+from gspure.cameras.photographs import distinct, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.errors import InputError
 from gspure.model.points import require_coordinates
 from gspure.model.rotations import rotation_matrices
 
-_FORMATS = {".bin": colmap_binary, ".txt": colmap_text}
+_SUFFIXES = (".bin", ".txt")
 
 
 def find_sparse(folder: Path) -> Path | None:
     """Return the folder with cameras.bin or cameras.txt: `folder`, its ``sparse/0`` or its ``sparse``; else None."""
     candidates = (folder, folder / "sparse" / "0", folder / "sparse")
-    return next((path for path in candidates if any((path / f"cameras{s}").is_file() for s in _FORMATS)), None)
+    return next((path for path in candidates if any((path / f"cameras{s}").is_file() for s in _SUFFIXES)), None)
 
 
 def read_colmap(folder: Path) -> list[Camera]:
@@ -37,16 +36,15 @@ def read_colmap(folder: Path) -> list[Camera]:
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
     optics: dict[int, dict[str, Any]] = {}
-    for lens in _FORMATS[cameras_file.suffix].lenses(cameras_file):
+    for lens in read_lenses_file(cameras_file):
         if lens.camera_id in optics:
-            raise InputError(
-                cameras_file, f"camera {lens.camera_id}", expected="one of this number", found="a second one"
-            )
+            number = f"camera {lens.camera_id}"
+            raise InputError(cameras_file, number, expected="one of this number", found="a second one")
         optics[lens.camera_id] = _optics(cameras_file, lens)
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
     cameras = []
-    for pose in _FORMATS[images_file.suffix].poses(images_file):
+    for pose in read_poses_file(images_file):
         if pose.camera_id not in optics:
             where, found = f"image {pose.image_id}.camera_id", str(pose.camera_id)
             raise InputError(images_file, where, expected=f"a camera of {cameras_file.name}", found=found)
@@ -57,14 +55,14 @@ def read_colmap(folder: Path) -> list[Camera]:
 def read_points(folder: Path) -> Points:
     """Read the sparse point cloud: xyz [P,3] in world units and 8-bit rgb [P,3]."""
     path = _file(folder, "points3D")
-    points: Points = _FORMATS[path.suffix].points(path)
+    points = read_points_file(path)
     require_coordinates(path, points.xyz)
     return points
 
 
 def _file(folder: Path, stem: str) -> Path:
     sparse = find_sparse(folder) or folder
-    for suffix in _FORMATS:
+    for suffix in _SUFFIXES:
         if (path := sparse / f"{stem}{suffix}").is_file():
             return path
     raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")

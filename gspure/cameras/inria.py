@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from gspure.artifacts import write_text
+from gspure.files import write_text
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.naming import distinct, view_name
+from gspure.cameras.photographs import distinct, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
 
 

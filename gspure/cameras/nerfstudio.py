@@ -20,8 +20,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.naming import distinct, view_name
-from gspure.cameras.photographs import is_present, photograph_size
+from gspure.cameras.photographs import distinct, is_present, photograph_size, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.files import Float64
 

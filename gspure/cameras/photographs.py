@@ -1,11 +1,68 @@
-"""The photographs of views: their sizes, and missing ones."""
+"""The photographs of views: the names they give, their sizes, missing ones, and the size at which views are compared."""
 
+import hashlib
+import re
+import unicodedata
 from collections.abc import Sequence
-from pathlib import Path
+from itertools import chain
+from pathlib import Path, PurePosixPath
+from typing import Final
 
 from gspure.cameras.camera import Camera
+from gspure.cameras.entry import Entry
 from gspure.errors import InputError
-from gspure.images import opened
+from gspure.images import FORMATS, opened
+
+TRAINING_RULE: Final = "1600px"  # the default size of training in 3DGS
+
+LONGEST_NAME: Final = 120
+"""Bytes of a name in UTF-8. File systems take 255 (some 143); cached views add a key, temporary files a number."""
+
+_DIGEST: Final = 16
+_PHOTO_SUFFIXES = re.compile(f"( *({'|'.join(map(re.escape, chain(*FORMATS.values())))}))+$", re.IGNORECASE)
+_PHOTO_FOLDER = re.compile(r"images(_\d+)?")
+_RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-9]\d{0,4})px")
+
+
+def view_name(entry: Entry, key: str) -> str:
+    """Return the view's name from the file name stored under `key`: `safe_name`, which must not be empty."""
+    text = entry.text(key)
+    name = safe_name(text)
+    if not name:
+        raise entry.refusal(key, expected="a file name", found=repr(text))
+    return name
+
+
+def safe_name(text: str) -> str:
+    """Return the name of the view whose photograph is `text` in a camera file; empty if it has no usable character.
+
+    Photograph suffixes and the folders up to ``images`` (or ``images_4``, ...) are dropped. Other folders are joined to
+    the name by ``_``, since the cameras of a rig often have photographs of the same names: ``images/left/0001.jpg``
+    becomes ``left_0001``. Outputs are named after views, so a name is one visible component of a path: separators,
+    unprintable characters and leading dots are replaced or dropped, and a name longer than `LONGEST_NAME` is cut and
+    gets a digest of the whole. A name maps to itself.
+    """
+    parts = PurePosixPath(unicodedata.normalize("NFC", text).replace("\\", "/")).parts
+    within = max((i + 1 for i, part in enumerate(parts[:-1]) if _PHOTO_FOLDER.fullmatch(part)), default=0)
+    joined = "_".join(part for part in parts[within:] if part.strip("/."))
+    visible = "".join(c if c.isprintable() else "_" for c in joined).lstrip(". ").rstrip(" ")
+    name = _PHOTO_SUFFIXES.sub("", visible)
+    if len(name.encode()) <= LONGEST_NAME:
+        return name
+    digest = hashlib.blake2b(name.encode(), digest_size=_DIGEST // 2).hexdigest()
+    return f"{name.encode()[: LONGEST_NAME - _DIGEST - 1].decode(errors='ignore')}-{digest}"
+
+
+def distinct(cameras: Sequence[Camera], source: Path) -> list[Camera]:
+    """Return the cameras if there is at least one and no two share a name."""
+    if not cameras:
+        raise InputError(source, "views", expected="at least one", found="none")
+    places: dict[str, int] = {}
+    for i, camera in enumerate(cameras):
+        if (first := places.setdefault(camera.name, i)) != i:
+            found = f"{camera.name!r} for both view {first} and view {i}"
+            raise InputError(source, "view names", expected="each name once", found=found)
+    return list(cameras)
 
 
 def photograph_size(path: Path) -> tuple[int, int]:
@@ -57,3 +114,31 @@ def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
             field = f"{camera.name}.image"
             expected = f"a photograph of at least {camera.width}x{camera.height}"
             raise InputError(source, field, expected=expected, found=f"{width}x{height}", hint="choose a smaller scale")
+
+
+def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
+    """Return the cameras at another image size, never enlarged.
+
+    The intrinsics are scaled by the exact ratio of the sizes, so the field of view is unchanged. The rules:
+
+    - ``native``: the file's size;
+    - ``1/N``: width and height divided by N and rounded, as 3DGS does for ``-r N`` (a half to the even number);
+    - ``Wpx``: wider views become W pixels wide, with their height rounded down; ``1600px`` is 3DGS's default;
+    - ``photographs``: the size of each view's photograph, if it is smaller than the view.
+
+    Raise `InputError` for another rule, and for a photograph that is needed, but missing or unreadable.
+    """
+    parsed = _RULE.fullmatch(rule)
+    if parsed is None:
+        expected = "native, photographs, 1/N or Wpx (such as 1600px)"
+        raise InputError("resolution", "value", expected=expected, found=repr(rule))
+    if parsed["factor"]:
+        factor = int(parsed["factor"])
+        return [c.resized(max(1, round(c.width / factor)), max(1, round(c.height / factor))) for c in cameras]
+    if parsed["width"]:
+        width = int(parsed["width"])
+        return [c.resized(width, max(1, c.height * width // c.width)) if c.width > width else c for c in cameras]
+    if rule == "photographs":
+        sizes = [photograph_size(photograph(camera)) for camera in cameras]
+        return [c.resized(min(w, c.width), min(h, c.height)) for c, (w, h) in zip(cameras, sizes, strict=True)]
+    return list(cameras)

@@ -5,14 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from gspure.artifacts import UNMOVED, load_array, motion_of, read_json
 from gspure.cameras import inria, nerfstudio
 from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError
-from gspure.files import Float64
-from gspure.model import model_file
+from gspure.files import Float64, load_array, read_json
 from gspure.progress import warn
 
 _IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
@@ -95,22 +93,6 @@ def read_transform(path: Path) -> Float64:
     matrix = load_array(path, dtype=np.float64, shape=(4, 4))
     entry = Entry(path, "", {"array": matrix.tolist()})
     return entry.rotation("array", entry.array("array", (4, 4)))
-
-
-def motion_of_views(source: Path | str, model: Path) -> Float64 | None:
-    """Return the motion of the model that views look at (`gspure.artifacts.motion_of`), if it is known.
-
-    `source` is the name of a way to generate views around `model`, or their file or folder, which may have a record.
-    """
-    if isinstance(source, str):
-        return motion_of(model_file(model))
-    return motion_of(source / "cameras.json" if source.is_dir() else source)
-
-
-def follow(source: Path, model: Path) -> bool:
-    """Return whether the views of a file or folder follow the motion of a model, as far as it is known."""
-    motion, of_views = motion_of(model_file(model)), motion_of_views(source, model)
-    return motion is None or np.allclose(motion, UNMOVED if of_views is None else of_views, rtol=0, atol=1e-6)
 
 
 def _camera_file(source: Path) -> Path:

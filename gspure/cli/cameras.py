@@ -61,7 +61,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
     from gspure.cameras import scaled, write_cameras
-    from gspure.cameras.resolution import TRAINING_RULE
+    from gspure.cameras.photographs import TRAINING_RULE
 
     generated = isinstance(args.source, str)
     if args.model and not generated:

@@ -12,7 +12,7 @@ import numpy as np
 from gspure import __version__
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split
-from gspure.cameras.resolution import TRAINING_RULE
+from gspure.cameras.photographs import TRAINING_RULE
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N

@@ -11,7 +11,7 @@ from gspure.cameras import Camera, read_cameras, require_images, scaled, split
 from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.entry import Entry
-from gspure.cameras.naming import distinct, safe_name
+from gspure.cameras.photographs import distinct, safe_name
 from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
 from gspure.cameras.reading import camera_object
 from gspure.errors import InputError
