@@ -2,25 +2,37 @@
 
 from pathlib import Path
 
-from gspure.artifacts import require_place
-from gspure.model.compressed import is_compressed, read_compressed
-from gspure.model.compressed.writing import PACKED_PLY, write_compressed, writer
+from gspure import files
+from gspure.errors import InputError
+from gspure.model.compressed import read_splat
+from gspure.model.compression import PACKED_PLY, write_compressed, writer
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
-from gspure.model.inria import point_cloud, trained_background
+from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
 from gspure.model.ply import read_ply, write_ply
+from gspure.model.sog import read_sog
+from gspure.model.spz import read_spz
 
 __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_writable", "write_model"]
+
+_READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog}
+"""By suffix, or by name; all others are PLY files, of which compressed ones are recognized by their header."""
 
 
 def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
-    The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.ksplat``, ``.spz``, ``.sog``, or the ``meta.json`` of an
-    unpacked SOG model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
+    The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` of an unpacked SOG
+    model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
     """
     file = model_file(Path(path))
-    model = read_compressed(file) if is_compressed(file) else read_ply(file)
+    if file.name == STREAMED:
+        hint = "name the meta.json of one level of detail"
+        raise InputError(file, "format", expected="a model", found="several, a streamed SOG model", hint=hint)
+    if file.suffix.lower() == ".ksplat":
+        hint = "convert it to .spz or .ply, for example with splat-transform"
+        raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=".ksplat", hint=hint)
+    model = _READERS.get(file.name, _READERS.get(file.suffix.lower(), read_ply))(file)
     model.require_background(file)
     return model.with_background(trained_background(file))
 
@@ -47,7 +59,7 @@ def require_writable(path: Path) -> None:
     """Refuse a file to which `write_model` cannot write a model, before any work is done."""
     if not _is_plain(path):
         writer(path)
-    require_place(path)
+    files.require_writable(path.parent)
 
 
 def _is_plain(path: Path) -> bool:

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.artifacts import digest
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
-from gspure.files import Float32
+from gspure.files import Float32, digest
 from gspure.model.activations import logit, sigmoid
 from gspure.progress import Described
 

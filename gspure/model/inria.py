@@ -10,14 +10,13 @@
 import ast
 from pathlib import Path
 
-from gspure.artifacts.checksums import record_of
 from gspure.errors import InputError, reading
-from gspure.model.compressed import STREAMED
-from gspure.model.compressed.sog import INDEX
 
 Argument = str | float | bool | int | None
 
 _POINT_CLOUD = "point_cloud.ply"
+UNPACKED_SOG = "meta.json"
+STREAMED = "lod-meta.json"  # the index of a streamed model: several levels of detail, each of which is a model
 
 
 def point_cloud(folder: Path) -> Path:
@@ -26,11 +25,9 @@ def point_cloud(folder: Path) -> Path:
     For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
     folder = Path(folder)
-    saved = saved_iterations(folder)
-    if saved:
-        _require_recorded(folder, max(saved))
+    if saved := saved_iterations(folder):
         return saved[max(saved)]
-    for name in (_POINT_CLOUD, INDEX, STREAMED):
+    for name in (_POINT_CLOUD, UNPACKED_SOG, STREAMED):
         if (folder / name).is_file():
             return folder / name
     raise InputError(
@@ -40,20 +37,6 @@ def point_cloud(folder: Path) -> Path:
         found="no such file" if folder.is_dir() else "no such folder",
         hint="or name the .ply itself",
     )
-
-
-def _require_recorded(folder: Path, iteration: int) -> None:
-    """Require the iteration of the run that wrote cfg_args, if `gspure train` recorded it."""
-    match record_of(folder / "cfg_args"):
-        case {"settings": {"iterations": int(recorded)}} if recorded != iteration:
-            hint = f"another run wrote that model; name point_cloud/iteration_{recorded} or iteration_{iteration}"
-            raise InputError(
-                folder,
-                "point_cloud",
-                expected=f"iteration {recorded}, as in cfg_args.json",
-                found=f"iteration {iteration}",
-                hint=hint,
-            )
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:

@@ -1,4 +1,14 @@
-"""Rotation matrices of quaternions, and principal axes of Gaussians."""
+r"""Rotations: matrices and principal axes of Gaussians, models that are moved as a whole, and spherical harmonics.
+
+A function on the sphere, :math:`f(d) = \sum_m c_m Y_m(d)`, rotated by R is :math:`f(R^{-1} d)`. Its coefficients of
+degree l are those of f times an orthogonal matrix. For a rotation by :math:`\theta` about the axis n this matrix is
+
+.. math:: D_l = U\, e^{-i \theta\, n \cdot J_l}\, U^\dagger
+
+with the matrices :math:`J_l` of angular momentum for the complex harmonics (Sakurai, *Modern Quantum Mechanics*, §3.5)
+and U, which maps them to the real harmonics of 3DGS: :math:`\sqrt 2\, \mathrm{Re}\, Y_l^m` for m > 0, :math:`\sqrt 2\,
+\mathrm{Im}\, Y_l^{|m|}` for m < 0, with the Condon-Shortley sign.
+"""
 
 from typing import Any
 
@@ -29,3 +39,74 @@ def principal_axes(model: Gaussians) -> Float64:
         axes = model.scales[:, :, None] * np.eye(3)
         turned = 2 * np.cross(xyz[:, None], axes)  # a unit quaternion (w, u) turns v into v + w t + u x t, t = 2 u x v
         return np.asarray(axes + w[:, None] * turned + np.cross(xyz[:, None], turned))
+
+
+def moved(model: Gaussians, rotvec: Float64, translation: Float64, scale: float = 1.0) -> Gaussians:
+    """Return the model rotated about `rotvec` by its length in radians, then scaled, then translated.
+
+    Centres, scales, rotations and spherical harmonics change, so that the model looks the same from views that move
+    along. Features without direction, as GS-Hider's, stay.
+    """
+    angle = float(np.linalg.norm(rotvec))
+    if angle:
+        product = _left_product(np.cos(angle / 2), *np.sin(angle / 2) * rotvec / angle)
+        model = model.with_columns({f"rot_{i}": column for i, column in enumerate(product @ model.quats.T)})
+        if model.sh_degree > 0:
+            model = model.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, rotvec))
+    if scale != 1:
+        names = model.columns_named("scale_")
+        model = model.with_columns({name: model.table[name] + np.log(scale) for name in names})
+    means = (scale * (model.means @ rotation(rotvec).T) + translation).astype(np.float32)
+    return model.with_columns(dict(zip("xyz", means.T, strict=True)))
+
+
+def rotation(rotvec: Float64) -> Float64:
+    """Return the rotation [3,3] about `rotvec` by its length in radians (Rodrigues)."""
+    angle = float(np.linalg.norm(rotvec))
+    x, y, z = rotvec / (angle or 1.0)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix: Float64 = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return matrix
+
+
+def _left_product(w: float, x: float, y: float, z: float) -> Float64:
+    """Return the matrix [4,4] of left multiplication by the quaternion (w, x, y, z)."""
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:
+    """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about `rotvec` by its length in radians."""
+    result = sh_coeffs.copy()
+    for degree in range(1, int(np.sqrt(result.shape[1]))):
+        band = slice(degree**2, (degree + 1) ** 2)
+        result[:, band] = np.einsum("ij,kjc->kic", sh_rotation(degree, rotvec), result[:, band])
+    return result
+
+
+def sh_rotation(degree: int, rotvec: Float64) -> Float64:
+    """Return D_l [2l+1,2l+1] for the order m = -l .. l."""
+    phases, states = np.linalg.eigh(np.tensordot(rotvec, _angular_momentum(degree), 1))
+    turn = (states * np.exp(-1j * phases)) @ states.conj().T
+    to_real = _to_real(degree)
+    return np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)
+
+
+def _angular_momentum(degree: int) -> NDArray[np.complex128]:
+    """Return J_x, J_y, J_z [3,2l+1,2l+1] of the complex harmonics."""
+    orders = np.arange(-degree, degree)
+    raising = np.diag(np.sqrt(degree * (degree + 1) - orders * (orders + 1.0)), -1).astype(np.complex128)
+    lowering = raising.T
+    along = np.diag(np.arange(-degree, degree + 1)).astype(np.complex128)
+    return np.stack([(raising + lowering) / 2, (raising - lowering) / 2j, along])
+
+
+def _to_real(degree: int) -> NDArray[np.complex128]:
+    """Return U [2l+1,2l+1]: coefficients of the real harmonics, given those of the complex ones."""
+    to_real = np.zeros((2 * degree + 1, 2 * degree + 1), np.complex128)
+    to_real[degree, degree] = 1
+    for m in range(1, degree + 1):
+        sign = (-1) ** m  # Y^{-m} = (-1)^m conj(Y^m)
+        pair = [degree + m, degree - m]
+        to_real[degree + m, pair] = np.array([1, sign]) / np.sqrt(2)
+        to_real[degree - m, pair] = np.array([1j, -1j * sign]) / np.sqrt(2)
+    return to_real

@@ -1,31 +1,62 @@
-"""Compressed ``.ply`` of PlayCanvas: four numbers of 32 bits per Gaussian, relative to the extent of a chunk of 256.
+"""Compressed ``.ply`` and ``.splat``, and what compressed formats have in common: colours and rotations in few bits.
 
-::
+A compressed ``.ply`` of PlayCanvas has four numbers of 32 bits per Gaussian, relative to the extent of a chunk of 256::
 
     chunk    min_x, ..., max_scale_z, and usually min_r, ..., max_b: float32
     vertex   packed_position, packed_rotation, packed_scale, packed_color: uint32
     sh       f_rest_0, ...: uint8, with spherical harmonics beyond the zeroth only
+
+A ``.splat`` has 32 bytes per Gaussian, no header and no spherical harmonics beyond the zeroth.
 """
 
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData
 
+from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
-from gspure.files import Float32, UInt32
-from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, colour_coeffs, require_room, smallest_three
+from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
+
+COEFFICIENTS: Final = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
+_COLUMNS: Final = 17  # columns of a model without spherical harmonics beyond the zeroth
+
+_OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 CHUNK: Final = 256  # rows that share a range of values
 _THREE: Final = ((21, 11), (11, 10), (0, 11))
 _ROTATION: Final = ((20, 10), (10, 10), (0, 10))
 _COLOUR: Final = ((24, 8), (16, 8), (8, 8))
 _HARMONICS: Final = 8  # range of spherical harmonics, from minus half of it
+
+_ROW: Final = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quat", "u1", 4)])
+_TOLERANCE: Final = 0.1  # of the length of quaternions; that of other content is at random
+
+
+def read_splat(path: Path) -> Gaussians:
+    """Read a ``.splat`` file."""
+    with reading(path, "a .splat model"):
+        size = path.stat().st_size
+        if not size or size % _ROW.itemsize:
+            raise InputError(path, "file", expected=f"rows of {_ROW.itemsize} bytes", found=f"{size} bytes")
+        rows = np.fromfile(path, _ROW)
+        quats = (rows["quat"].astype(np.float32) - 128) / 128
+        if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
+            hint = "is this a .splat file?"
+            raise InputError(path, "rotations", expected="unit quaternions", found="other lengths", hint=hint)
+        return Gaussians.from_stored(
+            means=rows["mean"],
+            quats=quats,
+            log_scales=positive_log(rows["scale"]),
+            opacity_logits=byte_logits(rows["rgba"][:, 3]),
+            sh_coeffs=colour_coeffs(rows["rgba"][:, None, :3] / 255),
+        )
 
 
 def is_packed(header: PlyData) -> bool:
@@ -55,6 +86,40 @@ def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
             sh_coeffs=np.concatenate([colour_coeffs(colours)[:, None], _harmonics(path, rows, tables.get("sh"))], 1),
         )
         return Gaussians(model.table, (*header.comments, *header.obj_info))
+
+
+def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> None:
+    """Refuse a file without rows, and one whose `size` bytes would unpack to far more, before it is unpacked."""
+    if rows < 1:
+        raise InputError(path, "rows", expected="at least one", found=str(rows))
+    unpacked, most = 4 * rows * (_COLUMNS + 3 * coefficients), max(UNPACKED_ROOM, UNPACKED_RATIO * size)
+    if unpacked > most:
+        raise InputError(path, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
+
+
+def colour_coeffs(colours: NDArray[Any]) -> Float32:
+    """Return the zeroth coefficients of colours, 0 to 1."""
+    return np.asarray((colours - 0.5) / SH_DC, np.float32)
+
+
+def byte_logits(opacities: UInt8) -> Float32:
+    """Return the logits of opacities, 0 to 255."""
+    return logit(opacities / 255, LEAST_OPACITY)
+
+
+def positive_log(scales: NDArray[Any]) -> Float32:
+    """Return the logarithms of scales: of the least normal float32 if they are 0, not-a-number if negative."""
+    least = np.finfo(np.float32).tiny
+    return np.log(np.where(scales < 0, np.nan, np.maximum(scales.astype(np.float32), least)), dtype=np.float32)
+
+
+def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
+    """Return unit quaternions [K,4] from their three smallest components [K,3] and the index [K] of the largest."""
+    quats = np.empty((len(three), 4), np.float32)
+    np.put_along_axis(quats, _OTHERS[largest], three, 1)
+    rest = np.sqrt(np.maximum(0, 1 - np.sum(np.square(three), 1, keepdims=True)))
+    np.put_along_axis(quats, largest[:, None], rest, 1)
+    return quats
 
 
 def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.void]]:

@@ -15,16 +15,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.artifacts.arrays import UNPACKED_RATIO, UNPACKED_ROOM
 from gspure.errors import InputError, reading
-from gspure.files import Float32, UInt8
-from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
+from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
+from gspure.model.compressed import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
+from gspure.model.inria import UNPACKED_SOG
 
 Bytes = UInt8
 Member = Callable[[str], bytes]
 
-INDEX: Final = "meta.json"
 _PARTS: Final = {"means": 2, "quats": 1, "scales": 1, "sh0": 1, "shN": 2}  # number of images of each
 
 _RENDER_MODES: Final = {"default": "", "antialiased": "mip", "2dgs": "2dgs"}
@@ -42,7 +41,7 @@ _LARGEST_IS_W: Final = 252  # fourth channel of a rotation whose largest compone
 def read_sog(path: Path) -> Gaussians:
     """Read a ``.sog`` archive, or the ``meta.json`` of an unpacked one and the images that it names beside it."""
     with reading(path, "a SOG model"):
-        if path.name == INDEX:
+        if path.name == UNPACKED_SOG:
             return _model(path, partial(_beside, path.parent))
         with zipfile.ZipFile(path) as archive:
             return _model(path, partial(_member, archive, max(UNPACKED_ROOM, UNPACKED_RATIO * path.stat().st_size)))
@@ -63,7 +62,7 @@ def _member(archive: zipfile.ZipFile, most: int, name: str) -> bytes:
 
 
 def _model(path: Path, member: Member) -> Gaussians:
-    meta = json.loads(member(INDEX))
+    meta = json.loads(member(UNPACKED_SOG))
     if (version := meta.get("version", 1)) not in (1, 2):
         raise InputError(path, "version", expected="1 or 2", found=str(version))
     trained = "antialiased" if meta.get("antialias") else meta.get("model", "default")

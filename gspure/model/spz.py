@@ -18,7 +18,7 @@ import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
-from gspure.model.compressed.quantization import COEFFICIENTS, byte_logits, require_room, smallest_three
+from gspure.model.compressed import COEFFICIENTS, byte_logits, require_room, smallest_three
 from gspure.model.gaussians import Gaussians
 
 TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.artifacts import replacing
 from gspure.errors import InputError
-from gspure.model.compressed.packed_ply import CHUNK
-from gspure.model.compressed.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
+from gspure.files import replacing
+from gspure.model.compressed import CHUNK
+from gspure.model.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
 from gspure.model.finite import drawable
 from gspure.model.gaussians import Gaussians
 from gspure.progress import warn
