@@ -8,7 +8,6 @@ import io
 import json
 import struct
 import zipfile
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from PIL import Image
 
 from gspure.constants import SH_DC
 from gspure.model import Gaussians
-from gspure.model.compressed.quantization import COEFFICIENTS
 from tests.models import blobs
 
 SPLAT_TRANSFORM = Path(__file__).with_name("splat_transform")
@@ -45,34 +43,6 @@ def splat(of: Gaussians) -> bytes:
     rows["mean"], rows["scale"], rows["rgba"] = of.means, of.scales, rgba(of)
     rows["quat"] = to_bytes(unit_quats(of) * 128 + 128)
     return rows.tobytes()
-
-
-def ksplat(of: Gaussians, level: int, capacity: int = 5) -> bytes:
-    """Two sections, of degree 2 and 0; in each, one full bucket of `capacity` rows and a partly filled one."""
-    sections = [of[np.arange(len(of)) < 7], of[np.arange(len(of)) >= 7]]
-    headers, bodies = b"", b""
-    for part, degree in zip(sections, (2, 0), strict=True):
-        full = len(part) // capacity
-        lengths = np.array([len(part) - full * capacity] * (len(part) > full * capacity), "<u4")
-        bucket = np.arange(len(part)) // capacity
-        middles = np.stack([part.means[bucket == i].mean(0) for i in range(full + len(lengths))]).astype("<f4")
-        width = 2.1 * np.abs(part.means - middles[bucket]).max()
-        types = (("<f4", "<f4", "<f4"), ("<u2", "<f2", "<f2"), ("<u2", "<f2", "u1"))[level]
-        columns = [("mean", types[0], 3), ("scale", types[1], 3), ("quat", types[1], 4), ("rgba", "u1", 4)]
-        rows = np.zeros(len(part) + 1, [*columns, ("sh", types[2], 3 * COEFFICIENTS[degree])])[: len(part)]
-        offsets = (part.means - middles[bucket]) / (width / 2) * 32767 + 32767
-        rows["mean"] = np.round(offsets) if level else part.means
-        rows["scale"], rows["quat"], rows["rgba"] = part.scales, part.quats, rgba(part)
-        bands = [part.sh_coeffs[:, 1:][:, a:b] for a, b in pairwise(COEFFICIENTS[: degree + 1])]
-        sh = np.concatenate(
-            [np.empty((len(part), 0)), *(b.transpose(0, 2, 1).reshape(len(part), -1) for b in bands)], 1
-        )
-        rows["sh"] = to_bytes((sh + 2) / 4 * 255) if level == 2 else sh
-        stored = (len(part), len(part), capacity, len(middles), width, 12, 0, 0, full, len(lengths), degree)
-        headers += struct.pack("<IIIIfHxxIIIIH", *stored).ljust(1024, b"\0")
-        bodies += lengths.tobytes() + middles.tobytes() + rows.tobytes()
-    head = struct.pack("<BBxxIIIIHxx3fff", 0, 1, 2, 2, len(of), len(of), level, 0, 0, 0, -2, 2)
-    return head.ljust(4096, b"\0") + headers + bodies
 
 
 def spz_of_version_2(of: Gaussians) -> bytes:
@@ -140,7 +110,6 @@ def files() -> dict[str, bytes]:
     """Return the content of a model's files in every format and version, by path."""
     return {
         "model.splat": splat(model()),
-        **{f"level {level}.ksplat": ksplat(model(), level) for level in range(3)},
         "version 2.spz": spz_of_version_2(model()),
         **{path.name: path.read_bytes() for path in SPLAT_TRANSFORM.iterdir()},
         **{f"version 1/{name}": data for name, data in sog_of_version_1(model()).items()},

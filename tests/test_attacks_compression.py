@@ -9,7 +9,7 @@ from gspure.attacks import Evidence, find_attack
 from gspure.attacks.compression import curve_order
 from gspure.errors import InputError
 from gspure.model import write_model
-from gspure.model.compressed.packed_ply import CHUNK
+from gspure.model.compressed import CHUNK
 from gspure.model.rotations import rotation_matrices
 from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera

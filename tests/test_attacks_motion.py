@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from gspure.attacks import Evidence, find_attack
 from gspure.errors import InputError
 from gspure.model import Gaussians
-from gspure.model.rotations import rotation_matrices
-from gspure.model.sh_rotation import rotate_sh, rotation_matrix
+from gspure.model.rotations import rotate_sh, rotation_matrices, sh_rotation
 from tests.attack_cases import anchors, changed, features, public, unhurried
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.blending import render
@@ -45,9 +44,9 @@ def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, an
 @given(degree=degrees, axis=axes, one=angles, other=angles)
 def test_matrices_of_harmonics_are_orthogonal_and_turns_add_up(degree, axis, one, other) -> None:
     unit, (one, other) = np.array(axis) / np.linalg.norm(axis), np.deg2rad([one, other])
-    first, second = (rotation_matrix(degree, radians * unit) for radians in (one, other))
+    first, second = (sh_rotation(degree, radians * unit) for radians in (one, other))
     np.testing.assert_allclose(first @ first.T, np.eye(2 * degree + 1), atol=1e-12)
-    np.testing.assert_allclose(second @ first, rotation_matrix(degree, (one + other) * unit), atol=1e-12)
+    np.testing.assert_allclose(second @ first, sh_rotation(degree, (one + other) * unit), atol=1e-12)
 
 
 @unhurried

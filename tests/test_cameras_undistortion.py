@@ -11,7 +11,7 @@ from gspure.cameras.undistortion import undistort
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image, write_image
-from gspure.model.points import read_point_ply
+from gspure.model.ply import read_point_ply
 from tests.models import camera
 from tests.test_cameras_colmap import LENSES, text, written
 

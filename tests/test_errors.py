@@ -21,7 +21,7 @@ from gspure.files import load_array, load_arrays, read_json
 from gspure.images import read_image
 from gspure.method.contributions import read_index
 from gspure.model import read_model
-from gspure.model.points import read_point_ply
+from gspure.model.ply import read_point_ply
 from gspure.schemes.gs_hider.files import DecoderFile
 from gspure.schemes.tensors import read_tensors
 

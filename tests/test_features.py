@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
 from gspure.method.features import OUTLYING, PARTS, features, standardize, take
-from gspure.model.suspicious import extent_and_distances
+from gspure.model.summary import extent_and_distances
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
 

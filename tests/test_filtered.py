@@ -5,7 +5,6 @@ import pytest
 
 from gspure.cameras import write_cameras
 from gspure.cli import main
-from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.filtered import FILTER, filtered
@@ -48,23 +47,18 @@ def test_a_filter_that_is_not_finite_makes_its_row_invisible():
     assert np.isfinite(drawn.table[FILTER]).all()
 
 
-def test_commands_draw_measure_and_attack_what_the_filter_makes_of_a_model(tmp_path, monkeypatch):
+def test_commands_draw_and_attack_what_the_filter_makes_of_a_model(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_cameras("cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
     stored = with_column(blobs(ROWS), FILTER, 0.2)
     write_model("stored.ply", stored)
     write_model("fused.ply", filtered(stored))
-    save_array(tmp_path / "weights.npy", np.ones(ROWS, np.float32))
     assert main(["attack", "unattacked", "--model", "stored.ply", "--out", "attacked.ply"]) == 0
     assert read_model("stored.ply").table.tobytes() == stored.table.tobytes()
     for name in ("stored", "fused", "attacked"):
         assert main(f"render {name}.ply --cameras cameras.json --split test --out {name}".split()) == 0
-        measured = f"--cameras cameras.json --stages stages --index {name}.tsv"
-        assert main(f"contributions --model {name}.ply {measured}".split()) == 0
-        assert main(f"weights --model {name}.ply --index {name}.tsv --out {name}.npy".split()) == 0
     images = [read_image(f"{name}/view_0.png") for name in ("stored", "fused", "attacked")]
-    weights = [np.load(f"{name}.npy") for name in ("stored", "fused", "attacked")]
-    assert all((array == first).all() for first, *others in (images, weights) for array in others)
+    assert all((image == images[0]).all() for image in images)
     write_model("plain.ply", blobs(ROWS))
     assert main(["render", "plain.ply", "--cameras", "cameras.json", "--split", "test", "--out", "plain"]) == 0
     assert np.abs(read_image("plain/view_0.png") - images[0]).max() > 0.05
@@ -87,20 +81,6 @@ def test_columns_that_change_nothing_are_named(tmp_path, monkeypatch, capsys):
         write_model(f"{name}.ply", model)
         assert main(f"render {name}.ply --cameras cameras.json --out {name}".split()) == 0
         assert ("have no effect on renders: beta\n" in capsys.readouterr().err) == (name == "beta")
-
-
-def test_each_measurement_names_such_columns_once(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    write_model("model.ply", with_column(blobs(ROWS), "beta", SIZES))
-    for command in (
-        "contributions --cameras orbit --stages stages --index index.tsv",
-        "weights --index index.tsv --out weights.npy",
-        "opacities --cameras orbit --out opacities.npy",
-        "surface --cameras orbit --method depth --out surface.npy",
-        "features --weights weights.npy --opacities opacities.npy --out features.npy",
-    ):
-        assert main([*command.split(), "--model", "model.ply"]) == 0
-        assert capsys.readouterr().err.count("have no effect on renders: beta\n") == 1, command
 
 
 def test_a_renderer_applies_the_filter():

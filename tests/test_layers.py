@@ -39,7 +39,7 @@ OWNERS = {
     "matplotlib": ("figures",),
     "argparse": ("cli",),
     "plyfile": ("model",),
-    "gsply": ("model/compressed/writing.py",),
+    "gsply": ("model/compression.py",),
     "hdbscan": ("method/tree.py",),
     "snakemake": (),
     "pooch": ("datasets",),

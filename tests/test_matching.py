@@ -9,7 +9,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import Gaussians, write_model
-from gspure.model.motion import moved
+from gspure.model.rotations import moved
 from gspure.public_model import PublicModel
 from gspure.schemes.matching import adaptive_matches, exact_matches, registered
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey

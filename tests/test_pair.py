@@ -13,7 +13,7 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image, write_image
 from gspure.model import read_model, write_model
-from gspure.model.points import read_point_ply
+from gspure.model.ply import read_point_ply
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
 from gspure.schemes.pair import read_pair

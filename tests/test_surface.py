@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from gspure.attacks import Evidence, find_attack
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.model.points import Mesh, write_mesh_ply
+from gspure.model.ply import Mesh, write_mesh_ply
 from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances

@@ -8,7 +8,7 @@ from PIL import Image
 
 from gspure.errors import InputError
 from gspure.files import read_json, write_json
-from gspure.model.points import read_point_ply, write_point_ply
+from gspure.model.ply import read_point_ply, write_point_ply
 from gspure.training.dataset import fingerprint, read_dataset, read_photographs
 from tests.models import gaussians
 from tests.training_cases import blender_scene, colmap_project, ring, turned_away

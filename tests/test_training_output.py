@@ -6,7 +6,7 @@ import pytest
 from gspure.cameras import read_cameras, split
 from gspure.model import read_model
 from gspure.model.inria import point_cloud, training_arguments
-from gspure.model.points import read_point_ply
+from gspure.model.ply import read_point_ply
 from gspure.training.dataset import read_dataset
 from gspure.training.output import as_gaussians, write_output
 from tests.training_cases import colmap_project, parameters, ring

@@ -11,8 +11,8 @@ from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.errors import InputError
 from gspure.files import Float64, Indices
 from gspure.model import read_model, write_model
-from gspure.model.compressed.packed_ply import CHUNK
-from gspure.model.compressed.writing import PACKAGES, PACKED_PLY, SPZ
+from gspure.model.compressed import CHUNK
+from gspure.model.compression import PACKAGES, PACKED_PLY, SPZ
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.opencl.storage import morton_codes
 from gspure.public_model import Columns

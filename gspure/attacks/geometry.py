@@ -9,7 +9,7 @@ from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
 from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
-from gspure.model.motion import moved, rotation
+from gspure.model.rotations import moved, rotation
 from gspure.progress import warn
 from gspure.public_model import Columns
 from gspure.settings import Range, Share
@@ -51,8 +51,8 @@ def rigid_transform(
     `axis` are three numbers separated by commas, of any length but zero; so is `translation`, in radii of the model,
     none beyond `FARTHEST`.
 
-    The model looks the same from views that move along (`gspure.model.motion`). Anchors can only be translated: their
-    networks read the viewing direction in world coordinates.
+    The model looks the same from views that move along (`gspure.model.rotations`). Anchors can only be translated:
+    their networks read the viewing direction in world coordinates.
     """
     direction, shift = _vector("axis", axis), _vector("translation", translation)
     length = float(np.linalg.norm(direction))

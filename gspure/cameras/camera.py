@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
 from gspure.errors import InputError
-from gspure.files import digest, Float64, Indices
+from gspure.files import Float64, Indices, digest
 from gspure.progress import Described
 from gspure.settings import SIDE
 

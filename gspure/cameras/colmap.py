@@ -15,7 +15,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.errors import InputError
-from gspure.model.points import require_coordinates
+from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices
 
 _SUFFIXES = (".bin", ".txt")

@@ -71,11 +71,11 @@ def read_lenses_file(path: Path) -> list[Lens]:
     if path.suffix == ".bin":
         records = _Records(path)
         for _ in range(records.count(_LENS.size)):
-            camera_id, number, *size = records.take(_LENS)
+            camera_id, number, width, height = records.take(_LENS)
             model = [*_PARAMETERS][number] if 0 <= number < len(_PARAMETERS) else f"model {number}"
             names = _parameters(path, camera_id, model)
             values = records.take(struct.Struct(f"<{len(names)}d"))
-            lenses.append(Lens(camera_id, *size, dict(zip(names, values, strict=True))))
+            lenses.append(Lens(camera_id, width, height, dict(zip(names, values, strict=True))))
         records.finish()
         return lenses
     for number, line in _lines(path):

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from gspure.files import write_text
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, view_name
 from gspure.cameras.undistortion import COEFFICIENTS
+from gspure.files import write_text
 
 
 def parse(source: Path, content: list[Any]) -> list[Camera]:

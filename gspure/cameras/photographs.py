@@ -1,4 +1,4 @@
-"""The photographs of views: the names they give, their sizes, missing ones, and the size at which views are compared."""
+"""The photographs of views: the names they give, their sizes, missing ones, and the resolution of views."""
 
 import hashlib
 import re

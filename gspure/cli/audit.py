@@ -119,7 +119,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     from gspure.files import write_text
     from gspure.model import model_file
-    from gspure.model.compressed.sog import INDEX
+    from gspure.model.inria import UNPACKED_SOG
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
@@ -133,7 +133,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
     if args.up:
         asset["generated"] = {"up": args.up}
-    named = source.resolve().parent if source.name == INDEX else source.resolve()
+    named = source.resolve().parent if source.name == UNPACKED_SOG else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
     configuration = {"assets": {scene: asset}, **_method(model)}

@@ -96,7 +96,7 @@ def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
     """Write photographs and points beside ``--out``; return the cameras of the photographs."""
     from gspure.cameras.undistortion import undistort
     from gspure.files import filling
-    from gspure.model.points import write_point_ply
+    from gspure.model.ply import write_point_ply
     from gspure.training.dataset import stored_points
 
     xyz, rgb = stored_points(args.source)

@@ -38,12 +38,12 @@ def run(args: Arguments) -> None:
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
     from gspure.files import run_of
-    from gspure.model.compressed.sog import INDEX
     from gspure.model.filtered import FILTER
-    from gspure.model.suspicious import lines
+    from gspure.model.inria import UNPACKED_SOG
+    from gspure.model.summary import suspicious_lines
 
     colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
-    parts = file.parent.glob("*.webp") if file.name == INDEX else []  # the images of an unpacked SOG model
+    parts = file.parent.glob("*.webp") if file.name == UNPACKED_SOG else []  # the images of an unpacked SOG model
     size = f"{sum(part.stat().st_size for part in (file, *parts)) / 1e6:,.1f} MB"
     return [
         str(file),
@@ -56,7 +56,7 @@ def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dic
         *(["  stored values: the 3-D filter is not part of them"] if FILTER in summary.columns else []),
         "",
         *_row_counts(summary),
-        *(f"  {line}" for line in lines(summary.suspicious, summary.gaussians)),
+        *(f"  {line}" for line in suspicious_lines(summary.suspicious, summary.gaussians)),
         *([""] if comments or training else []),
         *(f"  comment: {comment}" for comment in comments),
         *(f"  trained with {name} = {value}" for name, value in sorted(training.items())),

@@ -25,7 +25,7 @@ def add_device(parser: Parser) -> None:
     add_quiet(parser)
     parser.text(
         "--device",
-        "NAME|INDEX",
+        "NAME|UNPACKED_SOG",
         "OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
         "first working device, GPUs before CPUs)",
     )

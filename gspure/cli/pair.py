@@ -15,7 +15,7 @@ from gspure.errors import InputError
 from gspure.files import filling
 from gspure.images import is_flat, write_image
 from gspure.model import Gaussians, read_model, require_finite
-from gspure.model.points import write_point_ply
+from gspure.model.ply import write_point_ply
 from gspure.progress import say, track, warn
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning

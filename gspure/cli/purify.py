@@ -28,7 +28,7 @@ from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
-from gspure.model import suspicious
+from gspure.model.summary import suspicious_lines, suspicious_rows, to_json
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
@@ -95,7 +95,7 @@ def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
     options.require_own_folder(args)
     stored = read_public_model(args.model)
-    suspects = suspicious.suspicious_rows(stored.model)
+    suspects = suspicious_rows(stored.model)
     public = stored.drawable(args.model)
     scheme = recognized(public.model)
     args.tau_c = args.tau_c or (scheme.tau_c if scheme else TAU_C)
@@ -117,7 +117,7 @@ def run(args: Arguments) -> None:
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
         rows = _compare(folder, models, test, device) if public.visible else []
-        suspicions = {"suspicious": suspicious.to_json(suspects)}
+        suspicions = {"suspicious": to_json(suspects)}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
         options.record_command(args, folder)
@@ -125,7 +125,7 @@ def run(args: Arguments) -> None:
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
     captions = _draw(args, public, purification, cameras, models, device)
-    print("\n".join([*purification.diagnosis.lines(), *suspicious.lines(suspects, len(public.model))]))
+    print("\n".join([*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]))
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
         print(small.line(len(public.model), cameras[0].width))

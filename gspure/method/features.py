@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.files import Bools, Float64
-from gspure.model.suspicious import extent_and_distances
+from gspure.model.summary import extent_and_distances
 from gspure.progress import warn
 
 COLUMNS = ("x", "y", "z", "opacity", "weight")

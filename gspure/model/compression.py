@@ -11,9 +11,9 @@ import numpy as np
 from gspure.errors import InputError
 from gspure.files import replacing
 from gspure.model.compressed import CHUNK
-from gspure.model.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
 from gspure.model.finite import drawable
 from gspure.model.gaussians import Gaussians
+from gspure.model.spz import TURNED, TURNED_HARMONICS, TURNED_QUATS, with_comments
 from gspure.progress import warn
 
 PACKAGES: Final = {"gsply": "gspure[compression]"}

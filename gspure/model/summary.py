@@ -129,7 +129,7 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     return {reason: at for reason, at in by_reason.items() if len(at)}
 
 
-def lines(suspicious: Mapping[str, Indices], total: int) -> list[str]:
+def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]:
     """Return the suspicious rows of `total` as lines of text; empty if there are none."""
     if not suspicious:
         return []

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gspure.files import Float64, Indices
 from gspure.model.gaussians import Gaussians
-from gspure.model.motion import moved
-from gspure.model.suspicious import extent_and_distances
+from gspure.model.rotations import moved
+from gspure.model.summary import extent_and_distances
 from gspure.public_model import PublicModel
 from gspure.scenes.alignment import Similarity
 

@@ -9,7 +9,7 @@ from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
 from gspure.files import Float32, Float64
 from gspure.model import Gaussians
-from gspure.model.points import Mesh
+from gspure.model.ply import Mesh
 from gspure.model.rotations import principal_axes
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import track

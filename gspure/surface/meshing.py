@@ -16,7 +16,7 @@ from gspure.files import Bools, Float32, Float64
 from gspure.model import Gaussians
 from gspure.model.filtered import widened
 from gspure.model.gaussians import SCALES
-from gspure.model.points import Mesh
+from gspure.model.ply import Mesh
 from gspure.opencl.device import Device
 from gspure.progress import say, track
 from gspure.renderer import Renderer

@@ -11,13 +11,19 @@ from gspure.cameras import Camera, read_cameras, require_images, scaled, split
 from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, safe_name
-from gspure.cameras.photographs import missing_photographs, photograph, photograph_size, require_present
+from gspure.cameras.photographs import (
+    distinct,
+    missing_photographs,
+    photograph,
+    photograph_size,
+    require_present,
+    safe_name,
+)
 from gspure.cameras.reading import camera_object
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, UInt8, digest
 from gspure.images import read_image
-from gspure.model.points import read_point_ply
+from gspure.model.ply import read_point_ply
 from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 

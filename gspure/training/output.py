@@ -7,7 +7,7 @@ from gspure.cameras import write_cameras
 from gspure.files import write_text
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
-from gspure.model.points import write_point_ply
+from gspure.model.ply import write_point_ply
 from gspure.opencl.trainable import Parameters
 from gspure.training.dataset import Dataset
 

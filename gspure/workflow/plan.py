@@ -24,7 +24,7 @@ from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.files import digest
 from gspure.method.features import PARTS
 from gspure.model import model_file
-from gspure.model.compressed.sog import INDEX
+from gspure.model.inria import UNPACKED_SOG
 from gspure.report.writing import ReportPlan
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme, schemes
@@ -472,7 +472,7 @@ def model_files(source: str) -> list[str]:
     model = model_file(Path(source))
     folders = [model.parent, *([model.parents[2]] if model.parent.match("point_cloud/iteration_*") else [])]
     networks = [pattern for scheme in schemes().values() for pattern in scheme.beside]
-    patterns = ["cfg_args", *(["*.webp"] if model.name == INDEX else []), *networks]
+    patterns = ["cfg_args", *(["*.webp"] if model.name == UNPACKED_SOG else []), *networks]
     beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
     return [str(model), *sorted(beside)]
 

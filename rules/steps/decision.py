@@ -11,7 +11,7 @@ from gspure.method.diagnosis import diagnose
 from gspure.method.pruning import prune_mask
 from gspure.method.tree import coincident_points, read_tree
 from gspure.model import read_model
-from gspure.model.suspicious import suspicious_rows, to_json
+from gspure.model.summary import suspicious_rows, to_json
 from gspure.workflow.step import run
 
 
