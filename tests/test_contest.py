@@ -12,7 +12,7 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest, 
 from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.matched import MATCHED_DAMAGES
 from gspure.evaluation.survival import survival
-from gspure.report.tables import conditions_markdown, other_attacks_table, survival_table
+from gspure.report.attack_tables import conditions_markdown, other_attacks_table, survival_table
 from tests.contest_cases import attacked, benchmark, outcome
 
 SCENES = benchmark(

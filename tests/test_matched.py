@@ -14,7 +14,8 @@ from gspure.evaluation.matched import MATCHED_DAMAGES, Matched, match, matched_m
 from gspure.evaluation.names import variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
-from gspure.report.tables import condition_tables, conditions_markdown, matched_table, model_table, summary_table
+from gspure.report.attack_tables import condition_tables, conditions_markdown, matched_table
+from gspure.report.tables import model_table, summary_table
 from tests.contest_cases import BEFORE, benchmark, measured
 
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}

@@ -45,6 +45,11 @@ class Cell(NamedTuple):
     value: float  # dB, or an SSIM
     bold: bool
 
+    @property
+    def loss(self) -> float:
+        """A number that is lower for better cells: high scenes and Scores, low messages."""
+        return self.value if self.target == MESSAGE else -self.value
+
 
 def read_cells() -> list[Cell]:
     """Return all cells of Tables 1 to 3, row by row."""
@@ -93,11 +98,6 @@ def printed_scores(cells: Sequence[Cell]) -> dict[tuple[str, str], float]:
     return {(c.scheme, c.variant): c.value for c in cells if c.metric == SCORE}
 
 
-def psnr(means: Means, scheme: str, variant: str, target: str) -> float:
-    """Return a mean PSNR, dB."""
-    return means[scheme, variant, target]
-
-
 def drop(means: Means, scheme: str, variant: str, target: str) -> float:
     """Return the drop of a mean PSNR from that of the unattacked model, dB."""
     return means[scheme, UNATTACKED, target] - means[scheme, variant, target]
@@ -120,7 +120,8 @@ def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> fl
 
 
 QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
-    function.__name__: function for function in (psnr, drop, score, lead, score_lead)
+    PSNR: lambda means, *row: means[row],
+    **{function.__name__: function for function in (drop, score, lead, score_lead)},
 }
 
 
@@ -183,7 +184,7 @@ def check_claims(cells: Sequence[Cell]) -> list[Check]:
     ]
     claims += read_table(DATA / "paper_claims.csv", Claim)
     checks = [Check(claim, _recompute(claim, means), "") for claim in claims]
-    return [check if check.holds else check._replace(agrees_with=_agreement(check.claim, cells)) for check in checks]
+    return [check if check.holds else check._replace(agrees_with=_other_source(check.claim, cells)) for check in checks]
 
 
 def _recompute(claim: Claim, means: Means) -> float:
@@ -191,22 +192,19 @@ def _recompute(claim: Claim, means: Means) -> float:
     return max(quantity(means, s, claim.variant, claim.target) for s in ([claim.scheme] if claim.scheme else SCHEMES))
 
 
-def _agreement(claim: Claim, cells: Sequence[Cell]) -> str:
-    values = _other_sources(claim, cells) if claim.relation == "=" else ()
-    return ", ".join(source for source, value in values if _equal(claim.value, value))
-
-
-def _other_sources(claim: Claim, cells: Sequence[Cell]) -> Iterator[tuple[str, float]]:
-    """Yield other sources of a printed number, with the value that follows from each."""
-    means = table_1(cells)
+def _other_source(claim: Claim, cells: Sequence[Cell]) -> str:
+    """Return other sources that a printed number follows from; empty if there is none."""
+    means, sources = table_1(cells), {}
     if claim.place not in {"Table 2", "Table 3"}:
-        yield "GSPure's means in Tables 2 and 3", _recompute(claim, {**means, **ablations(cells)})
+        sources["GSPure's means in Tables 2 and 3"] = _recompute(claim, {**means, **ablations(cells)})
     for target in set(TARGETS) - {claim.target} if claim.target else ():
-        yield f"the {claim.quantity} of the {target}", _recompute(claim._replace(target=target), means)
+        sources[f"the {claim.quantity} of the {target}"] = _recompute(claim._replace(target=target), means)
     if claim.quantity == "score_lead":
         scores = printed_scores(cells)
         best = max(scores[claim.scheme, attack] for attack in ATTACKS if attack != claim.variant)
-        yield "the printed Scores", scores[claim.scheme, claim.variant] - best
+        sources["the printed Scores"] = scores[claim.scheme, claim.variant] - best
+    known = sources if claim.relation == "=" else {}
+    return ", ".join(source for source, value in known.items() if _equal(claim.value, value))
 
 
 def _equal(a: float, b: float) -> bool:
@@ -214,10 +212,7 @@ def _equal(a: float, b: float) -> bool:
 
 
 class Beside(NamedTuple):
-    """One attack: means over the paper's nine scenes, and over our scenes of one condition; NaN if unknown.
-
-    The paper's Score is recomputed from its PSNR, since some of the printed ones do not follow from it.
-    """
+    """One attack: means over the paper's nine scenes, its Score recomputed, and over ours of one condition."""
 
     scheme: str
     protocol: str
@@ -293,17 +288,12 @@ def _wrong_bold(cells: Sequence[Cell]) -> Iterator[str]:
         columns.setdefault((cell.table, cell.scheme, cell.column), []).append(cell)
     plain: dict[str, list[str]] = {}
     for column in columns.values():
-        best = min(column, key=_rank)
+        best = min(column, key=lambda cell: cell.loss)
         for cell in column:
-            if cell.bold and _rank(cell) > _rank(best):
+            if cell.bold and cell.loss > best.loss:
                 where = f"Table {cell.table}, {cell.row}, {cell.column}"
                 yield f"{where}: {decimal(cell.value)} is bold, {best.row} has {decimal(best.value)}"
         if not any(cell.bold for cell in column):
             plain.setdefault(f"Table {best.table}, {display_name(best.scheme)}", []).append(best.column)
     for where, names in plain.items():
         yield f"{where}: the best value is not bold in {len(names)} columns: {', '.join(names)}"
-
-
-def _rank(cell: Cell) -> float:
-    """Return a number that is lower for better cells: high scenes and Scores, low messages."""
-    return cell.value if cell.target == MESSAGE else -cell.value

@@ -23,9 +23,10 @@ from gspure.figures.panels import draw_before_after
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
 from gspure.progress import track, warn
+from gspure.report.attack_tables import condition_tables, conditions_markdown
 from gspure.report.audit import Audit, audits
 from gspure.report.page import Comparison, Model, Picture, lineup, picture, read_parts, write_page
-from gspure.report.tables import condition_tables, conditions_markdown, results_markdown, summary_table
+from gspure.report.tables import results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
 
