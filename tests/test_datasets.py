@@ -1,9 +1,6 @@
 """Downloads that go on where they were cut off, and archives of which only what is needed is unpacked."""
 
-import hashlib
 import json
-import re
-import stat
 import threading
 import zipfile
 from functools import partial
@@ -12,8 +9,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
+from gspure import datasets
 from gspure.cli import main
-from gspure.datasets import ARCHIVES, SCENES, Archive, archive_of, extract, fetch, fetching
+from gspure.datasets import ARCHIVES, SCENES, Archive, archive_of, extract, fetch
 from gspure.errors import InputError
 
 CONTENT = np.random.default_rng(0).bytes(300_000)
@@ -76,16 +74,15 @@ class Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr(fetching.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(datasets.time, "sleep", lambda seconds: None)
 
 
 def test_an_interrupted_download_resumes(tmp_path):
     with Server(hang_up_after=PIECE) as server:
-        file, sha256 = fetch(server.url, tmp_path)
+        file = fetch(server.url, tmp_path)
     assert file.read_bytes() == CONTENT
-    assert sha256 == hashlib.sha256(CONTENT).hexdigest()
     assert server.asked == [None, f"bytes={PIECE}-", f"bytes={2 * PIECE}-"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["scenes.zip", "scenes.zip.sha256"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["scenes.zip"]
 
 
 def test_a_partial_download_is_kept(tmp_path, monkeypatch):
@@ -93,10 +90,10 @@ def test_a_partial_download_is_kept(tmp_path, monkeypatch):
         monkeypatch.setattr(server, "content", Broken(CONTENT, PIECE))
         with pytest.raises(InputError, match=r"scenes.zip: download: expected an answer, found"):
             fetch(server.url, tmp_path)
-        assert server.asked == [None, *[f"bytes={PIECE}-"] * fetching.TRIES]
+        assert server.asked == [None, *[f"bytes={PIECE}-"] * datasets.TRIES]
         assert not (tmp_path / "scenes.zip").exists()
         server.content, server.hang_up_after, server.asked = CONTENT, None, []
-        assert fetch(server.url, tmp_path)[0].read_bytes() == CONTENT
+        assert fetch(server.url, tmp_path).read_bytes() == CONTENT
     assert server.asked == [f"bytes={PIECE}-"]
 
 
@@ -118,26 +115,14 @@ def test_a_part_of_an_older_version_is_not_continued(tmp_path, monkeypatch):
         with pytest.raises(InputError):
             fetch(server.url, tmp_path)
         server.content, server.hang_up_after, server.version, server.asked = CONTENT[::-1], None, "two", []
-        assert fetch(server.url, tmp_path)[0].read_bytes() == CONTENT[::-1]
+        assert fetch(server.url, tmp_path).read_bytes() == CONTENT[::-1]
     assert server.asked == [None]
-    assert not [*tmp_path.glob("*.part")]
 
 
 def test_an_existing_file_is_not_downloaded_again(tmp_path):
     with Server() as server:
         assert fetch(server.url, tmp_path) == fetch(server.url, tmp_path)
     assert server.asked == [None]
-
-
-def test_the_digest_of_the_first_download_holds_from_then_on(tmp_path):
-    with Server() as server:
-        fetch(server.url, tmp_path)
-        (tmp_path / "scenes.zip").unlink()
-        server.content = CONTENT[::-1]
-        expected = hashlib.sha256(CONTENT).hexdigest()
-        with pytest.raises(InputError, match=f"sha256: expected {expected}, found another .*scenes.zip.sha256"):
-            fetch(server.url, tmp_path)
-    assert not (tmp_path / "scenes.zip").exists()
 
 
 def test_a_file_missing_on_the_server_is_reported_in_one_line(tmp_path):
@@ -149,13 +134,10 @@ GARDEN = Archive("http://localhost/scenes.zip", "none", {"garden": "images_4"}, 
 
 
 def zipped(path, names):
-    """A zip file of these entries, each with its name as content; links where a name ends in an arrow."""
+    """A zip file of these entries, each with its name as content."""
     with zipfile.ZipFile(path, "w") as archive:
         for name in names:
-            entry = zipfile.ZipInfo(name.removesuffix("->"))
-            if name.endswith("->"):
-                entry.external_attr = (stat.S_IFLNK | 0o777) << 16
-            archive.writestr(entry, name)
+            archive.writestr(name, name)
     return path
 
 
@@ -165,102 +147,35 @@ WHOLE = ["set/garden/images_4/a.jpg", "set/garden/images/a.jpg", "set/garden/spa
 def test_only_the_photographs_to_compare_on_and_the_cameras_are_unpacked(tmp_path):
     others = ["set/stump/images_4/a.jpg", "garden/images_4/b.jpg", "set/garden/x"]
     file = zipped(tmp_path / "scenes.zip", [*WHOLE, *others])
-    extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+    extract(file, GARDEN, "garden", tmp_path / "garden")
     files = {str(path.relative_to(tmp_path / "garden")) for path in (tmp_path / "garden").rglob("*") if path.is_file()}
-    assert files == {"images/a.jpg", "sparse/0/cameras.bin", "origin.json"}
+    assert files == {"images/a.jpg", "sparse/0/cameras.bin", "provenance.json"}
     assert (tmp_path / "garden" / "images" / "a.jpg").read_text() == "set/garden/images_4/a.jpg"
-    origin = json.loads((tmp_path / "garden" / "origin.json").read_text())
-    assert origin == {"url": GARDEN.url, "sha256": "f00", "images": "images_4"}
+    settings = json.loads((tmp_path / "garden" / "provenance.json").read_text())["settings"]
+    assert settings == {"url": GARDEN.url, "images": "images_4"}
 
 
-@pytest.mark.parametrize(
-    "entry",
-    [
-        "set/garden/images_4/../../../../escaped",
-        "set/garden/../escaped",
-        "set/garden/sparse/..\\escaped",
-        "set/garden/images_4/link->",
-    ],
-)
+@pytest.mark.parametrize("entry", ["set/garden/images_4/../../../../escaped", "set/garden/sparse/../escaped"])
 def test_an_entry_that_leads_out_of_its_folder_is_refused_before_anything_is_written(tmp_path, entry):
     file = zipped(tmp_path / "scenes.zip", [*WHOLE, entry])
-    with pytest.raises(InputError, match="expected a file below its folder, found a path or link out of it"):
-        extract(file, GARDEN, "garden", tmp_path / "data" / "garden", sha256="f00")
-    assert [*tmp_path.iterdir()] == [file]
+    with pytest.raises(InputError, match="expected a file below its folder, found a path out of it"):
+        extract(file, GARDEN, "garden", tmp_path / "data" / "garden")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and path != file]
 
 
 @pytest.mark.parametrize("missing", ["images_4", "sparse"])
 def test_an_archive_without_the_scene_is_refused(tmp_path, missing):
     file = zipped(tmp_path / "scenes.zip", [name for name in WHOLE if missing not in name])
     with pytest.raises(InputError, match="garden: expected photographs in images_4 and sparse, found none"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
+        extract(file, GARDEN, "garden", tmp_path / "garden")
 
 
 def test_a_corrupt_entry_leaves_nothing_behind(tmp_path):
     file = zipped(tmp_path / "scenes.zip", WHOLE)
     file.write_bytes(file.read_bytes().replace(WHOLE[0].encode() * 2, WHOLE[0].encode() + b"!" * len(WHOLE[0])))
     with pytest.raises(InputError, match="expected a zip archive, found Bad CRC-32"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-    assert [*tmp_path.iterdir()] == [file]
-
-
-def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused_before_anything_is_written(tmp_path):
-    file = tmp_path / "scenes.zip"
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in WHOLE:
-            archive.writestr(name, bytes(1 << 20))
-    with pytest.raises(InputError, match=r"size: expected at most \d+ bytes unpacked, found 2097152 bytes"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-    assert [*tmp_path.iterdir()] == [file]
-
-
-@pytest.mark.parametrize(("at", "value"), [((6, 8), 1), ((8, 10), 99)], ids=["encrypted", "unknown compression"])
-def test_an_archive_that_cannot_be_unpacked_is_refused_in_one_line(tmp_path, at, value):
-    file = zipped(tmp_path / "scenes.zip", WHOLE)
-    content = bytearray(file.read_bytes())
-    for signature, place in zip((b"PK\3\4", b"PK\1\2"), at, strict=True):
-        for header in re.finditer(signature, bytes(content)):
-            content[header.start() + place] = value
-    file.write_bytes(content)
-    with pytest.raises(InputError, match=r"scenes\.zip: file: expected a zip archive, found "):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-    assert [*tmp_path.iterdir()] == [file]
-
-
-@pytest.mark.parametrize("name", ["\x1b[2J\n.jpg", "a" * 256, "é" * 128])
-def test_a_name_that_does_not_print_or_is_too_long_is_refused(tmp_path, name):
-    file = zipped(tmp_path / "scenes.zip", [*WHOLE, f"set/garden/images_4/{name}"])
-    with pytest.raises(InputError, match="expected printable names of at most 255 bytes"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-
-
-@pytest.mark.parametrize("name", ["set/garden/images_4", "set/garden/sparse/0"])
-def test_a_file_where_a_folder_should_be_is_refused(tmp_path, name):
-    file = zipped(tmp_path / "scenes.zip", [*WHOLE, name])
-    with pytest.raises(InputError, match=f"{name}: expected a folder, found a file of that name"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-
-
-def test_a_folder_that_cannot_be_written_to_is_not_blamed_on_the_archive(tmp_path):
-    file = zipped(tmp_path / "scenes.zip", WHOLE)
-    (tmp_path / "garden").touch()
-    with pytest.raises(FileExistsError, match="garden"):
-        extract(file, GARDEN, "garden", tmp_path / "garden", sha256="f00")
-
-
-@pytest.mark.parametrize("record", [b"", b"\xff\xfe", b"sha256:", b"0123  scenes.zip\n"])
-def test_a_corrupt_record_of_a_digest_is_refused(tmp_path, record):
-    (tmp_path / "scenes.zip.sha256").write_bytes(record)
-    with Server() as server, pytest.raises(InputError, match=r"scenes\.zip\.sha256: file: expected a SHA-256"):
-        fetch(server.url, tmp_path)
-
-
-@pytest.mark.parametrize("length", ["many", "-1"])
-def test_a_server_that_names_no_size_is_refused(tmp_path, monkeypatch, length):
-    with Server() as server:
-        monkeypatch.setattr(server, "length", length)
-        with pytest.raises(InputError, match="Content-Length: expected the size of a file, found '"):
-            fetch(server.url, tmp_path)
+        extract(file, GARDEN, "garden", tmp_path / "garden")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and path != file]
 
 
 def test_every_scene_is_in_one_archive_outdoors_at_a_quarter_and_indoors_at_a_half():
@@ -276,11 +191,6 @@ def test_nothing_is_downloaded_without_consent(tmp_path, capsys):
     assert "--accept-licence: expected your consent, found none" in refusal
     assert all(archive_of(scene).terms in refusal for scene in ("garden", "playroom"))
     assert not [*tmp_path.iterdir()]
-
-
-def test_an_unknown_scene_is_refused(tmp_path, capsys):
-    assert main(["download", "gardn", "--out", str(tmp_path), "--accept-licence"]) == 2
-    assert "SCENE: expected one of bicycle, garden" in capsys.readouterr().err
 
 
 def test_the_command_unpacks_what_it_downloads_and_has_nothing_to_do_a_second_time(tmp_path, monkeypatch):

@@ -42,8 +42,8 @@ OWNERS = {
     "gsply": ("model/compression.py",),
     "hdbscan": ("method/tree.py",),
     "snakemake": (),
-    "pooch": ("datasets",),
-    "requests": ("datasets",),
+    "pooch": ("datasets.py",),
+    "requests": ("datasets.py",),
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }

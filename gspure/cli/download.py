@@ -4,8 +4,7 @@ from pathlib import Path
 
 from gspure.cli.options import add_quiet
 from gspure.cli.parser import Arguments, Parser
-from gspure.datasets import SCENES, archive_of, extract, fetch
-from gspure.datasets.extraction import RECORD
+from gspure.datasets import SCENES, archive_of, extract, fetch, is_complete
 from gspure.errors import InputError
 from gspure.progress import say
 
@@ -17,8 +16,7 @@ Each scene becomes a COLMAP project DIR/SCENE whose `images` are the photographs
 outdoor scenes, images_2 of indoor scenes); `gspure train --resolution photographs` uses them at that size. An
 interrupted download resumes from DIR/archives; delete the archives once everything is unpacked.
 
-Nothing is downloaded before you accept the publishers' terms; without --accept-licence the command prints them. No
-publisher gives a digest, so the digest of the first download is stored beside the archive and checked from then on.
+Nothing is downloaded before you accept the publishers' terms; without --accept-licence the command prints them.
 Unpacked files are checked against the checksums in the archive.
 """
 
@@ -35,11 +33,11 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     scenes = SCENES if ALL in args.scenes else tuple(dict.fromkeys(args.scenes))
     archives = {scene: archive_of(scene) for scene in scenes}
-    missing = [scene for scene in scenes if not (args.out / scene / RECORD).is_file()]
+    missing = [scene for scene in scenes if not is_complete(args.out / scene)]
     if missing and not args.accept_licence:
         terms = " ".join(dict.fromkeys(archives[scene].terms for scene in missing))
         raise InputError("download", "--accept-licence", expected="your consent", found="none", hint=terms)
     for scene in missing:
-        file, sha256 = fetch(archives[scene].url, args.out / "archives")
-        extract(file, archives[scene], scene, args.out / scene, sha256=sha256)
+        file = fetch(archives[scene].url, args.out / "archives")
+        extract(file, archives[scene], scene, args.out / scene)
         say(f"{args.out / scene}: {archives[scene].photographs[scene]} of {file.name}")
