@@ -15,7 +15,7 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"constants", "errors", "progress", "settings", "files", "plugins"} | {"artifacts"},
+    {"constants", "errors", "progress", "settings", "files", "plugins"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer", "public_model"},
