@@ -1,6 +1,7 @@
 """Fixtures that several test files share: each OpenCL device that works here, kernel style, energy."""
 
 import os
+from functools import cache, partial
 from pathlib import Path
 
 import hypothesis
@@ -65,3 +66,11 @@ def own_pair_folder(tmp_path_factory):
     from tests.pair_cases import small_pair
 
     return small_pair(tmp_path_factory.mktemp("own_pair"), protocol="own")
+
+
+@pytest.fixture(scope="session")
+def trained(pair_folder):
+    """Return a function from a scheme's name to what it embeds in the shared pair (`tests.scheme_cases`)."""
+    from tests.scheme_cases import embedded_in
+
+    return cache(partial(embedded_in, pair_folder))

@@ -16,22 +16,13 @@ from gspure.cli import extract, main
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image, write_image
 from gspure.public_model import Lesson, PublicModel
-from gspure.schemes.pair import Capture, read_pair
-from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import ADAPTIVE, hide
-
-SETTINGS = {
-    "gs_hider": {"iterations": 60, "max_gaussians": 400},
-    "secure_gs": {"iterations": 60, "max_anchors": 200},
-    "keyss": {"iterations": 60, "max_gaussians": 400},
-}
+from gspure.schemes.pair import Capture
+from gspure.schemes.scheme import ADAPTIVE
 
 
-@pytest.fixture(scope="module", params=SETTINGS)
-def marked(request, pair_folder: Path) -> SimpleNamespace:
-    scheme, pair = find_scheme(request.param), read_pair(pair_folder)
-    public, key = hide(scheme, pair, **SETTINGS[scheme.name])
-    return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, folder=pair_folder)
+@pytest.fixture(scope="module", params=["gs_hider", "secure_gs", "keyss"])
+def marked(request, trained) -> SimpleNamespace:
+    return trained(request.param)
 
 
 def lesson(capture: Capture, steps: int = 40) -> Lesson:

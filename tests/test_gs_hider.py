@@ -7,8 +7,6 @@ torch = pytest.importorskip("torch")
 
 from gspure.errors import InputError  # noqa: E402
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
-from gspure.figures.clouds import Purified  # noqa: E402
-from gspure.figures.gallery import draw_model  # noqa: E402
 from gspure.files import digest  # noqa: E402
 from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
@@ -54,23 +52,6 @@ def test_scene_and_message_are_learned_from_one_map(hidden, pair):
     assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
 
 
-def test_its_rows_are_drawn_although_they_have_no_harmonics(hidden, pair, tmp_path):
-    public, _ = hidden
-    labels = np.zeros(len(public.model), np.int32)
-    draw_model(tmp_path, Purified(public, labels, np.ones(len(labels), np.float32)), pair.scene.views)
-    assert (tmp_path / "splats.png").is_file()
-
-
-def test_equal_seeds_give_equal_bits_and_different_seeds_do_not(pair):
-    def digests(seed):
-        public, key = hide(SCHEME, pair, seed=seed, iterations=4)
-        return digest(public.model.table, public.decoder.content, key.decoder.content)
-
-    state = torch.get_rng_state()
-    assert digests(0) == digests(0) != digests(1)
-    assert torch.equal(torch.get_rng_state(), state)
-
-
 def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
     def digests(threads):
         before = torch.get_num_threads()
@@ -83,12 +64,6 @@ def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
         return digest(public.model.table, public.decoder.content, key.decoder.content)
 
     assert digests(1) == digests(2)
-
-
-def test_without_a_message_there_is_no_key(pair):
-    public, key = hide(SCHEME, pair, iterations=2, message_weight=0)
-    assert key is None
-    assert public.scene()(pair.scene.views[0]).shape == pair.scene.images[0].shape
 
 
 @pytest.mark.parametrize(
@@ -175,15 +150,6 @@ def test_features_are_blended_after_their_sigmoid(hidden, pair):
     expected = Renderer(public.model).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
     found = public.feature_map(background=(0.25, 0.5, 0.75))(camera)
     np.testing.assert_allclose(found, expected, atol=1e-5)
-
-
-def test_pruned_models_keep_their_decoder(hidden, pair):
-    public, key = hidden
-    pruned = without(public, np.arange(len(public.model)) % 2 == 0)
-    assert len(pruned.model) == len(public.model) // 2
-    assert pruned.decoder is public.decoder
-    assert not np.array_equal(pruned.scene()(pair.scene.views[0]), public.scene()(pair.scene.views[0]))
-    assert key.gaussians(pruned, pair.scene.views[0], "message")[0] is pruned.model
 
 
 def test_the_message_of_gs_hider_is_extracted_from_features_only(hidden):

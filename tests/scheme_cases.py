@@ -1,0 +1,44 @@
+"""What schemes embed in the shared pair, each trained once in a run of the tests."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from gspure.schemes.pair import read_pair
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import Scheme, hide
+from tests.documentation import ROOT, blocks
+
+SETTINGS = {
+    "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
+    "gs_hider": {"iterations": 60, "max_gaussians": 400},
+    "secure_gs": {"iterations": 60, "max_anchors": 200},
+    "keyss": {"iterations": 60, "max_gaussians": 400},
+    "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
+    "planted": {"gaussians": 800},
+    "veil": {"iterations": 20, "max_gaussians": 800},
+}
+NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones"}
+
+
+def example() -> tuple[Scheme, str]:
+    """Return the scheme of the guide, as its package would hold it, and its source."""
+    source = next(block for block in blocks(ROOT / "docs" / "schemes.md", "python") if "veil.py" in block)
+    spec = importlib.util.spec_from_loader("veil", loader=None)
+    module = importlib.util.module_from_spec(spec)
+    exec(compile(source, "veil.py", "exec"), module.__dict__)  # noqa: S102
+    return module.SCHEME, source
+
+
+def embedded_in(folder: Path, name: str) -> SimpleNamespace:
+    """Return a scheme, the pair in a folder, and what the scheme made of it."""
+    if name in NEEDS_TORCH:
+        pytest.importorskip("torch")
+    scheme = example()[0] if name == "veil" else find_scheme(name)
+    pair = read_pair(folder)
+    public, key = hide(scheme, pair, **SETTINGS[name])
+    return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SETTINGS[name], folder=folder)
