@@ -1,0 +1,262 @@
+"""Readers of users' files on corrupt ones: each reads what it gets or refuses it in one line, in little memory.
+
+Hypothesis mutates whole files: bytes, and what lies below a format's packing, where checksums would hide it. The
+variable ``GSPURE_EXAMPLES`` sets how many examples of each file are tried.
+"""
+
+import gzip
+import io
+import json
+import os
+import resource
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from gspure.cameras import read_cameras, read_points
+from gspure.cameras.reading import camera_object, read_lenses
+from gspure.errors import InputError
+from gspure.images import read_image
+from gspure.model import read_model, write_model
+from gspure.model.inria import training_arguments
+from gspure.model.ply import read_point_ply, write_point_ply
+from gspure.model.summary import summarize
+from tests.compressed_cases import files as compressed_files
+from tests.models import blobs
+from tests.test_cameras_colmap import binary, text
+
+EXAMPLES = int(os.environ.get("GSPURE_EXAMPLES", "25"))
+MOST_MEMORY = 1 << 29  # bytes by which one file may raise the memory of the process
+
+NUMBERS = [0, 1, -1, 2**31, 2**32 - 1, 2**63, 10**400, 1e308, float("inf"), float("nan")]
+VALUES = st.sampled_from([*NUMBERS, None, True, "", "nan", "../../x", "\x1b[2J\n", [], [[]], {}, [1e30] * 3])
+WORDS = [
+    b"nan",
+    b"inf",
+    b"-1",
+    b"1e999",
+    b"99999999999999999999",
+    b"\xff",
+    b"",
+    b"0",
+    b"float",
+    b"list uchar int",
+    b"#",
+]
+
+
+def model_ply() -> bytes:
+    path = Path(os.environ.get("TMPDIR", "/tmp")) / f"hostile-{os.getpid()}.ply"  # noqa: S108
+    write_model(path, blobs(9, sh_degree=1))
+    try:
+        return path.read_bytes()
+    finally:
+        path.unlink()
+
+
+def ascii_ply() -> bytes:
+    header, _, _ = model_ply().replace(b"binary_little_endian", b"ascii").partition(b"end_header\n")
+    rows = b"\n".join(b" ".join(b"%g" % value for value in row) for row in blobs(9, sh_degree=1).table.tolist())
+    return header + b"end_header\n" + rows + b"\n"
+
+
+def point_ply() -> bytes:
+    path = Path(os.environ.get("TMPDIR", "/tmp")) / f"hostile-{os.getpid()}.ply"  # noqa: S108
+    write_point_ply(path, np.eye(3), np.eye(3, dtype=np.uint8))
+    try:
+        return path.read_bytes()
+    finally:
+        path.unlink()
+
+
+def image(kind: str) -> bytes:
+    stream = io.BytesIO()
+    pixels = np.random.default_rng(0).integers(256, size=(12, 16, 3), dtype=np.uint8)
+    Image.fromarray(pixels).save(stream, kind)
+    return stream.getvalue()
+
+
+VIEW = {"id": 0, "img_name": "a.jpg", "width": 64, "height": 48, "position": [0, 1, 2], "rotation": np.eye(3).tolist()}
+CAMERAS = [{**VIEW, "fx": 50.0, "fy": 51.0}, {**VIEW, "img_name": "b", "fx": 50.0, "fy": 51.0, "k1": 0.0, "cx": 30.0}]
+TRANSFORMS = {
+    "fl_x": 50.0,
+    "w": 64,
+    "h": 48,
+    "frames": [{"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}],
+}
+
+
+def drawn_bytes(data: st.DataObject, content: bytes) -> bytes:
+    """Flip, cut, repeat, insert or overwrite some bytes."""
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, max(len(content) - 1, 0)))
+        length = data.draw(st.sampled_from([1, 1, 4, 40]))
+        match data.draw(st.sampled_from(["set", "cut", "end", "double", "insert"])):
+            case "set":
+                new = data.draw(st.sampled_from([b"\0", b"\xff", b"\x7f", b"\x80", b"\x01"])) * length
+                content = content[:at] + new + content[at + length :]
+            case "cut":
+                content = content[:at] + content[at + length :]
+            case "end":
+                content = content[:at]
+            case "double":
+                content = content[: at + length] + content[at:]
+            case "insert":
+                content = content[:at] + data.draw(st.binary(max_size=8)) + content[at:]
+    return content
+
+
+def drawn_words(data: st.DataObject, content: bytes) -> bytes:
+    """Replace words of a text or of a header."""
+    head, end, body = content.partition(b"end_header\n")
+    lines = [line.split(b" ") for line in head.split(b"\n")]
+    for _ in range(data.draw(st.integers(1, 3))):
+        line = lines[data.draw(st.integers(0, len(lines) - 1))]
+        line[data.draw(st.integers(0, len(line) - 1))] = data.draw(st.sampled_from(WORDS))
+    if data.draw(st.booleans()):
+        lines.insert(data.draw(st.integers(0, len(lines))), lines[data.draw(st.integers(0, len(lines) - 1))])
+    return b"\n".join(map(b" ".join, lines)) + end + body
+
+
+def drawn_json(data: st.DataObject, content: bytes) -> bytes:
+    """Replace or remove a value of a JSON text, wherever it is nested."""
+    value = json.loads(content)
+    for _ in range(data.draw(st.integers(1, 2))):
+        value = _changed(data, value)
+    return json.dumps(value).encode()
+
+
+def _changed(data: st.DataObject, value: Any) -> Any:
+    if not isinstance(value, dict | list) or not value or data.draw(st.integers(0, 3)) == 0:
+        return data.draw(VALUES)
+    key = data.draw(st.sampled_from([*value] if isinstance(value, dict) else range(len(value))))
+    changed = value.copy()
+    if data.draw(st.integers(0, 3)) == 0:
+        del changed[key]
+    else:
+        changed[key] = _changed(data, value[key])
+    return changed
+
+
+def drawn_gzip(data: st.DataObject, content: bytes) -> bytes:
+    return gzip.compress(drawn_bytes(data, gzip.decompress(content)), 1)
+
+
+def drawn_zip(data: st.DataObject, content: bytes) -> bytes:
+    """Change the content of one member of an archive."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    name = data.draw(st.sampled_from([*members]))
+    members[name] = (drawn_json if name.endswith(".json") else drawn_bytes)(data, members[name])
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for member, value in members.items():
+            archive.writestr(member, value)
+    return stream.getvalue()
+
+
+def drawn_png(data: st.DataObject, content: bytes) -> bytes:
+    """Change the content of a chunk, whose checksum becomes that of the change."""
+    parts, at = [content[:8]], 8
+    chosen = data.draw(st.integers(0, 2))
+    while at < len(content):
+        length = int.from_bytes(content[at : at + 4], "big")
+        kind, body = content[at + 4 : at + 8], content[at + 8 : at + 8 + length]
+        body = drawn_bytes(data, body) if len(parts) - 1 == chosen else body
+        parts.append(len(body).to_bytes(4, "big") + kind + body + zlib.crc32(kind + body).to_bytes(4, "big"))
+        at += length + 12
+    return b"".join(parts)
+
+
+def read_any_model(path: Path) -> None:
+    summarize(read_model(path))
+
+
+def read_colmap(path: Path) -> None:
+    for read in (read_lenses, read_points):
+        try:
+            read(path.parent)
+        except InputError:
+            if read is read_points:
+                raise
+
+
+Mutator = Callable[[st.DataObject, bytes], bytes]
+BYTES: tuple[Mutator, ...] = (drawn_bytes,)
+TEXT: tuple[Mutator, ...] = (drawn_bytes, drawn_words)
+JSON: tuple[Mutator, ...] = (drawn_json, drawn_json, drawn_json, drawn_bytes)
+COMPRESSED = compressed_files()
+CASES: dict[str, tuple[dict[str, bytes], tuple[Mutator, ...], Callable[[Path], object]]] = {
+    "model.ply": ({"model.ply": model_ply()}, TEXT, read_any_model),
+    "ascii.ply": ({"ascii.ply": ascii_ply()}, TEXT, read_any_model),
+    "points.ply": ({"points.ply": point_ply()}, TEXT, read_point_ply),
+    "cfg_args": (
+        {"cfg_args": b"Namespace(sh_degree=3, white_background=True)"},
+        TEXT,
+        lambda p: training_arguments(p.parent),
+    ),
+    "cameras.json": ({"cameras.json": json.dumps(CAMERAS).encode()}, JSON, read_cameras),
+    "transforms.json": ({"transforms.json": json.dumps(TRANSFORMS).encode()}, JSON, read_lenses),
+    "scene.json": ({"scene.json": json.dumps(TRANSFORMS).encode()}, JSON, camera_object),
+    "a.png": ({"a.png": image("PNG")}, (drawn_png, drawn_png, drawn_bytes), read_image),
+    **{
+        f"a.{kind.lower()}": ({f"a.{kind.lower()}": image(kind)}, BYTES, read_image)
+        for kind in ("JPEG", "TIFF", "WEBP")
+    },
+    **{name: (files, TEXT, read_colmap) for files in (binary(), text()) for name in files},
+    "model.splat": ({"model.splat": COMPRESSED["model.splat"]}, BYTES, read_any_model),
+    "v3.spz": ({"v3.spz": COMPRESSED["v3.spz"]}, (drawn_gzip, drawn_gzip, drawn_bytes), read_any_model),
+    "v4.spz": ({"v4.spz": COMPRESSED["v4.spz"]}, BYTES, read_any_model),
+    "model.sog": ({"model.sog": COMPRESSED["model.sog"]}, (drawn_zip, drawn_zip, drawn_bytes), read_any_model),
+    "m.compressed.ply": ({"m.compressed.ply": COMPRESSED["model.compressed.ply"]}, TEXT, read_any_model),
+}
+"""By the name of the file that is mutated: all files that a reader needs, what happens to it, and the reader."""
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", CASES)
+@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_a_corrupt_file_is_read_or_refused_in_one_line(tmp_path: Path, name: str, data: st.DataObject) -> None:
+    files, mutators, read = CASES[name]
+    for each, content in files.items():
+        (tmp_path / each).unlink(missing_ok=True)  # a model that was read before may still be mapped
+        (tmp_path / each).write_bytes(content if each != name else data.draw(st.sampled_from(mutators))(data, content))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    try:
+        read(tmp_path / name)
+    except InputError as error:
+        message = str(error)
+        assert str(tmp_path) in message
+        assert message.isprintable()
+        assert len(message) < 3000
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MOST_MEMORY
+
+
+@pytest.mark.parametrize("special", ["folder", "link to itself", "endless device", "pipe"])
+@pytest.mark.parametrize(
+    "name", ["model.ply", "model.splat", "v3.spz", "model.sog", "cameras.json", "a.png", "cameras.txt"]
+)
+def test_what_is_no_regular_file_is_refused(tmp_path: Path, name: str, special: str) -> None:
+    files, _, read = CASES[name]
+    for each, content in files.items():
+        (tmp_path / each).write_bytes(content)
+    path = tmp_path / name
+    path.unlink()
+    {
+        "folder": path.mkdir,
+        "link to itself": lambda: path.symlink_to(path),
+        "endless device": lambda: path.symlink_to("/dev/zero"),
+        "pipe": lambda: os.mkfifo(path),
+    }[special]()
+    with pytest.raises(InputError) as caught:
+        read_lenses(path.parent) if name == "cameras.txt" else read(path)
+    assert str(caught.value).isprintable()
