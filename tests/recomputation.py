@@ -1,6 +1,6 @@
-"""Every number of the tables of a run, recomputed from its images and arrays alone.
+"""Every number of the tables over scenes, recomputed from ``results.csv`` with sums written out.
 
-Nothing here is imported from the package: sums are written out, and files are read by numpy and PIL.
+Nothing here is imported from the package.
 """
 
 import csv
@@ -12,11 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
-CONTROLS = ("clean", "wrong_key", "other_scene", "black", "mean_colour")
 WITHOUT_MESSAGE = ("clean", "other_scene", "black", "mean_colour")
-METRICS = ("psnr", "ssim", "region", "ms_ssim", "nc", "structure")
 Cells = dict[tuple[str, str], float]  # by scene and repetition
 
 
@@ -29,66 +26,8 @@ def number(text: str) -> float:
     return float(text) if text else math.nan
 
 
-def pixels(path: Path) -> np.ndarray:
-    return np.asarray(Image.open(path).convert("RGB"), np.float64) / 255
-
-
-def metrics(a: np.ndarray, b: np.ndarray) -> dict[str, float]:
-    """The metrics of two images [H,W,3] whose shorter side is below 22 pixels, or a multiple of two scales."""
-    colours, counts = np.unique(np.rint(255 * a).reshape(-1, 3), axis=0, return_counts=True)
-    region = (np.rint(255 * a) != colours[counts.argmax()]).any(axis=2)
-    gradients = [np.concatenate([np.diff(x, axis=0).ravel(), np.diff(x, axis=1).ravel()]) for x in (a, b)]
-    luminance, contrast = similarity(a, b)
-    return {
-        "psnr": decibels(a, b),
-        "ssim": float((luminance * contrast).mean()),
-        "region": decibels(a[region], b[region]) if region.any() else decibels(a, b),
-        "ms_ssim": multiscale(a, b),
-        "nc": correlation(*((x - x.mean(axis=(0, 1))).ravel() for x in (a, b))),
-        "structure": correlation(*gradients),
-    }
-
-
-def decibels(a: np.ndarray, b: np.ndarray) -> float:
-    error = ((a - b) ** 2).mean()
-    return 10 * math.log10(1 / error) if error else math.inf
-
-
-def correlation(x: np.ndarray, y: np.ndarray) -> float:
-    norm = math.sqrt((x @ x) * (y @ y))
-    return float(x @ y) / norm if norm else 0.0
-
-
-def blurred(x: np.ndarray) -> np.ndarray:
-    weights = np.exp(-(np.arange(-5, 6) ** 2) / (2 * 1.5**2))
-    window = np.outer(weights, weights) / weights.sum() ** 2
-    height, width = x.shape[:2]
-    padded = np.pad(x, ((5, 5), (5, 5), (0, 0)))
-    return sum(window[i, j] * padded[i : i + height, j : j + width] for i, j in product(range(11), repeat=2))
-
-
-def similarity(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    mean_a, mean_b = blurred(a), blurred(b)
-    var_a, var_b = blurred(a * a) - mean_a**2, blurred(b * b) - mean_b**2
-    luminance = (2 * mean_a * mean_b + 0.01**2) / (mean_a**2 + mean_b**2 + 0.01**2)
-    return luminance, (2 * (blurred(a * b) - mean_a * mean_b) + 0.03**2) / (var_a + var_b + 0.03**2)
-
-
-def multiscale(a: np.ndarray, b: np.ndarray) -> float:
-    weights = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)[: int(math.log2(max(min(a.shape[:2]) / 11, 1))) + 1]
-    index = np.ones(3)
-    for scale, weight in enumerate(weights):
-        if scale:
-            a, b = (x[: x.shape[0] // 2 * 2, : x.shape[1] // 2 * 2] for x in (a, b))
-            a, b = ((x[::2, ::2] + x[1::2, ::2] + x[::2, 1::2] + x[1::2, 1::2]) / 4 for x in (a, b))
-        luminance, contrast = (x[5:-5, 5:-5] for x in similarity(a, b))
-        terms = luminance * contrast if scale == len(weights) - 1 else contrast
-        index *= np.maximum(terms.mean(axis=(0, 1)), 0) ** (weight / sum(weights))
-    return float(index.mean())
-
-
 class Results:
-    """The folder ``results`` of a workflow, with the path to the photographs of its pairs."""
+    """The folder ``results`` of a run."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -99,27 +38,6 @@ class Results:
         """The rows of a table that are about pictures of messages compared with photographs."""
         shown = {(*condition(row), row["target"]) for row in self.rows}
         return [row for row in table(self.folder / "tables" / name) if (*condition(row), row["extraction"]) in shown]
-
-    def of(self, row: Mapping[str, str]) -> Path:
-        scene = row["scene"] + (f"@{row['seed']}" if row["seed"] != "0" else "")
-        return self.folder / row["scheme"] / scene / row["variant"]
-
-    def images(self, row: Mapping[str, str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """By view, the photograph of a row of the table and what is compared with it."""
-        truth = self.folder / "pairs" / row["scene"] / row["target"].partition("_")[0]
-        if row["variant"] in ("black", "mean_colour"):
-            shown = self.of({**row, "variant": "unattacked"}) / "renders" / row["target"]
-        else:
-            shown = self.of(row) / "renders" / row["target"]
-        known = {}
-        for file in sorted(shown.glob("*.png")):
-            photograph = pixels(truth / file.name)
-            flat = {
-                "black": 0 * photograph,
-                "mean_colour": np.broadcast_to(photograph.mean(axis=(0, 1)), photograph.shape),
-            }
-            known[file.stem] = photograph, flat[row["variant"]] if row["variant"] in flat else pixels(file)
-        return known
 
     def cells(self, chosen: tuple[str, ...], variant: str, target: str, column: str = "psnr") -> Cells:
         return {
@@ -138,10 +56,6 @@ class Results:
 
 def condition(row: Mapping[str, str]) -> tuple[str, ...]:
     return row["scheme"], row["protocol"], row["initialization"]
-
-
-def model(row: Mapping[str, str]) -> tuple[str, ...]:
-    return *condition(row), row["scene"], row["seed"]
 
 
 def drops(before: Cells, after: Cells) -> Cells:
@@ -170,55 +84,6 @@ def compare(row: Mapping[str, str], expected: Mapping[str, float], where: str) -
     for column, value in expected.items():
         np.testing.assert_allclose(number(row[column]), value, rtol=1e-5, atol=5e-5, err_msg=f"{where}: {column}")
     return len(expected)
-
-
-def check_metrics(results: Results) -> int:
-    """Check ``metrics.csv`` of every variant, from the images; return how many numbers were compared."""
-    count = 0
-    for row in results.rows:
-        written = {(r["target"], r["view"]): r for r in table(results.of(row) / "metrics.csv")}
-        for view, pair in results.images(row).items():
-            count += compare(written[row["target"], view], metrics(*pair), f"{results.of(row)} {view}")
-    return count
-
-
-def check_results(results: Results) -> int:
-    """Check ``results.csv``: means over views, drops, Scores and shares, from the images and masks."""
-    count = 0
-    known: dict[Any, dict[str, float]] = {}
-    measured = [(row, {view: metrics(*pair) for view, pair in results.images(row).items()}) for row in results.rows]
-    equal = defaultdict(set)  # views that a variant shows exactly; they are in no mean of their model
-    for row, views in measured:
-        equal[model(row), row["target"]] |= {view for view, numbers in views.items() if numbers["psnr"] == math.inf}
-    for row, views in measured:
-        cell = (*model(row), row["variant"], row["target"])
-        counted = [numbers for view, numbers in views.items() if view not in equal[model(row), row["target"]]]
-        known[cell] = {name: float(np.mean([view[name] for view in counted])) for name in METRICS}
-        count += compare(row, {**known[cell], "views": len(counted)}, f"{cell}")
-    for row in results.rows:
-        place = model(row)
-        after, before = (known.get((*place, variant, row["target"])) for variant in (row["variant"], "unattacked"))
-        if before and after:
-            count += compare(row, {f"{name}_drop": before[name] - after[name] for name in METRICS}, f"{place}")
-        if row["variant"] not in CONTROLS:
-            message = row["target"] if row["target"] != "scene" else "message"
-            lost = [
-                known[*place, "unattacked", t]["psnr"] - known[*place, row["variant"], t]["psnr"]
-                for t in (message, "scene")
-            ]
-            count += compare(row, {"score": lost[0] - lost[1]}, f"{place} {row['variant']}")
-        if (mask := results.of(row) / "prune_mask.npy").is_file():
-            pruned = np.load(mask)
-            expected = {"pruned_share": pruned.sum() / len(pruned)}
-            if (key := results.of(row).parent / "key" / "message_rows.npy").is_file():
-                truth = np.load(key)
-                hits = (pruned & truth).sum()
-                expected |= {
-                    "precision": hits / pruned.sum() if pruned.any() else math.nan,
-                    "recall": hits / truth.sum(),
-                }
-            count += compare(row, expected, f"{place} {row['variant']}")
-    return count
 
 
 def check_summary(results: Results) -> int:
@@ -350,8 +215,6 @@ def check_searched(results: Results) -> int:
 
 
 CHECKS: Iterable[Any] = (
-    check_metrics,
-    check_results,
     check_summary,
     check_survival,
     check_contest,

@@ -54,16 +54,15 @@ def test_the_histogram_shows_every_gaussian_and_the_thresholds(tmp_path: Path, d
     assert "0" in [label.get_text() for label in axes.get_xticklabels()]
 
 
-@pytest.mark.parametrize(("name", "start"), [("a.png", PNG), ("a.SVG", b"<?xml"), ("a.pdf", b"%PDF")])
 @pytest.mark.parametrize("vector", [False, True])
-def test_a_figure_is_what_its_suffix_says_and_always_the_same_bytes(tmp_path: Path, name, start, vector) -> None:
+def test_a_figure_has_the_same_bytes_again_and_a_chart_is_also_a_vector_graphic(tmp_path: Path, vector: bool) -> None:
     for folder in ("first", "second"):
-        with style.page(tmp_path / folder / name, 1, 1, vector=vector) as figure:
+        with style.page(tmp_path / folder / "a.png", 1, 1, vector=vector) as figure:
             figure.text(0, 0, "A")
-    assert (tmp_path / "first" / name).read_bytes().startswith(start)
-    assert (tmp_path / "first" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
-    beside = {path.name for path in (tmp_path / "first").iterdir()} - {name}
-    assert beside == ({"a.svg"} if vector and name != "a.SVG" else set())
+    files = sorted((tmp_path / "first").iterdir())
+    assert [path.name for path in files] == ["a.png", *["a.svg"] * vector]
+    assert all(path.read_bytes() == (tmp_path / "second" / path.name).read_bytes() for path in files)
+    assert [path.read_bytes()[:5] for path in files] == [PNG[:5], *[b"<?xml"] * vector]
 
 
 def outcome(variant: str, scene: float, message: float | None = None, scheme: str = "planted") -> Outcome:
@@ -147,12 +146,7 @@ def test_formulas_in_labels_are_parsed(tmp_path: Path, drawn) -> None:
     [
         [np.nan, np.inf, -np.inf, 1, 2],
         [-1.8e33, 1, 2, 0],
-        [np.inf] * 3,
-        [np.nan] * 3,
         [3.4e38, 1e-45, 0],
-        [3.4e38] * 4,
-        [1e-45] * 4,
-        [-1.0] * 3,
         [],
     ],
 )

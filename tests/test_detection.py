@@ -62,12 +62,6 @@ def test_views_at_the_threshold_do_not_exceed_it(tmp_path, bits):
     assert (at.tpr, at.present, above.tpr, above.present) == (0, False, 1, True)
 
 
-def test_large_scores_keep_their_order(tmp_path):
-    write_table(tmp_path / "rows.csv", Reading, [Reading(view, 1234566.0 + i, 0) for i, view in enumerate("ab")])
-    first, second = read_table(tmp_path / "rows.csv", Reading)
-    assert detection([second], [first.level] * 99).tpr == 1
-
-
 @pytest.mark.parametrize(("bits", "known", "known_strict"), [(1, 0, 0), (6, 0, 0), (7, 1, 0), (9, 1, 0), (10, 1, 1)])
 def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known, known_strict):
     seen = detection([Reading(str(view), 100.0, bits) for view in range(50)], [])
@@ -167,12 +161,6 @@ def test_bits_survive_where_they_are_detected(outcomes):
     assert rows["gspure"].message_drop.mean == pytest.approx(38)
     assert rows["gspure"].above_floor.mean == pytest.approx(9)
     assert math.isnan(rows["gspure"].rms_ratio)
-
-
-@pytest.mark.parametrize("level", [0.1 + 0.2, 0.3])
-def test_rounding_alone_is_no_drop(level: float) -> None:
-    one = with_references([outcome("unattacked", 0.3, 0.1 + 0.2), outcome("gspure", level, 0.3)])[1]
-    assert (one.drop("mark"), one.psnr_drop("scene")) == (0, 0)
 
 
 def test_bits_enter_the_contest_without_a_score(outcomes):
@@ -344,16 +332,6 @@ def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, t
 def test_a_key_that_reads_no_bits_is_refused(renders, read, found):
     with pytest.raises(InputError, match=f"key: bits read from an image: expected an array of 4 bits.* found {found}"):
         read_bits(lambda _: read, np.ones(4, np.bool_), renders)
-
-
-def test_bits_may_be_whole_numbers(renders):
-    readings = read_bits(lambda _: np.array([1, 0, 1, 1], np.uint8), np.ones(4, np.bool_), renders)
-    assert {reading.value for reading in readings} == {3}
-
-
-def test_a_folder_without_images_is_refused(tmp_path):
-    with pytest.raises(InputError, match="PNG files"):
-        read_marks(printing("{}"), tmp_path, "", 60)
 
 
 def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):

@@ -1,16 +1,13 @@
 """Attacks at equal damage: their rows over scenes, and the table."""
 
-import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.evaluation.contest import contest
-from gspure.evaluation.csv_tables import read_table, write_table
-from gspure.evaluation.matched import MATCHED_DAMAGES, Matched, match, matched_message_drop, pareto_front, reached_name
+from gspure.evaluation.matched import MATCHED_DAMAGES, match, matched_message_drop, pareto_front, reached_name
 from gspure.evaluation.names import variant_at, wanted_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
@@ -112,12 +109,6 @@ def test_searches_that_missed_in_both_directions_have_no_mean() -> None:
     assert str(matched_table([row]).rows[0].cells[-1]) == "≤ 12.50 (5.00 to 20.00) at 1.25 dB"
 
 
-def test_a_damage_that_every_model_has_is_exact_in_the_mean() -> None:
-    scenes = {f"s{i}": {"noise@0.3dB": (0.3, 5.0)} for i in range(14)}
-    (row,) = match(outcomes(**scenes), {"noise": ["noise@0.3dB"]})
-    assert row.scene_drop == row.damage
-
-
 def test_the_name_of_a_variant_states_misses_that_cancel_in_the_mean() -> None:
     assert reached_name("noise@1dB", 0.5, 1.5) == "noise, 1 dB (0.50 to 1.50 dB reached)"
     assert reached_name("noise@1dB", 0.98, 1.02) == "noise, 1 dB"
@@ -129,13 +120,6 @@ def test_the_range_of_a_missed_damage_is_that_of_scenes_however_many_there_are()
     assert "noise, 1 dB (0.40 to 1.00 dB reached)" in names
     (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
     assert name == "noise, 1 dB (0.47 dB reached on average)"  # a survival table has no range of many scenes
-
-
-@pytest.mark.parametrize("count", [4, 8])
-def test_misses_that_cancel_in_the_mean_are_stated(count: int) -> None:
-    scenes = {f"s{i}": {"noise@1dB": (0.1 if i % 2 else 1.9, 5.0)} for i in range(count)}
-    (name,) = {row.name for row in survival(outcomes(**scenes)) if row.variant == "noise@1dB"}
-    assert name == "noise, 1 dB " + ("(0.10 to 1.90 dB reached)" if count < 6 else "(1.00 dB reached on average)")
 
 
 def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> None:
@@ -178,22 +162,6 @@ def test_the_table_marks_the_largest_drop_at_each_damage_that_was_reached() -> N
     assert [column.title for column in table.columns[2:]] == ["1.5 dB", "2 dB"]
     assert {str(row.cells[0]): sum(cell.best for cell in row.cells) for row in table.rows} == {"ours": 2, "theirs": 0}
     assert conditions_markdown().startswith("No model with a message")
-
-
-def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
-    rows = match(TWO, SWEEPS)
-    write_table(tmp_path / "matched.csv", Matched, rows)
-    read = read_table(tmp_path / "matched.csv", Matched)
-    assert conditions_markdown(matched=read) == conditions_markdown(matched=rows)
-
-
-def test_tables_name_the_damage_that_a_search_reached_instead_of_the_wanted_one() -> None:
-    rows = benchmark({"room": {"gspure": (1.0, 9.0), "noise@1dB": (0.17, 2.0), "crop@1dB": (1.03, 3.0)}})
-    of_condition = condition_tables(rows[0].condition, survival(rows), contest(rows, {}))[:2]
-    for table in (model_table(rows), *of_condition, summary_table(rows)):
-        names = {cell.text for row in table.rows for cell in row.cells}
-        assert {"noise, 1 dB (0.17 dB reached)", "crop, 1 dB"} <= names
-    assert reached_name("noise@1dB", math.nan) == reached_name("noise@1dB", math.inf) == "noise, 1 dB"
 
 
 POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)

@@ -17,7 +17,6 @@ from gspure.evaluation import metrics
 from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
 from gspure.evaluation.metrics import (
     METRICS,
-    gaussian_window,
     gradient_correlation,
     ms_ssim,
     normalized_correlation,
@@ -63,10 +62,6 @@ def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
     assert psnr(a, b) == pytest.approx(-10 * np.log10(0.06))
 
 
-def test_psnr_of_one_grey_level_is_that_of_eight_bit_images() -> None:
-    assert psnr(np.zeros((4, 4, 3)), np.full((4, 4, 3), 1 / 255)) == pytest.approx(48.1308, abs=1e-4)
-
-
 def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert psnr(image(0), image(0)) == np.inf
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
@@ -109,15 +104,6 @@ def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim() -> None:
     settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
     expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
     assert ms_ssim(a, b) == pytest.approx(expected, abs=1e-9)
-
-
-def test_ms_ssim_of_an_image_as_large_as_the_window_is_ssim_at_its_centre() -> None:
-    from skimage.metrics import structural_similarity
-
-    a, b = image(3, 11, 11), (image(3, 11, 11) + image(4, 11, 11)) / 2
-    settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False, "full": True}
-    _, expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
-    assert ms_ssim(a, b) == pytest.approx(expected[5, 5].mean(), abs=1e-9)
 
 
 def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:
@@ -202,21 +188,6 @@ def test_metrics_are_symmetric_and_ssim_is_at_most_one(a: np.ndarray, seed: int)
     assert -1 - 1e-9 <= ssim(a, b) <= 1 + 1e-9
 
 
-def test_more_noise_lowers_both() -> None:
-    noise = np.random.default_rng(0).normal(size=(40, 50, 3))
-    levels = [np.clip(image(5) + s * noise, 0, 1) for s in (0.01, 0.05, 0.2)]
-    for metric in (psnr, ssim):
-        found = [metric(image(5), level) for level in levels]
-        assert found == sorted(found, reverse=True)
-
-
-def test_window_is_eleven_wide_normalized_and_of_the_given_deviation() -> None:
-    window = gaussian_window()
-    assert window.shape == (11,)
-    assert window.sum() == pytest.approx(1)
-    assert window[5] / window[4] == pytest.approx(np.exp(1 / (2 * 1.5**2)))
-
-
 def folders(tmp_path: Path, *targets: str) -> tuple[Path, Path]:
     for target in targets:
         for seed, name in enumerate(("001", "002")):
@@ -246,13 +217,6 @@ def test_an_image_without_reference_is_refused(tmp_path: Path) -> None:
     (a / "scene" / "002.png").unlink()
     with pytest.raises(InputError, match=r"a/scene/002\.png: file: expected a counterpart of .*b/scene/002\.png"):
         pair_images(a, b)
-
-
-def test_an_unknown_target_is_refused(tmp_path: Path) -> None:
-    a, b = folders(tmp_path, "scene")
-    pair_images(a, b, {"scene": "scene"})
-    with pytest.raises(InputError, match=r"target: expected one of scene, found 'scenes'"):
-        pair_images(a, b, {"scenes": "scene"})
 
 
 def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:

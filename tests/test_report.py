@@ -73,7 +73,7 @@ def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
 
 
 @pytest.mark.parametrize("check", CHECKS)
-def test_every_number_of_the_tables_follows_from_the_images(run: Path, check) -> None:
+def test_every_number_of_the_tables_over_scenes_follows_from_the_results(run: Path, check) -> None:
     assert check(Results(run)) > 0 or check is check_searched
 
 

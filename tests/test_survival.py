@@ -2,18 +2,16 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.evaluation.csv_tables import read_table, write_table
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.retrieval import Retrieval
 from gspure.evaluation.significance import detectability
-from gspure.evaluation.survival import MARGIN, Survival, control_levels, not_embedded, survival
-from tests.contest_cases import BEFORE, CONTROLS, attacked, benchmark, measured, outcome
+from gspure.evaluation.survival import MARGIN, control_levels, not_embedded, survival
+from tests.contest_cases import BEFORE, CONTROLS, benchmark, measured, outcome
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
 DROPS = st.tuples(st.floats(0, 5), st.floats(0, 25))
@@ -163,21 +161,6 @@ def test_seeds_are_averaged_within_scenes() -> None:
     assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
 
 
-def test_the_verdict_covers_each_extraction() -> None:
-    reached = {"message": False, "message_oracle": True}
-    targets = {"scene": 30.0, "message": 28.0, "message_oracle": 20.0}
-    outcomes = [outcome("x", targets=targets, reached=reached), attacked("y", 1.0, 1.0)]
-    assert by_variant(outcomes)["x"].reached is False
-    assert by_variant(outcomes, "message_oracle")["x"].reached is True
-    assert by_variant(outcomes)["y"].reached is None
-
-
-def test_controls_models_without_message_and_failures_have_no_row() -> None:
-    assert "clean" not in by_variant(FOUR)
-    assert survival([outcome("gspure", targets={"scene": 30.0})]) == []
-    assert "x" not in by_variant([*FOUR, outcome("x", "s0", failure="out of memory")])
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     st.dictionaries(st.sampled_from("abcd"), st.fixed_dictionaries({"x": DROPS, "y": DROPS}), min_size=1),
@@ -196,16 +179,6 @@ def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -
     rows = by_variant(benchmark(scenes))
     assert rows["y"].survived <= rows["x"].survived
     assert rows["y"].detectability.auc <= rows["x"].detectability.auc
-
-
-def test_a_table_read_back_is_what_was_written(tmp_path: Path) -> None:
-    outcomes = [*FOUR, *(outcome("odd", s, targets={"message": math.inf}, reached={"message": True}) for s in ("s0",))]
-    rows = survival([*outcomes, outcome("gspure", scheme="bare", targets={"message": 9.0})])
-    write_table(tmp_path / "survival.csv", Survival, rows)
-    read = read_table(tmp_path / "survival.csv", Survival)
-    assert [row.survives for row in read] == [row.survives for row in rows]
-    write_table(tmp_path / "again.csv", Survival, read)
-    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "survival.csv").read_bytes()
 
 
 def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> None:

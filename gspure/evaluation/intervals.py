@@ -29,8 +29,8 @@ from gspure.errors import InputError
 from gspure.files import Float64
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
-ROUNDING: Final = 1e-9  # relative error of sums and differences; ours, far below what images of 8 bits distinguish
-RESAMPLES: Final = 10_000  # ours: the tails of six scenes then hold some 20 resamples
+ROUNDING: Final = 1e-9  # relative error of sums and differences, far below what images of 8 bits distinguish
+RESAMPLES: Final = 10_000  # the tails of six scenes then hold some 20 resamples
 
 SEED: Final = 0
 
@@ -47,11 +47,6 @@ class Interval(NamedTuple):
     high: float
     level: float  # `LEVEL` for a bootstrap interval; lower for a range of few scenes, and 0 for a single one
     scenes: int
-
-    @property
-    def excludes_zero(self) -> bool:
-        """Whether all of the interval has one sign; below six scenes, whether all scenes have it."""
-        return self.low > 0 or self.high < 0
 
 
 def by_scene(cells: Mapping[tuple[str, int], ArrayLike]) -> Groups:

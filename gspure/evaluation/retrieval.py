@@ -13,7 +13,7 @@ from gspure.evaluation.significance import detectability
 from gspure.files import Float64
 from gspure.images import levels, read_image
 
-CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability; ours
+CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability
 FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`
 
 

@@ -23,11 +23,11 @@ from numpy.typing import ArrayLike
 from gspure.evaluation.intervals import LEVEL, checked, means_of
 from gspure.files import Float64
 
-DRAWS: Final = 2**16  # ours: up to 16 scenes this is every combination of signs; for more, as many are drawn
+DRAWS: Final = 2**16  # up to 16 scenes this is every combination of signs; for more, as many are drawn
 
 SEED: Final = 0
 
-DIGITS: Final = 10  # decimal digits of the largest difference that are compared; ours: the rest may be rounding error
+DIGITS: Final = 10  # decimal digits of the largest difference that are compared: the rest may be rounding error
 
 
 class PairedTest(NamedTuple):

@@ -1,4 +1,4 @@
-"""The common style of all figures: sizes, fonts, colours, and writing of PNG, SVG and PDF files."""
+"""The common style of all figures: sizes, fonts, colours, and writing of PNG and SVG files."""
 
 from __future__ import annotations
 
@@ -71,7 +71,6 @@ _RC: Final[dict[str, Any]] = {
 _VARYING: Final = {
     "png": ("Software",),
     "svg": ("Creator", "Date"),
-    "pdf": ("Creator", "Producer", "CreationDate"),
 }
 """By format: the entries without which the bytes depend neither on matplotlib's version nor on the date."""
 
@@ -85,14 +84,14 @@ def page(
     *,
     vector: bool = False,
 ) -> Iterator[Figure]:
-    """Yield an empty figure of this size in inches, and write it to `path`, a PNG, SVG or PDF, after the block.
+    """Yield an empty figure of this size in inches, and write it to `path`, a PNG, after the block.
 
     A `vector` figure, a chart without pictures, is also written as an SVG beside it.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    files = [path, *[path.with_suffix(".svg")] * (vector and path.suffix.lower() != ".svg")]
+    files = [path, *[path.with_suffix(".svg")] * vector]
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
         yield figure
