@@ -71,7 +71,6 @@ DECIBELS: Final = Range(0.0, 100.0, above=True)
 FIELD_OF_VIEW: Final = Range(0.01, 179.0)  # degrees
 TRACED_SIDE: Final = Range(16, 16384)  # of a ray-traced image, in pixels
 PAIR_VIEWS: Final = Range(3, 10_000)  # of two, one is a test view, and a single training view fixes no positions
-OFF_PATH: Final = Range(0, 10_000)  # views
 SECONDS: Final = Range(0.0, 1e6, above=True)
 CORES: Final = Range(1, 10_000)
 MAX_GAUSSIANS: Final = Range(4, 100_000_000)  # of a model that grows; training starts from at least 4
