@@ -8,6 +8,8 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pytest
+
 import gspure
 
 PACKAGE = Path(gspure.__file__).parent
@@ -139,11 +141,48 @@ def test_the_core_does_not_import_torch() -> None:
     assert offences(through) == []
 
 
+BUDGETS = {
+    "": (1700, 12),
+    "attacks": (1250, 12),
+    "cameras": (1400, 11),
+    "cli": (2300, 20),
+    "evaluation": (2650, 17),
+    "figures": (1650, 12),
+    "method": (1150, 10),
+    "model": (1850, 14),
+    "opencl": (2350, 24),
+    "report": (1800, 13),
+    "scenes": (1150, 9),
+    "schemes": (3800, 29),
+    "surface": (280, 4),
+    "training": (1200, 11),
+    "workflow": (900, 5),
+}
+"""Most lines and most files of each folder: growth is a decision, which edits this table."""
+
+MOST_LINES = 300  # of a module
+LONGER = {"plan.py"}  # the plan of the workflow: models and variants, which know each other
+
 PRIVATE = re.compile(
     r"workflow\._|\._build_dag|update_needrun|persistence\.|exit_gracefully|_user_kill|scheduler\.failed|"
     r"spawned_job_args_factory"
 )
 """Names of Snakemake that are not its interface."""
+
+
+@pytest.mark.parametrize("folder", BUDGETS)
+def test_a_folder_keeps_to_its_budget(folder: str) -> None:
+    files = [path for path in (PACKAGE / folder).glob("**/*" if folder else "*") if path.is_file()]
+    texts = [path for path in files if path.suffix in {".py", ".j2", ".html", ".css", ".js"}]
+    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in texts)
+    most_lines, most_files = BUDGETS[folder]
+    assert lines <= most_lines
+    assert len(texts) <= most_files
+
+
+def test_no_module_is_longer_than_a_reader_holds_in_mind() -> None:
+    lengths = {source: len(source.read_text(encoding="utf-8").splitlines()) for source in TREES}
+    assert {source.name for source, length in lengths.items() if length > MOST_LINES} <= LONGER
 
 
 def test_no_private_name_of_snakemake_is_used() -> None:
