@@ -113,18 +113,6 @@ def test_unattacked_is_the_model_itself() -> None:
     assert not attacked.prune_mask.any()
 
 
-def test_random_matched_removes_as_many_as_gspure_but_others() -> None:
-    ours = find_attack("gspure").apply(model(), evidence())
-    matched = find_attack("random_matched").apply(model(), evidence())
-    assert len(matched.model) == len(ours.model)
-    assert (matched.prune_mask != ours.prune_mask).any()
-
-
-def test_gspure_removes_what_the_mask_says() -> None:
-    found = evidence()
-    np.testing.assert_array_equal(find_attack("gspure").apply(model(), found).prune_mask, found.prune_mask)
-
-
 def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
     weights = np.array([1.0, 2.0, 9.0], np.float32)  # mean 4
     attacked = find_attack("plain_weight").apply(model(3), Evidence(weights), tau=2.5)
@@ -144,12 +132,6 @@ def test_feature_scaling_of_opacity_scales_the_activated_one_and_stays_below_one
     assert np.isfinite(after.table["opacity"]).all()
 
 
-def test_scaling_by_zero_leaves_opacities_finite() -> None:
-    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=0.0, attributes="colour,opacity").model
-    assert not after.sh_coeffs.any()
-    assert np.isfinite(after.table["opacity"]).all()
-
-
 @pytest.mark.parametrize("name", ["feature_scaling", "gaussian_noise"])
 @pytest.mark.parametrize("extra", ["semantic_", "f_anchor_feat_"])
 def test_attacks_on_colour_act_on_the_features_of_models_that_store_those(name: str, extra: str) -> None:
@@ -165,17 +147,6 @@ def test_gaussian_noise_has_the_given_deviation_and_is_independent() -> None:
     np.testing.assert_allclose(noise.std(axis=0), 0.05, rtol=0.03)
     np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.002)
     np.testing.assert_allclose(np.corrcoef(noise.T), np.eye(12), atol=0.04)
-
-
-def test_noise_of_opacity_is_added_to_the_logit() -> None:
-    after = find_attack("gaussian_noise").apply(model(), Evidence(), attributes="opacity").model
-    assert changed(model(), after) == {"opacity"}
-
-
-def test_a_model_without_colour_is_refused_by_attacks_on_colour() -> None:
-    table = model().table[["x", "y", "z", "opacity"]]
-    with pytest.raises(InputError, match="not applicable: rows do not store colour"):
-        find_attack("feature_scaling").apply(Gaussians(table), Evidence())
 
 
 @pytest.mark.parametrize(

@@ -63,12 +63,6 @@ def test_a_removed_row_affects_the_message_whatever_it_reads() -> None:
     assert affected(model, Attacked.without(model, np.arange(COUNT) == 0), ())
 
 
-def test_a_removed_column_affects_the_message() -> None:
-    model = blobs(COUNT)
-    without = Gaussians(model.table[[name for name in model.table.dtype.names if name != "f_rest_0"]])
-    assert affected(model, Attacked(without, np.arange(COUNT), COUNT), BITS)
-
-
 def test_columns_that_the_model_does_not_have_are_refused() -> None:
     with pytest.raises(InputError, match=r"extraction: semantic_\*: expected columns of the public model, found none"):
         affects("unattacked", blobs(COUNT), BLEND)

@@ -8,7 +8,6 @@ import pytest
 from gspure.attacks import Evidence, find_attack
 from gspure.attacks.compression import curve_order
 from gspure.errors import InputError
-from gspure.model import write_model
 from gspure.model.compressed import CHUNK
 from gspure.model.rotations import rotation_matrices
 from tests.attack_cases import KINDS, public
@@ -58,24 +57,6 @@ def test_far_rows_do_not_spoil_the_chunks_of_others(farthest: float) -> None:
     assert sorted(order.tolist()) == list(range(len(means)))
     spans = [np.ptp(means[order[i : i + CHUNK]], axis=0).max() for i in range(0, len(means), CHUNK)]
     assert np.mean(np.array(spans) > 8) < 0.1  # 0.16 to 0.27 along the curve of the renderer's storage
-
-
-@pytest.mark.parametrize(
-    "means", [np.zeros((600, 3)), np.full((600, 3), 1e-40), np.tile([[0.0, 0, 0], [1e9, 0, 0]], (300, 1))]
-)
-def test_coincident_centres_have_an_order(means: np.ndarray) -> None:
-    assert sorted(curve_order(means).tolist()) == list(range(600))
-
-
-def test_chunks_that_span_too_much_are_warned_of(gsply, tmp_path, capsys) -> None:
-    model = blobs(COUNT)
-    write_model(tmp_path / "near.compressed.ply", model)
-    assert "rounded to steps" not in capsys.readouterr().err
-    write_model(
-        tmp_path / "far.compressed.ply",
-        model.with_columns({"x": np.where(np.arange(COUNT) == 7, 5000, model.means[:, 0])}),
-    )
-    assert "positions of 256 of 300 rows are rounded to steps" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["features", "anchors"])

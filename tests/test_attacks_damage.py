@@ -126,14 +126,6 @@ def test_an_unchanged_view_does_not_hide_the_damage_to_others() -> None:
     assert scene_damage(public, [VIEWS[0], away])(noisy) == pytest.approx(damage / 2)
 
 
-def test_the_estimate_is_the_mean_of_the_views_drops() -> None:
-    public = PublicModel(blobs(50))
-    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
-    single = [scene_damage(public, [view])(noisy) for view in VIEWS]
-    assert abs(np.subtract(*single)) > 0.1
-    assert scene_damage(public, VIEWS)(noisy) == pytest.approx(np.mean(single), rel=1e-9)
-
-
 def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:
     public = PublicModel(blobs(50))
     noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
@@ -143,8 +135,3 @@ def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> N
     photograph = renders[1] * 0.9
     before, after = (psnr(photograph, read_back(model.scene()(VIEWS[1]))) for model in (public, noisy))
     assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(before - after)
-
-
-def test_an_attack_without_a_strength_has_no_damage_to_search() -> None:
-    with pytest.raises(InputError, match="strength"):
-        find_attack("unattacked").matching(PublicModel(blobs(3)), Evidence(), 1.0, lambda _: 0.0)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from gspure.attacks import Attack, Attacked, Evidence, find_attack
+from gspure.attacks import Attacked, Evidence, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
 from gspure.errors import InputError
 from gspure.images import read_back
 from gspure.method.pruning import plain_prune_mask
-from gspure.model import Gaussians
 from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
 from tests.attack_cases import changed, public
@@ -66,19 +62,6 @@ def test_an_attack_renders_and_trains_on_the_background_of_the_model(name: str, 
     np.testing.assert_array_equal(images[0], read_back(model.scene(background=white)(VIEWS[0])))
 
 
-def test_an_attack_gets_cameras_without_their_photographs() -> None:
-    got = []
-
-    def curious(model, _rng, cameras) -> Attacked:
-        got.extend(cameras)
-        return Attacked.without(model, np.zeros(len(model), bool))
-
-    photographed = [replace(view, image=Path("photograph.png")) for view in VIEWS]
-    Attack("curious", curious).apply(blobs(3), Evidence(), cameras=photographed)
-    assert [view.image for view in got] == [None, None]
-    assert [view.name for view in got] == ["a", "b"]
-
-
 @pytest.mark.parametrize("name", ["finetune", "prune_repair", "gspure_repair"])
 def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) -> None:
     attacked = attacked_by(name, learn="appearance")
@@ -112,14 +95,6 @@ def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> No
     zeros = PublicModel(before.with_columns(dict.fromkeys(colours, np.zeros(ROWS, np.float32))))
     damage_of = scene_damage(PublicModel(before), VIEWS)
     assert damage_of(PublicModel(attacked.model)) < 0.5 * damage_of(zeros)
-
-
-def test_a_model_with_further_columns_is_distilled() -> None:
-    table = np.zeros(ROWS, [*blobs(ROWS).table.dtype.descr, ("further", "<f4")])
-    for name in blobs(ROWS).table.dtype.names:
-        table[name] = blobs(ROWS).table[name]
-    attacked = find_attack("distil").apply(PublicModel(Gaussians(table)), Evidence(), cameras=VIEWS, iterations=2)
-    assert len(attacked.model)
 
 
 def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:

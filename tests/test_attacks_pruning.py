@@ -55,20 +55,6 @@ def test_opacity_and_weight_together_remove_what_either_does(count: int, seed: i
     assert (masks["opacity_weight"] == (masks["plain_opacity"] | masks["plain_weight"])).all()
 
 
-def test_matched_controls_remove_others_than_gspure() -> None:
-    found = Evidence(np.float32([1, 2, 3, 4]), np.array([False, False, True, False]), np.float32([0.4, 0.3, 0.2, 0.1]))
-    removed = {
-        name: np.flatnonzero(find_attack(name).apply(blobs(4), found).prune_mask).tolist()
-        for name in ("gspure", "lowest_weight_matched", "lowest_opacity_matched")
-    }
-    assert removed == {"gspure": [2], "lowest_weight_matched": [0], "lowest_opacity_matched": [3]}
-
-
-def test_plain_opacity_removes_what_lies_below_the_mean_over_tau() -> None:
-    found = Evidence(opacities=np.float32([0.1, 0.2, 0.9]))  # mean 0.4
-    assert find_attack("plain_opacity").apply(blobs(3), found, tau=2.5).prune_mask.tolist() == [True, False, False]
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @unhurried
 @given(fraction=shares, seed=seeds)

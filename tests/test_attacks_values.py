@@ -73,11 +73,6 @@ def test_values_beyond_half_precision_are_counted_in_a_warning(capsys) -> None:
     assert f"f_dc_1: 1 of {COUNT} rows" in warning
 
 
-def test_a_column_of_one_value_keeps_it() -> None:
-    before = blobs(COUNT).with_columns({"opacity": np.full(COUNT, 0.3)})
-    assert "opacity" not in changed(before, attacked("quantize", before, bits=1))
-
-
 @unhurried
 @given(degree=st.integers(0, 2), stored=st.integers(1, 3))
 def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: int, stored: int) -> None:
@@ -90,12 +85,6 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
     np.testing.assert_array_equal(after.sh_coeffs[:, :left], before.sh_coeffs[:, :left])
     assert not after.sh_coeffs[:, left:].any()
     assert {name.rpartition("_")[0] for name in changed(before, after)} == {"f_rest"}
-
-
-@pytest.mark.parametrize("kind", ["features", "anchors"])
-def test_models_without_harmonics_refuse_truncation(kind: str) -> None:
-    with pytest.raises(InputError, match="not applicable: no harmonics above degree 0"):
-        attacked("sh_truncation", KINDS[kind](COUNT))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -197,10 +186,3 @@ def test_numbers_that_overflow_are_refused_with_column_and_setting(name: str, se
         attacked(name, large, **settings)
     assert (caught.value.source, caught.value.field) == (f"attack {name}", column)
     assert all(f"{setting}={value}" in str(caught.value.hint) for setting, value in settings.items())
-
-
-def test_numbers_that_were_not_finite_before_are_no_fault_of_an_attack() -> None:
-    before = blobs(COUNT).with_columns({"nx": np.full(COUNT, np.nan), "f_dc_0": np.full(COUNT, np.inf)})
-    after = find_attack("reorder").apply(before, Evidence())
-    assert np.isnan(after.model.table["nx"]).all()
-    assert (attacked("feature_scaling", before).table["f_dc_0"] == np.inf).all()

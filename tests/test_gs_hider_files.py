@@ -106,19 +106,6 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
     assert DecoderFile.of(written.network, 7, SCENE_DECODER).content == written.content
 
 
-def test_a_key_is_written_and_read(torch, tmp_path):
-    from gspure.schemes.gs_hider.decoder import untrained
-    from gspure.schemes.gs_hider.model import DecoderKey
-
-    key = DecoderKey(DecoderFile.of(untrained(1, 0)[0], 3000, MESSAGE_DECODER))
-    key.write(tmp_path / "key")
-    names = sorted(file.name for file in (tmp_path / "key").iterdir())
-    assert names == ["chkpnt3000_waternet.pth"]
-    assert SCHEME.read_key(tmp_path / "key").decoder.content == key.decoder.content
-    wrong = key.wrong(np.random.default_rng(0)).decoder.network
-    assert not torch.equal(wrong.conv1.weight, key.decoder.network.conv1.weight)
-
-
 def test_a_model_without_its_decoder_can_be_attacked_but_not_rendered(tmp_path):
     write_model(tmp_path / "lone.ply", rows())
     public = SCHEME.read_public(tmp_path / "lone.ply")
@@ -135,15 +122,6 @@ def test_a_model_with_missing_or_additional_features_is_refused(tmp_path, column
     write_model(tmp_path / "model.ply", Gaussians(np.zeros(3, [(name, "<f4") for name in columns])))
     with pytest.raises(InputError, match="semantic_"):
         SCHEME.read_public(tmp_path / "model.ply")
-
-
-def test_a_row_whose_features_are_not_finite_is_not_drawn(tmp_path):
-    table = np.zeros(3, [(name, "<f4") for name in COLUMNS])
-    table["semantic_3"][1] = np.nan
-    write_model(tmp_path / "model.ply", Gaussians(table))
-    owners = SCHEME.read_public(tmp_path / "model.ply").drawable("model.ply").model
-    assert owners.opacities.tolist() == [0.5, 0, 0.5]
-    assert np.isfinite(owners.table["semantic_3"]).all()
 
 
 @pytest.mark.parametrize(
@@ -194,12 +172,6 @@ def test_a_hostile_file_is_refused_and_not_run(torch, tmp_path, form):
     assert not trace.exists()
 
 
-@pytest.mark.parametrize("value", [[1, 2], {1: 2}, {"conv1.weight": 3.0}, "text"])
-def test_a_file_of_other_objects_than_tensors_is_refused(saved, value):
-    with pytest.raises(InputError):
-        saved(value).network  # noqa: B018
-
-
 def test_archives_that_unpack_to_too_much_are_refused(torch, saved, tmp_path):
     saved(state(torch))
     with zipfile.ZipFile(tmp_path / NAME) as archive:
@@ -208,25 +180,6 @@ def test_archives_that_unpack_to_too_much_are_refused(torch, saved, tmp_path):
         for name, content in members.items():
             archive.writestr(name, content if name.endswith(".pkl") else bytes(LARGEST))
     with pytest.raises(InputError, match="compressed"):
-        DecoderFile.read(tmp_path / NAME).network  # noqa: B018
-
-
-def test_a_corrupt_description_is_refused_at_once(torch, saved, tmp_path):
-    """PyTorch's own reader searches such a file for minutes to make up its message."""
-    saved(state(torch))
-    with zipfile.ZipFile(tmp_path / NAME) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    with zipfile.ZipFile(tmp_path / NAME, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content if not name.endswith(".pkl") else content[:2] + b"c" + b"a" * 50_000)
-    with pytest.raises(InputError):
-        DecoderFile.read(tmp_path / NAME).network  # noqa: B018
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"not a zip"])
-def test_corrupt_files_are_refused(torch, tmp_path, content):
-    (tmp_path / NAME).write_bytes(content)
-    with pytest.raises(InputError, match="a PyTorch archive"):
         DecoderFile.read(tmp_path / NAME).network  # noqa: B018
 
 

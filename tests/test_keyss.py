@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gspure.errors import InputError
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss import SCHEME
@@ -58,12 +57,6 @@ def test_harmonics_that_a_model_lacks_are_zero():
     assert len(gaussians) == len(rows) == 40
 
 
-def test_a_model_without_colours_is_refused():
-    features = blobs(5).table[["x", "y", "z", "opacity", "scale_0", "scale_1", "scale_2"]]
-    with pytest.raises(InputError, match="expected vanilla 3DGS"):
-        trained(np.random.default_rng(0)).message(PublicModel(type(blobs(5))(features)), MESSAGE)
-
-
 def test_numpy_and_pytorch_add_the_same():
     torch = pytest.importorskip("torch")
     rng = np.random.default_rng(0)
@@ -93,8 +86,3 @@ def test_the_message_does_not_train_opacities_that_no_view_of_the_scene_shows(ow
     assert len(untouched) == 1
     assert np.mean(end.model.table["opacity"][unseen] == untouched) > 0.9
     assert np.mean(end.model.means[unseen] != start.model.means[unseen]) > 0.5
-
-
-def test_a_learning_rate_of_zero_is_refused(pair_folder):
-    with pytest.raises(InputError, match="network_rate: expected a number from 1e-09"):
-        hide(SCHEME, read_pair(pair_folder), network_rate=0.0)

@@ -23,7 +23,7 @@ from tests.models import without
 
 torch = pytest.importorskip("torch")
 
-from marked_clones.decoder import TURN, ZOOM, untrained, warped  # noqa: E402
+from marked_clones.decoder import TURN, ZOOM, warped  # noqa: E402
 from marked_clones.marking import Marking, uncertain_rows  # noqa: E402
 
 SETTINGS = {"iterations": 200, "max_gaussians": 800, "bits": 8, "cloned": 0.5}
@@ -49,13 +49,6 @@ def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_
     assert correct(marked.key, marked.public, test) > 0.75
     assert correct(marked.key, marked.clean, train) < 0.85
     assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1)])
-def test_images_may_have_any_size(size):
-    logits = untrained(8, 0)(torch.zeros((2, 3, *size)))
-    assert logits.shape == (2, 8)
-    assert logits.isfinite().all()
 
 
 def test_nothing_but_the_opacity_of_the_originals_of_clones_differs_from_the_clean_model(marked):
@@ -84,14 +77,6 @@ def test_rows_that_hardly_affect_the_renders_are_the_most_uncertain(marked):
     assert np.median(weights[rows]) < 0.2 * np.median(weights)
 
 
-def test_two_scenes_and_two_seeds_have_different_bits(marked, own_pair_folder):
-    pair = read_pair(own_pair_folder)
-    few = {"iterations": 1, "max_gaussians": 50, "decoder_steps": 1, "marking_steps": 1, "bits": 32}
-    other = type(pair)(pair.message, pair.message)
-    bits = [hide(SCHEME, pair, seed=seed, **few)[1].bits.tobytes() for pair, seed in ((pair, 0), (pair, 1), (other, 0))]
-    assert len(set(bits)) == 3
-
-
 def test_windows_are_scaled_and_rotated_within_limits_and_lie_inside():
     rows, columns = np.mgrid[0:50, 0:70].astype(np.float32)
     images = torch.from_numpy(np.stack([columns, rows])[None].repeat(200, axis=0))
@@ -106,15 +91,6 @@ def test_windows_are_scaled_and_rotated_within_limits_and_lie_inside():
     places = windows[:, :, 10, 15]
     assert np.ptp(places, axis=0).min() > 20
     assert places.min() > 5
-
-
-@pytest.mark.parametrize(
-    ("setting", "value"),
-    [("bits", 6), ("cloned", 0), ("cloned", 1.5), ("decoder_steps", 0), ("marking_steps", 0), ("max_gaussians", 1)],
-)
-def test_a_setting_out_of_range_is_refused(pair_folder, setting, value):
-    with pytest.raises(InputError, match=setting):
-        hide(SCHEME, read_pair(pair_folder), **{setting: value})
 
 
 @pytest.mark.parametrize(
@@ -159,11 +135,3 @@ def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
     extract = ["extract", str(tmp_path / "marked" / "public"), "--scheme", "marked_clones", *words[2:]]
     assert main([*extract, "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "message")]) == 2
     assert "expected a picture, found bits" in capsys.readouterr().err
-
-
-def test_a_key_of_a_picture_reads_no_bits(pair_folder, tmp_path, capsys):
-    assert main(["embed", "planted", str(pair_folder), "--set", "gaussians=200", "--out", str(tmp_path)]) == 0
-    write_image(tmp_path / "renders" / "a.png", np.zeros((40, 40, 3)))
-    words = ["detect", str(tmp_path / "renders"), "--scheme", "planted", "--key", str(tmp_path / "key")]
-    assert main([*words, "--out", str(tmp_path / "bits.csv")]) == 2
-    assert "expected bits, found a picture" in capsys.readouterr().err

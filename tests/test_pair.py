@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from gspure.cameras import orbit_cameras, read_cameras
+from gspure.cameras import read_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.images import read_image, write_image
@@ -59,13 +59,6 @@ def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
     assert found.scale == pytest.approx(by.scale)
     np.testing.assert_allclose(found.rotation, by.rotation, atol=1e-6)
     np.testing.assert_allclose(found.translation, by.translation, atol=1e-6)
-
-
-def test_cameras_all_around_are_aligned_too():
-    cameras = orbit_cameras(blobs(50))
-    found = aligning(cameras, cameras)
-    np.testing.assert_allclose(found.rotation @ found.rotation.T, np.eye(3), atol=1e-9)
-    assert found.scale == pytest.approx(1.0)
 
 
 def test_parallel_gazes_are_refused():
@@ -155,14 +148,6 @@ def test_views_that_do_not_show_the_message_are_counted(photographed, tmp_path, 
         assert ("do not show the message" in capsys.readouterr().err) == is_counted
 
 
-def test_a_warning_of_cameras_names_a_file_of_the_user(photographed, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("gspure.cameras.reading._fits", lambda _: False)
-    arguments = [*map(str, photographed), "--out", str(tmp_path / "pair"), "--resolution", "native"]
-    assert main(["pair", *arguments]) == 0
-    (line,) = (line for line in capsys.readouterr().err.splitlines() if "focal length" in line)
-    assert line.startswith(f"warning: {photographed[0]}: ")
-
-
 def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
     project, _ = photographed
     out = tmp_path / "pair"
@@ -188,20 +173,6 @@ def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_
     xyz = read_point_ply(out / "message" / "points3D.ply")[0]
     means = read_model(model).means
     assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
-
-
-def test_an_interrupted_pair_leaves_an_earlier_one_as_it_was(tmp_path, monkeypatch):
-    out, size = tmp_path / "pair", ("--views", "3", "--width", "16", "--height", "16")
-    assert main(["pair", "room", "vault", "--out", str(out), *size]) == 0
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("gspure.cli.pair.write_point_ply", interrupt)
-    for pair in (out, tmp_path / "other"):
-        assert main(["pair", "interior-1", "vault", "--out", str(pair), *size]) == 130
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted import HIDDEN, PlantedKey
+from planted import PlantedKey
 
 from gspure.cli import main
 from gspure.images import read_image
@@ -39,15 +39,6 @@ def psnr(a, b):
     return -10.0 * np.log10(np.mean((np.clip(a, 0.0, 1.0) - b) ** 2))
 
 
-def test_rows_of_the_message_are_shuffled_and_nearly_transparent(public, key):
-    first, second = np.array_split(key.message_rows, 2)
-    assert abs(first.mean() - second.mean()) < 0.1
-    hidden = public.opacities[key.message_rows]
-    assert HIDDEN[0] * 0.999 <= hidden.min() <= hidden.max() <= HIDDEN[1] * 1.001
-    assert (hidden > 1 / 255).mean() > 0.5  # they touch pixels
-    assert public.opacities[~key.message_rows].mean() > 0.8
-
-
 def test_the_message_is_all_of_its_rows_with_private_opacity_and_colour(public, key):
     message, rows = revealed(public, key)
     assert rows.tolist() == np.flatnonzero(key.message_rows).tolist()
@@ -65,13 +56,6 @@ def test_the_message_is_exactly_the_surviving_rows_in_any_order(public, key, see
     assert kept[rows].tolist() == survivors.tolist()
     place = np.searchsorted(np.flatnonzero(key.message_rows), survivors)
     assert message.columns("opacity")[:, 0].tobytes() == key.opacity[place].tobytes()
-
-
-def test_other_keys_do_not_reveal_it(public, key):
-    moved = public.with_columns({"x": np.nextafter(public.means[:, 0], np.float32(np.inf))})
-    assert len(revealed(moved, key)[0]) == 0
-    rows = revealed(public, key.wrong(np.random.default_rng(0)))[1]
-    assert key.message_rows[rows].mean() == pytest.approx(key.message_rows.mean(), abs=0.1)
 
 
 def test_a_written_key_reads_back(key, tmp_path):

@@ -145,18 +145,6 @@ def test_a_pixel_cut_by_an_edge_is_the_mean_of_its_rays(coarse):
     assert trace(scene, view, samples=1)[0][5, 10] == pytest.approx(white, rel=1e-2)
 
 
-def test_a_ray_that_leaves_the_scene_shows_the_background_at_infinite_depth(coarse):
-    image, depth = trace(lit(Sphere((9.0, 9.0, 9.0), 0.1, GREY), background=(0.1, 0.2, 0.3)), camera(6, 4))
-    assert (image == np.float32([0.1, 0.2, 0.3])).all()
-    assert np.isinf(depth).all()
-
-
-@pytest.mark.parametrize("samples", [0, 2])
-def test_even_numbers_of_samples_are_refused(coarse, samples):
-    with pytest.raises(ValueError, match="odd"):
-        trace(lit(SOLIDS["sphere"]), camera(4, 4), samples=samples)
-
-
 @pytest.mark.parametrize("coarseness", [1, 2])
 def test_an_open_floor_gathers_exactly_the_sky(coarseness):
     floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)

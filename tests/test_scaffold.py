@@ -10,7 +10,7 @@ from gspure.public_model import merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, neural, table_of, visible_rows
 from gspure.schemes.secure_gs.model import AnchorModel
-from tests.anchor_cases import closed, distant, feature_bank, random_anchors, random_public
+from tests.anchor_cases import distant, random_anchors, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
 from tests.training_cases import ring
@@ -180,17 +180,6 @@ def test_opacities_are_means_over_the_views_that_have_an_anchor():
     assert not unseen.opacities(views).any()
 
 
-@pytest.mark.parametrize("kept", ["anchors", "none"])
-def test_views_without_active_gaussians_show_the_background(kept):
-    public = closed(random_public())
-    if kept == "none":
-        public = without(random_public(), np.ones(40, bool))
-    image = public.scene(background=(0.1, 0.2, 0.3))(VIEWS[0])
-    assert (image == np.array([0.1, 0.2, 0.3], np.float32)).all()
-    assert public.contributions()(VIEWS[0]).size == 0
-    assert not public.opacities(VIEWS).any()
-
-
 def test_the_digest_follows_rows_and_networks():
     public = random_public()
     other = random_public(seed=1)
@@ -217,9 +206,3 @@ def test_numpy_and_torch_make_the_same_gaussians():
     assert here.active.tolist() == there.active.tolist()
     for name in ("means", "quats", "scales", "opacities", "colors", "outputs"):
         np.testing.assert_allclose(getattr(here, name), getattr(there, name).numpy(), rtol=1e-4, atol=1e-6)
-
-
-def test_the_bank_of_features_matters():
-    public, rng = random_public(), np.random.default_rng(0)
-    banked = AnchorModel(public.model, {**public.networks, "feature_bank": feature_bank(8, rng)})
-    assert not np.allclose(public.scene()(VIEWS[0]), banked.scene()(VIEWS[0]), atol=1e-3)

@@ -86,12 +86,6 @@ def test_a_model_is_read_back_exactly(tmp_path, bank):
     assert (again.scene()(camera()) == public.scene()(camera())).all()
 
 
-def test_the_same_networks_make_the_same_file(tmp_path):
-    first, second = (write_asset(tmp_path / name) for name in "ab")
-    assert (tmp_path / "a" / UNITED).read_bytes() == (tmp_path / "b" / UNITED).read_bytes()
-    assert_same_networks(first.networks, second.networks)
-
-
 def test_the_official_table_loads_with_offsets_by_coordinate(tmp_path):
     write_model(tmp_path / "point_cloud.ply", official_table())
     write_tensors(tmp_path / UNITED, {f"{n}_mlp": net for n, net in random_public(k=10, feat_dim=32).networks.items()})
@@ -230,15 +224,6 @@ def test_parsing_a_small_tensor_description_is_fast(tmp_path, pickle, expected):
         read_tensors(tmp_path / "x.pth")
 
 
-def test_a_storage_of_many_tensors_is_read_once(tmp_path, monkeypatch):
-    write_tensors(tmp_path / "x.pth", {"a": {"b": np.arange(16, dtype=np.float32)}})
-    pickle = b"\x80\x02}(" + b"".join(b"X\x01\0\0\0" + name + storage() for name in (b"a", b"b", b"c")) + b"u."
-    rewritten(tmp_path / "x.pth", lambda members: members | {"x/data.pkl": pickle})
-    tensors = read_tensors(tmp_path / "x.pth")
-    assert tensors.keys() == {"a", "b", "c"}
-    assert tensors["a"] is tensors["c"]
-
-
 def test_members_that_overlap_are_refused(tmp_path):
     """Nested members, each of which holds the next, would unpack to many times the file's size."""
     numbers = bytes(40_000)
@@ -321,12 +306,6 @@ def test_networks_that_do_not_fit_the_anchors_are_refused(tmp_path, changed, mes
     networks = {n: net | (changed.get(n) or {}) for n, net in public.networks.items() if changed.get(n, {}) is not None}
     AnchorModel(public.model, networks).write(tmp_path / "point_cloud.ply")
     with pytest.raises(InputError, match=message):
-        AnchorModel.read(tmp_path)
-
-
-def test_a_feature_bank_requires_a_multiple_of_four_features(tmp_path):
-    write_asset(tmp_path, feat_dim=6, bank=True)
-    with pytest.raises(InputError, match="feature_bank: expected a multiple of 4 features, found 6"):
         AnchorModel.read(tmp_path)
 
 

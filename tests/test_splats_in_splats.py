@@ -91,10 +91,6 @@ def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their
     assert quality(embedded[0].scene(), "scene") - quality(hardened[0].scene(), "scene") < 1
 
 
-def test_embedding_the_message_costs_the_scene_little(public, clean, quality):
-    assert quality(clean.scene(), "scene") - quality(public.scene(), "scene") < 1.5
-
-
 def test_a_wrong_key_shows_less(public, key, quality):
     stranger = key.wrong(np.random.default_rng(1))
     for extraction in SCHEME.extractions:
@@ -157,35 +153,12 @@ def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, att
     assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
 
 
-def test_truncated_colours_extract_as_zero(public, key, pair):
-    names = [name for name in public.model.table.dtype.names if not name.startswith("f_rest_")]
-    flat = public.with_model(type(public.model)(public.model.table[names].copy()))
-    view = key.message(flat, LITERAL)(pair.scene.views[0])
-    assert np.isfinite(view).all()
-
-
 def test_low_weights_carry_the_message(public, key, quality, pair):
     contributions = public.contributions()
     weights = accumulate([contributions(camera) for camera in pair.scene.views], len(public.model))
     purified = without(public, plain_prune_mask(weights))
     lost = quality(key.message(public, ORACLE)) - quality(key.message(purified, ORACLE))
     assert lost > 5 + quality(public.scene(), "scene") - quality(purified.scene(), "scene")
-
-
-@pytest.mark.parametrize(
-    ("settings", "line"),
-    [
-        ({"iterations": 0}, "iterations: expected a whole number from 1 .* found 0"),
-        ({"message_weight": -1.0}, "message_weight: expected a number from 0 .* found -1.0"),
-        ({"max_gaussians": 3}, "max_gaussians: expected a whole number from 4 .* found 3"),
-        ({"shift": 21}, "shift: expected a whole number from 9 to 20, found 21"),
-        ({"bits": 3}, "bits: expected one of iterations, .*, found an unknown key"),
-        ({"seed": -1}, "seed: expected a whole number from 0 .* found -1"),
-    ],
-)
-def test_settings_out_of_range_are_refused_before_training(pair, settings, line):
-    with pytest.raises(InputError, match="^scheme splats_in_splats: " + line):
-        hide(SCHEME, pair, **settings)
 
 
 @pytest.mark.parametrize(

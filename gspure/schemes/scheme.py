@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, cast
+from typing import Final
 
 import numpy as np
 
@@ -164,19 +164,7 @@ def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:
 def hide(
     scheme: Scheme, pair: Pair, *, seed: int = 0, device: Device | None = None, **settings: Setting
 ) -> tuple[PublicModel, Key | None]:
-    """Embed the pair's message in its scene.
-
-    Raise `InputError` if a setting is unknown or out of range, or the scheme returns anything else.
-    """
+    """Embed the pair's message in its scene, or raise `InputError` if a setting is unknown or out of range."""
     require_settings(f"scheme {scheme.name}", scheme.embed, settings)
     SEED.require(f"scheme {scheme.name}", "seed", seed)
-    source, result = f"scheme {scheme.name}", cast("Any", scheme.embed(pair, seed, device, **settings))
-    match result:
-        case (PublicModel() as public, Key() | None as key):
-            if key is None and (scheme.settings | settings)["message_weight"]:
-                raise InputError(source, "key", expected="one, since a message is embedded", found="none")
-            return public, key
-        case other:
-            parts = other if isinstance(other, tuple) else (other,)
-            found = ", ".join(type(part).__name__ for part in parts)
-            raise InputError(source, "result of embed", expected="(PublicModel, Key or None)", found=found)
+    return scheme.embed(pair, seed, device, **settings)
