@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from gspure.cameras import write_cameras
-from gspure.cli import main
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import accumulate
-from gspure.model import write_model
 from gspure.renderer import Renderer
 from tests.models import camera, gaussians, joined, subpixel
 from tests.reference.footprint import extents
@@ -75,12 +72,3 @@ def test_no_width_is_advised_that_no_view_can_have():
     found = subpixel_rows(model, weights_of(model, [view]), [view])
     assert "pixels wide" in found.line(len(model), view.width)
     assert replace(found, magnification=1e9).line(len(model), view.width).endswith("in every view")
-
-
-def test_purify_reports_rows_smaller_than_a_pixel(tmp_path, capsys):
-    model, _ = subpixel()
-    write_model(tmp_path / "model.ply", model)
-    write_cameras(tmp_path / "cameras.json", [camera(name=f"view_{i}") for i in range(2)])
-    command = ["purify", str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json")]
-    assert main([*command, "--out", str(tmp_path / "purified")]) == 0
-    assert f"of {len(model)} Gaussians have weight 0 and cover less than a pixel" in capsys.readouterr().out
