@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.survival import Survival
 from gspure.figures import lineup, style
@@ -132,8 +133,6 @@ def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> Non
 
 
 def test_an_empty_run_has_a_page_that_says_so(tmp_path: Path, run: Path) -> None:
-    from gspure.evaluation.collecting import ModelPlan
-
     write_report(tmp_path, ReportPlan({NAME: ModelPlan(("unattacked", "gspure"))}))
     text = text_of((tmp_path / "report.html").read_text())
     assert "No verdict: every variant is without results" in text

@@ -5,6 +5,7 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.controls import BASELINES
 from gspure.progress import say, track
+from gspure.settings import SHARE
 
 EXAMPLES = """\
   gspure metrics before after
@@ -30,12 +31,15 @@ def add_arguments(parser: Parser) -> None:
         BASELINES,
         "compare DIR_A with images of one colour instead of DIR_B: black, or each image's mean colour",
     )
+    meaning = "colour behind transparent pixels: that of the renders (default: black)"
+    parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
     add_quiet(parser)
 
 
 def run(args: Arguments) -> None:
-    pairs, unused = pair_images(args.images, args.other, dict(args.against), args.targets or ())
+    behind = args.background or (0.0, 0.0, 0.0)
+    pairs, unused = pair_images(args.images, args.other, dict(args.against), args.targets or (), behind)
     rows = [compare(pair, args.reference, args.baseline) for pair in track(pairs, "metrics")]
     if unused:
         say(f"metrics: {unused} images of {args.images} have no counterpart in {args.other}")
