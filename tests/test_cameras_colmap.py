@@ -1,5 +1,4 @@
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,12 +108,6 @@ def test_the_model_and_its_photographs_are_found_from_root_or_model_folder(tmp_p
         assert read_cameras(folder)[0].image == tmp_path / "scene" / "images" / "left" / "0001.jpg"
 
 
-def test_photographs_are_found_from_inside_the_model_folder(tmp_path, monkeypatch):
-    (tmp_path / "images").mkdir()
-    monkeypatch.chdir(written(tmp_path / "sparse" / "0", binary()))
-    assert read_cameras(Path())[0].image == tmp_path / "images" / "left" / "0001.jpg"
-
-
 @pytest.mark.parametrize("write", [binary, text])
 def test_a_fisheye_lens_is_refused_with_a_remedy(tmp_path, write):
     lenses = [(7, "OPENCV_FISHEYE", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
@@ -176,22 +169,6 @@ def test_a_truncated_binary_file_is_refused(tmp_path, data):
         read_points(folder) if name == "points3D.bin" else read_cameras(folder)
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.data())
-def test_a_corrupt_camera_file_is_read_or_refused(tmp_path, data):
-    files = data.draw(st.sampled_from([binary(), text()]))
-    name = data.draw(st.sampled_from(sorted(files)))
-    content = bytearray(files[name])
-    for _ in range(data.draw(st.integers(1, 4))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    folder = written(tmp_path / name, files | {name: bytes(content)})
-    for read in (read_cameras, read_points):
-        try:
-            read(folder)
-        except InputError as error:
-            assert "\n" not in str(error)  # noqa: PT017
-
-
 @pytest.mark.parametrize("name", ["cameras.bin", "images.bin", "points3D.bin"])
 def test_a_count_beyond_the_files_size_is_refused_before_anything_is_allocated(tmp_path, name):
     files = binary()
@@ -207,12 +184,6 @@ def test_a_point_that_is_not_finite_is_refused(tmp_path, write):
         InputError, match=r"points3D\.\w+: point 1: expected coordinates within ±1e\+18, found nan 5.0 6.0"
     ):
         read_points(written(tmp_path, write(points=points)))
-
-
-def test_bytes_after_the_last_record_are_refused(tmp_path):
-    files = binary()
-    with pytest.raises(InputError, match="expected the end of the file, found 3 more bytes"):
-        read_cameras(written(tmp_path, files | {"images.bin": files["images.bin"] + b"abc"}))
 
 
 @pytest.mark.parametrize("records", ["cameras", "images", "points"])
@@ -233,13 +204,6 @@ def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_view
     packed = b"\n".join(line for line in files["images.txt"].splitlines() if line) + b"\n"
     with pytest.raises(InputError, match=r"images\.txt: line 3: "):
         read_cameras(written(tmp_path, files | {"images.txt": packed}))
-
-
-def test_a_folder_without_images_file_is_refused(tmp_path):
-    files = binary()
-    del files["images.bin"]
-    with pytest.raises(InputError, match=r"images: expected images\.bin or images\.txt"):
-        read_cameras(written(tmp_path, files))
 
 
 @pytest.mark.parametrize("write", [text, binary])

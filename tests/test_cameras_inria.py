@@ -88,24 +88,14 @@ def test_photographs_are_found_from_wherever_the_file_is_written(tmp_path, monke
     ("change", "field"),
     [
         ({"fx": 0}, "[1].fx"),
-        ({"fx": -3.0}, "[1].fx"),
         ({"fy": float("nan")}, "[1].fy"),
-        ({"fy": 10**400}, "[1].fy"),
-        ({"fx": True}, "[1].fx"),
         ({"width": 0}, "[1].width"),
-        ({"width": 10.5}, "[1].width"),
         ({"height": 10**9}, "[1].height"),
-        ({"height": "48"}, "[1].height"),
         ({"position": [1, 2]}, "[1].position"),
-        ({"position": [1, 2, None]}, "[1].position"),
-        ({"position": {"x": 1}}, "[1].position"),
-        ({"rotation": [[1, 0, 0], [0, 1], [0, 0, 1]]}, "[1].rotation"),
         ({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]}, "[1].rotation"),
         ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "[1].rotation"),
-        ({"img_name": 7}, "[1].img_name"),
         ({"img_name": ".."}, "[1].img_name"),
         ({"cx": float("inf")}, "[1].cx"),
-        ({"image": 3}, "[1].image"),
         ({"k1": "0"}, "[1].k1"),
         ({"distortion": [0.1, 0]}, "[1].distortion"),
     ],
@@ -119,13 +109,6 @@ def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("key", ["img_name", "width", "height", "position", "rotation", "fx", "fy"])
-def test_a_missing_key_is_named(tmp_path, key):
-    path = written(tmp_path, {k: v for k, v in VIEW.items() if k != key})
-    with pytest.raises(InputError, match=rf"\[0\]\.{key}: .* found nothing"):
-        read_cameras(path)
-
-
 def test_a_name_that_occurs_twice_is_refused_on_reading_and_on_writing(tmp_path):
     with pytest.raises(InputError, match=r"each name once, found 'a' for both view 0 and view 1"):
         read_cameras(written(tmp_path, VIEW, VIEW | {"img_name": "a.jpg"}))
@@ -133,9 +116,3 @@ def test_a_name_that_occurs_twice_is_refused_on_reading_and_on_writing(tmp_path)
     with pytest.raises(InputError, match="each name once"):
         write_cameras(tmp_path / "twice.json", [camera, replace(camera, width=5)])
     assert not (tmp_path / "twice.json").exists()
-
-
-@pytest.mark.parametrize("content", [[], ["text"], [[1]]])
-def test_a_list_without_cameras_is_refused(tmp_path, content):
-    with pytest.raises(InputError):
-        read_cameras(written(tmp_path, *content))

@@ -59,12 +59,6 @@ def test_a_name_is_one_visible_file_inside_the_output_folder(text):
     assert safe_name(name) == name, "written to cameras.json, the name must come back"
 
 
-@given(st.lists(ANY_TEXT, min_size=2, max_size=2, unique=True))
-def test_long_names_that_differ_stay_different(ends):
-    first, second = (safe_name("rig/" + "x" * 200 + end.encode(errors="replace").hex()) for end in ends)
-    assert (first == second) == (ends[0].encode(errors="replace") == ends[1].encode(errors="replace"))
-
-
 @pytest.mark.parametrize(
     ("text", "name"),
     [

@@ -49,13 +49,6 @@ def test_a_file_that_is_not_a_camera_file_is_refused_in_one_line(tmp_path, conte
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_path_and_an_empty_folder_are_refused(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        read_cameras(tmp_path / "cameras.json")
-    with pytest.raises(InputError, match=r"folder: expected a COLMAP sparse model, cameras\.json.*, found none"):
-        read_cameras(tmp_path)
-
-
 def test_every_view_needs_its_photograph_where_photographs_are_required(tmp_path):
     photo = tmp_path / "a.png"
     Image.new("RGB", (8, 6)).save(photo)

@@ -45,17 +45,6 @@ def test_a_photograph_that_is_a_reduced_copy_gives_the_view_its_size(tmp_path):
     assert small.K[0, 0] / small.width == pytest.approx(large.K[0, 0] / large.width)
 
 
-def test_a_view_is_not_enlarged_to_its_photograph(tmp_path):
-    Image.new("RGB", (80, 60)).save(tmp_path / "large.png")
-    (same,) = scaled([replace(view(40, 30), image=tmp_path / "large.png")], "photographs")
-    assert (same.width, same.height) == (40, 30)
-
-
-def test_a_view_without_a_photograph_has_no_photograph_size():
-    with pytest.raises(InputError, match="view: image: expected a photograph, found none named"):
-        scaled([view(40, 30)], "photographs")
-
-
 @given(cameras(), st.sampled_from(["native", "1/2", "1/7", "100px", "1600px"]))
 def test_every_point_keeps_its_place_in_the_picture(camera, rule):
     (small,) = scaled([camera], rule)

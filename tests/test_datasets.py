@@ -11,7 +11,7 @@ import pytest
 
 from gspure import datasets
 from gspure.cli import main
-from gspure.datasets import ARCHIVES, SCENES, Archive, archive_of, extract, fetch
+from gspure.datasets import Archive, archive_of, extract, fetch
 from gspure.errors import InputError
 
 CONTENT = np.random.default_rng(0).bytes(300_000)
@@ -119,12 +119,6 @@ def test_a_part_of_an_older_version_is_not_continued(tmp_path, monkeypatch):
     assert server.asked == [None]
 
 
-def test_an_existing_file_is_not_downloaded_again(tmp_path):
-    with Server() as server:
-        assert fetch(server.url, tmp_path) == fetch(server.url, tmp_path)
-    assert server.asked == [None]
-
-
 def test_a_file_missing_on_the_server_is_reported_in_one_line(tmp_path):
     with Server() as server, pytest.raises(InputError, match="download: expected an answer, found 404"):
         fetch(server.url.replace("scenes", "others"), tmp_path)
@@ -168,21 +162,6 @@ def test_an_archive_without_the_scene_is_refused(tmp_path, missing):
     file = zipped(tmp_path / "scenes.zip", [name for name in WHOLE if missing not in name])
     with pytest.raises(InputError, match="garden: expected photographs in images_4 and sparse, found none"):
         extract(file, GARDEN, "garden", tmp_path / "garden")
-
-
-def test_a_corrupt_entry_leaves_nothing_behind(tmp_path):
-    file = zipped(tmp_path / "scenes.zip", WHOLE)
-    file.write_bytes(file.read_bytes().replace(WHOLE[0].encode() * 2, WHOLE[0].encode() + b"!" * len(WHOLE[0])))
-    with pytest.raises(InputError, match="expected a zip archive, found Bad CRC-32"):
-        extract(file, GARDEN, "garden", tmp_path / "garden")
-    assert not [path for path in tmp_path.rglob("*") if path.is_file() and path != file]
-
-
-def test_every_scene_is_in_one_archive_outdoors_at_a_quarter_and_indoors_at_a_half():
-    sizes = {scene: archive_of(scene).photographs[scene] for scene in SCENES}
-    assert sum(len(archive.photographs) for archive in ARCHIVES) == len(sizes) == 10
-    assert {scene for scene, size in sizes.items() if size == "images_2"} == {"bonsai", "counter", "kitchen", "room"}
-    assert {scene for scene, size in sizes.items() if size == "images"} == {"playroom"}
 
 
 def test_nothing_is_downloaded_without_consent(tmp_path, capsys):

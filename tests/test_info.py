@@ -61,17 +61,6 @@ def test_bad_rows_are_counted_and_named(corrupt):
     assert np.isfinite(summary.quantiles["x"]).all()
 
 
-def test_bad_rows_are_counted_and_named_as_text(capsys, corrupt):
-    text = report(capsys, corrupt)
-    assert "6 Gaussians, SH degree 3, 62 properties" in text
-    assert "non-finite rows             2   x in 2, first 1; opacity in 1, first 4" in text
-
-
-def test_columns_of_the_quantile_table_are_aligned(capsys, corrupt):
-    table = report(capsys, corrupt).split("\n\n")[1].splitlines()
-    assert len({len(line) for line in table}) == 1
-
-
 def test_quantiles_of_a_column_without_one_finite_value_are_absent(capsys, tmp_path):
     write_model(tmp_path / "m.ply", blobs(2).with_columns({"x": np.full(2, np.nan)}))
     assert "no finite value" in report(capsys, tmp_path / "m.ply")
@@ -122,11 +111,3 @@ def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
     write_model(model, blobs(3).with_comment("\x1b[2J"))
     (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
     assert all(line.isprintable() for line in report(capsys, tmp_path).split("\n"))
-
-
-def test_a_file_that_is_not_a_model_gives_one_line_and_status_2(capsys, tmp_path):
-    (tmp_path / "m.ply").write_bytes(b"solid")
-    assert main(["info", str(tmp_path / "m.ply")]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "m.ply: file: expected a 3DGS .ply, found" in error

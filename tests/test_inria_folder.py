@@ -1,15 +1,9 @@
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from gspure.cameras import write_cameras
-from gspure.cli import main
 from gspure.errors import InputError
-from gspure.images import read_image
 from gspure.model import read_model, write_model
-from gspure.model.inria import cameras_file, point_cloud, saved_iterations, trained_background, training_arguments
-from tests.models import blobs, camera
+from gspure.model.inria import point_cloud, saved_iterations, trained_background, training_arguments
+from tests.models import blobs
 
 CFG_ARGS = (
     r"Namespace(sh_degree=3, source_path='C:\\data\\bicycle', images='images', resolution=-1, white_background=False)"
@@ -46,13 +40,6 @@ def test_a_folder_without_a_model_is_refused(tmp_path):
         read_model(tmp_path)
 
 
-def test_the_cameras_stand_beside_the_model(trained):
-    assert cameras_file(trained) == trained / "cameras.json"
-    (trained / "cameras.json").unlink()
-    with pytest.raises(InputError, match=r"cameras\.json: expected"):
-        cameras_file(trained)
-
-
 def test_training_arguments_are_read(trained):
     assert training_arguments(trained) == {
         "sh_degree": 3,
@@ -76,28 +63,6 @@ def test_a_background_that_is_neither_true_nor_false_is_refused(trained, value):
         trained_background(trained)
 
 
-@pytest.mark.parametrize("command", ["attack", "purify"])
-def test_derived_models_are_rendered_on_the_background_of_training(trained, command):
-    (trained / "cfg_args").write_text("Namespace(white_background=True)")
-    write_cameras(trained / "cameras.json", [camera(name=f"view_{i}") for i in range(2)])
-    write_model(point_cloud(trained), blobs(40, size=(0.05, 0.1)))
-    file, cameras = str(point_cloud(trained)), str(trained / "cameras.json")
-    if command == "attack":
-        made = trained / "attacked" / "point_cloud.ply"
-        assert main(["attack", "unattacked", "--model", file, "--out", str(made)]) == 0
-    else:
-        made = trained / "results" / "purified.ply"
-        settings = ["--min-samples", "2", "--min-cluster-size", "2", "--tau-c", "1e6", "--tau-n", "1e6"]
-        assert main(["purify", file, "--cameras", cameras, "--out", str(made.parent), *settings]) == 0
-    for source, out in ((str(trained), "before"), (str(made), "after")):
-        assert main(["render", source, "--cameras", cameras, "--out", str(trained / out)]) == 0
-    before, after = (read_image(trained / out / "view_0.png") for out in ("before", "after"))
-    white = (before == 1).all(axis=-1)
-    assert white.any()
-    assert not white.all()
-    np.testing.assert_allclose(after, before, atol=0.1)
-
-
 def test_a_folder_without_cfg_args_has_no_training_arguments(tmp_path):
     assert training_arguments(tmp_path) == {}
 
@@ -112,11 +77,6 @@ def test_cfg_args_is_never_evaluated(trained):
 HUGE = f"Namespace(a=0x{'f' * 9999})"
 
 
-def test_invalid_escape_sequences_in_cfg_args_are_kept_without_a_warning(trained):
-    (trained / "cfg_args").write_text(r"Namespace(a='C:\data')")
-    assert training_arguments(trained) == {"a": r"C:\data"}
-
-
 @pytest.mark.parametrize(
     "text", ["", "sh_degree=3", "{'sh_degree': 3}", "dict(sh_degree=3)", "Namespace(", "(" * 5000, HUGE]
 )
@@ -125,13 +85,3 @@ def test_another_text_in_cfg_args_is_refused(trained, text):
     with pytest.raises(InputError, match=r"expected Namespace\(name=value, \.\.\.\)") as caught:
         training_arguments(trained)
     assert caught.value.source == str(trained / "cfg_args")
-
-
-@given(content=st.one_of(st.binary(), st.text().map(str.encode), st.text().map(lambda t: f"Namespace(a={t})".encode())))
-def test_no_cfg_args_breaks_the_reader(tmp_path_factory, content):
-    folder = tmp_path_factory.mktemp("fuzz")
-    (folder / "cfg_args").write_bytes(content)
-    try:
-        training_arguments(folder)
-    except InputError as error:
-        assert "\n" not in str(error)  # noqa: PT017

@@ -49,14 +49,6 @@ def saved_iterations(folder: Path) -> dict[int, Path]:
     return dict(sorted(saved.items()))
 
 
-def cameras_file(folder: Path) -> Path:
-    """Return the folder's cameras.json."""
-    file = Path(folder) / "cameras.json"
-    if not file.is_file():
-        raise InputError(folder, "cameras.json", expected="the trainer's camera file", found="no such file")
-    return file
-
-
 def training_arguments(folder: Path) -> dict[str, Argument]:
     """Return the trainer's arguments from cfg_args; empty without that file.
 

@@ -9,6 +9,7 @@ import io
 import json
 import os
 import resource
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -53,13 +54,14 @@ WORDS = [
 ]
 
 
+def written(write: Callable[[Path], None]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / "file.ply")
+        return (Path(folder) / "file.ply").read_bytes()
+
+
 def model_ply() -> bytes:
-    path = Path(os.environ.get("TMPDIR", "/tmp")) / f"hostile-{os.getpid()}.ply"  # noqa: S108
-    write_model(path, blobs(9, sh_degree=1))
-    try:
-        return path.read_bytes()
-    finally:
-        path.unlink()
+    return written(lambda path: write_model(path, blobs(9, sh_degree=1)))
 
 
 def ascii_ply() -> bytes:
@@ -69,12 +71,7 @@ def ascii_ply() -> bytes:
 
 
 def point_ply() -> bytes:
-    path = Path(os.environ.get("TMPDIR", "/tmp")) / f"hostile-{os.getpid()}.ply"  # noqa: S108
-    write_point_ply(path, np.eye(3), np.eye(3, dtype=np.uint8))
-    try:
-        return path.read_bytes()
-    finally:
-        path.unlink()
+    return written(lambda path: write_point_ply(path, np.eye(3), np.eye(3, dtype=np.uint8)))
 
 
 def image(kind: str) -> bytes:
