@@ -81,7 +81,7 @@ def test_held_out_views_look_like_their_photographs(trained):
 
 def test_the_output_is_a_model_folder_to_other_commands(project, trained, tmp_path, capsys):
     names = {"cameras.json", "cfg_args", "input.ply", "metrics.csv", "point_cloud", "provenance.json", "test"}
-    assert {path.name for path in trained.iterdir()} >= names
+    assert {path.name for path in trained.iterdir()} == names
     cameras = read_cameras(trained)
     assert len(cameras) == 16
     assert {camera.image.resolve().parent for camera in cameras} == {(project / "images").resolve()}
