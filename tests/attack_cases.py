@@ -3,7 +3,7 @@
 import numpy as np
 from hypothesis import settings
 
-from gspure.attacks import Evidence
+from gspure.attacks import Measurements
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from gspure.schemes.gs_hider.model import FeatureModel
@@ -48,13 +48,13 @@ unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no fai
 KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
 
 
-def evidence(count: int, seed: int = 1) -> Evidence:
+def measurements(count: int, seed: int = 1) -> Measurements:
     """Weights, a decision, opacities, distances and clusters, all random."""
     rng = np.random.default_rng(seed)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
     opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
     labels = rng.permutation(np.arange(count, dtype=np.int32) % 4) - 1
-    return Evidence(weights, weights < 1, opacities, 6 * distances, labels)
+    return Measurements(weights, weights < 1, opacities, 6 * distances, labels)
 
 
 def changed(before: Gaussians, after: Gaussians) -> set[str]:

@@ -8,7 +8,17 @@ import pytest
 from numpy.lib.recfunctions import append_fields
 
 from gspure import plugins
-from gspure.attacks import Attack, Attacked, Evidence, Strength, attacks, compression, find_attack, learning, registry
+from gspure.attacks import (
+    Attack,
+    Attacked,
+    Measurements,
+    Strength,
+    attacks,
+    compression,
+    find_attack,
+    learning,
+    registry,
+)
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from tests.attack_cases import changed, public
@@ -45,12 +55,12 @@ def model(count: int = COUNT, seed: int = 0, extra: str | None = None) -> Gaussi
     return Gaussians(append_fields(vanilla.table, [f"{extra}{i}" for i in range(2)], further, usemask=False))
 
 
-def evidence(count: int = COUNT) -> Evidence:
+def measurements(count: int = COUNT) -> Measurements:
     rng = np.random.default_rng(1)
     weights = rng.lognormal(0, 2, count).astype(np.float32)
     opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
     labels = rng.permutation(np.arange(count, dtype=np.int32) % 4) - 1
-    return Evidence(weights, weights < 1, opacities, 6 * distances, labels)
+    return Measurements(weights, weights < 1, opacities, 6 * distances, labels)
 
 
 def test_built_in_attacks_are_found_by_name() -> None:
@@ -59,14 +69,14 @@ def test_built_in_attacks_are_found_by_name() -> None:
 
 @pytest.mark.parametrize("name", HERE)
 def test_same_seed_same_bytes(name: str) -> None:
-    one, other = (find_attack(name).apply(model(), evidence(), seed=3) for _ in range(2))
+    one, other = (find_attack(name).apply(model(), measurements(), seed=3) for _ in range(2))
     assert one.model.table.tobytes() == other.model.table.tobytes()
     assert one.model.comments == other.model.comments
 
 
 @pytest.mark.parametrize("name", HERE)
 def test_another_seed_gives_something_else_if_the_attack_uses_its_rng(name: str) -> None:
-    one, other = (find_attack(name).apply(model(), evidence(), seed=seed) for seed in (0, 1))
+    one, other = (find_attack(name).apply(model(), measurements(), seed=seed) for seed in (0, 1))
     assert (one.model.table.tobytes() != other.model.table.tobytes()) == (_rng_of(name) == "rng")
 
 
@@ -79,20 +89,20 @@ def _rng_of(name: str) -> str:
 def test_the_given_model_is_not_changed(name: str) -> None:
     given_model = model()
     before = given_model.table.tobytes()
-    find_attack(name).apply(given_model, evidence())
+    find_attack(name).apply(given_model, measurements())
     assert given_model.table.tobytes() == before
 
 
 @pytest.mark.parametrize("name", sorted(PRUNING))
 def test_rows_that_pruning_keeps_are_bit_identical_and_in_order(name: str) -> None:
-    attacked = find_attack(name).apply(model(), evidence())
+    attacked = find_attack(name).apply(model(), measurements())
     assert attacked.model.table.tobytes() == model().table[~attacked.prune_mask].tobytes()
     np.testing.assert_array_equal(attacked.rows, np.flatnonzero(~attacked.prune_mask))
 
 
 @pytest.mark.parametrize("name", sorted(set(HERE) - PRUNING))
 def test_other_attacks_keep_every_row_and_change_something(name: str) -> None:
-    attacked = find_attack(name).apply(model(), evidence())
+    attacked = find_attack(name).apply(model(), measurements())
     assert not attacked.prune_mask.any()
     assert attacked.model.table.tobytes() != model().table.tobytes()
 
@@ -100,7 +110,7 @@ def test_other_attacks_keep_every_row_and_change_something(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(set(HERE) - {"unattacked"}))
 def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
     attack = find_attack(name)
-    (comment,) = attack.apply(model(), evidence(), seed=5).model.comments
+    (comment,) = attack.apply(model(), measurements(), seed=5).model.comments
     assert f" attack {name} " in comment
     assert comment.endswith("seed=5")
     assert all(f"{setting}={value}" in comment for setting, value in attack.settings.items())
@@ -108,25 +118,25 @@ def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
 
 def test_unattacked_is_the_model_itself() -> None:
     given_model = model()
-    attacked = find_attack("unattacked").apply(given_model, Evidence())
+    attacked = find_attack("unattacked").apply(given_model, Measurements())
     assert attacked.model is given_model
     assert not attacked.prune_mask.any()
 
 
 def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
     weights = np.array([1.0, 2.0, 9.0], np.float32)  # mean 4
-    attacked = find_attack("plain_weight").apply(model(3), Evidence(weights), tau=2.5)
+    attacked = find_attack("plain_weight").apply(model(3), Measurements(weights), tau=2.5)
     assert attacked.prune_mask.tolist() == [True, False, False]
 
 
 def test_feature_scaling_scales_colour_and_nothing_else() -> None:
-    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=1.5).model
+    after = find_attack("feature_scaling").apply(model(), Measurements(), factor=1.5).model
     assert changed(model(), after) == {*(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9))}
     np.testing.assert_array_equal(after.sh_coeffs, model().sh_coeffs * np.float32(1.5))
 
 
 def test_feature_scaling_of_opacity_scales_the_activated_one_and_stays_below_one() -> None:
-    after = find_attack("feature_scaling").apply(model(), Evidence(), factor=2.0, attributes="opacity").model
+    after = find_attack("feature_scaling").apply(model(), Measurements(), factor=2.0, attributes="opacity").model
     assert changed(model(), after) == {"opacity"}
     np.testing.assert_allclose(after.opacities, np.minimum(2 * model().opacities, 1), rtol=1e-5)
     assert np.isfinite(after.table["opacity"]).all()
@@ -136,12 +146,12 @@ def test_feature_scaling_of_opacity_scales_the_activated_one_and_stays_below_one
 @pytest.mark.parametrize("extra", ["semantic_", "f_anchor_feat_"])
 def test_attacks_on_colour_act_on_the_features_of_models_that_store_those(name: str, extra: str) -> None:
     before = model(extra=extra)
-    assert changed(before, find_attack(name).apply(public(before), Evidence()).model) == {f"{extra}0", f"{extra}1"}
+    assert changed(before, find_attack(name).apply(public(before), Measurements()).model) == {f"{extra}0", f"{extra}1"}
 
 
 def test_gaussian_noise_has_the_given_deviation_and_is_independent() -> None:
     before = model(20_000)
-    after = find_attack("gaussian_noise").apply(before, Evidence(), sigma=0.05).model
+    after = find_attack("gaussian_noise").apply(before, Measurements(), sigma=0.05).model
     noise = (after.sh_coeffs - before.sh_coeffs).reshape(20_000, -1)
     assert changed(before, after) == {*(f"f_dc_{i}" for i in range(3)), *(f"f_rest_{i}" for i in range(9))}
     np.testing.assert_allclose(noise.std(axis=0), 0.05, rtol=0.03)
@@ -164,25 +174,29 @@ def test_gaussian_noise_has_the_given_deviation_and_is_independent() -> None:
 )
 def test_bad_settings_are_refused_in_one_line(name: str, settings: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        find_attack(name).apply(model(), evidence(), **settings)
+        find_attack(name).apply(model(), measurements(), **settings)
 
 
 @pytest.mark.parametrize("name", [name for name in HERE if find_attack(name).needs])
-def test_missing_evidence_is_refused(name: str) -> None:
+def test_missing_measurements_are_refused(name: str) -> None:
     needed = "|".join(find_attack(name).needs)
     with pytest.raises(InputError, match=f"attack {name}: ({needed}): expected .*, found nothing"):
-        find_attack(name).apply(model(), Evidence())
+        find_attack(name).apply(model(), Measurements())
 
 
 @pytest.mark.parametrize(
     ("name", "known", "message"),
     [
-        ("gspure", Evidence(prune_mask=np.arange(COUNT) % 2), r"prune_mask: expected \[40\] bool, .* found \[40\] int"),
-        ("plain_weight", Evidence(np.arange(COUNT) > 3), r"weights: expected \[40\] numbers, .* found \[40\] bool"),
-        ("plain_weight", evidence(COUNT - 1), r"weights: expected \[40\] numbers, one per row, found \[39\]"),
+        (
+            "gspure",
+            Measurements(prune_mask=np.arange(COUNT) % 2),
+            r"prune_mask: expected \[40\] bool, .* \[40\] int",
+        ),
+        ("plain_weight", Measurements(np.arange(COUNT) > 3), r"weights: expected \[40\] numbers, .* found \[40\] bool"),
+        ("plain_weight", measurements(COUNT - 1), r"weights: expected \[40\] numbers, one per row, found \[39\]"),
     ],
 )
-def test_evidence_that_does_not_fit_the_model_is_refused(name: str, known: Evidence, message: str) -> None:
+def test_measurements_that_do_not_fit_the_model_is_refused(name: str, known: Measurements, message: str) -> None:
     with pytest.raises(InputError, match=message):
         find_attack(name).apply(model(), known)
 
@@ -210,7 +224,7 @@ def test_a_strength_that_cannot_be_searched_is_refused() -> None:
         Strength("sigma", 0.0, 1.0, "log")
 
 
-@pytest.mark.parametrize("name", ["seed", "damage", "decision", "evidence", "cameras"])
+@pytest.mark.parametrize("name", ["seed", "damage", "decision", "measurements", "cameras"])
 def test_settings_with_reserved_names_are_refused(name: str) -> None:
     names = {}
     exec(f"def jolt(model, rng, *, {name}: float = 3.0): ...", names)  # noqa: S102
@@ -242,7 +256,7 @@ def test_a_plug_in_is_found_by_its_entry_point(monkeypatch: pytest.MonkeyPatch) 
     attack = find_attack("half")
     assert attack.needs == {"weights"}
     assert attack.settings == {"upper": 1}
-    assert len(attack.apply(model(), evidence()).model) == COUNT // 2
+    assert len(attack.apply(model(), measurements()).model) == COUNT // 2
 
 
 @pytest.mark.parametrize(

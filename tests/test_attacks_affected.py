@@ -7,7 +7,7 @@ from gspure.attacks import Attacked, find_attack
 from gspure.attacks.attacked import affected
 from gspure.errors import InputError
 from gspure.model import Gaussians
-from tests.attack_cases import anchors, evidence, features, public
+from tests.attack_cases import anchors, features, measurements, public
 from tests.models import blobs
 
 COUNT = 30
@@ -18,7 +18,7 @@ FEATURES = ("f_anchor_feat_*",)  # SecureGS
 
 
 def affects(name: str, model: Gaussians, reads: tuple[str, ...], **settings) -> bool:
-    return affected(model, find_attack(name).apply(public(model), evidence(COUNT), **settings), reads)
+    return affected(model, find_attack(name).apply(public(model), measurements(COUNT), **settings), reads)
 
 
 @pytest.mark.parametrize(

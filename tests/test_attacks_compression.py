@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.attacks.compression import curve_order
 from gspure.errors import InputError
 from gspure.model.compressed import CHUNK
@@ -27,7 +27,7 @@ def gsply():
 @pytest.mark.parametrize("degree", range(4))
 def test_rows_come_back_nearly_as_they_were(gsply, codec: str, degree: int) -> None:
     before = blobs(COUNT, sh_degree=degree)
-    attacked = find_attack("compression").apply(before, Evidence(), codec=codec)
+    attacked = find_attack("compression").apply(before, Measurements(), codec=codec)
     assert sorted(attacked.rows.tolist()) == list(range(COUNT))
     origin, after = before.table[attacked.rows], attacked.model
     origin = type(before)(origin)
@@ -41,7 +41,7 @@ def test_rows_come_back_nearly_as_they_were(gsply, codec: str, degree: int) -> N
 
 @pytest.mark.parametrize("codec", CODECS)
 def test_images_change_a_little_and_the_same_way_each_time(gsply, codec: str) -> None:
-    one, other = (find_attack("compression").apply(blobs(COUNT), Evidence(), codec=codec).model for _ in range(2))
+    one, other = (find_attack("compression").apply(blobs(COUNT), Measurements(), codec=codec).model for _ in range(2))
     assert one.table.tobytes() == other.table.tobytes()
     images = [render(model, camera(), "ewa").channels for model in (one, blobs(COUNT))]
     assert 0 < np.abs(images[0] - images[1]).mean() < 0.02
@@ -62,7 +62,7 @@ def test_far_rows_do_not_spoil_the_chunks_of_others(farthest: float) -> None:
 @pytest.mark.parametrize("kind", ["features", "anchors"])
 def test_models_that_a_format_cannot_store_are_refused(kind: str) -> None:
     with pytest.raises(InputError, match="compression: not applicable: the format holds"):
-        find_attack("compression").apply(public(KINDS[kind](COUNT)), Evidence())
+        find_attack("compression").apply(public(KINDS[kind](COUNT)), Measurements())
 
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,4 +70,4 @@ def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPat
     with pytest.raises(
         InputError, match=r"attack compression: gsply: .*the package gsply.*pip install gspure\[compression\]"
     ):
-        find_attack("compression").apply(blobs(COUNT), Evidence())
+        find_attack("compression").apply(blobs(COUNT), Measurements())

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
-from gspure.attacks import Evidence, Strength, find_attack
+from gspure.attacks import Measurements, Strength, find_attack
 from gspure.attacks.attack import Attack
 from gspure.attacks.attacked import Attacked
 from gspure.attacks.registry import BUILT_IN
@@ -76,7 +76,7 @@ def test_both_ends_of_every_strength_are_valid_and_the_strong_one_damages_more(a
     public = PublicModel(blobs(200))
     rng = np.random.default_rng(0)
     weights, surface = rng.lognormal(0, 2, (2, 200)).astype(np.float32)
-    known = Evidence(weights, None, public.model.opacities, surface, np.repeat(np.int32([-1, 0, 1, 2]), 50))
+    known = Measurements(weights, None, public.model.opacities, surface, np.repeat(np.int32([-1, 0, 1, 2]), 50))
     damage_of = scene_damage(public, VIEWS)
     ends = [
         damage_of(PublicModel(attack.apply(public, known, **{attack.strength.setting: attack.strength.at(end)}).model))
@@ -89,7 +89,7 @@ def test_both_ends_of_every_strength_are_valid_and_the_strong_one_damages_more(a
 def test_gspure_scaled_multiplies_both_factors(scale: float) -> None:
     rng = np.random.default_rng(0)
     weights, labels = rng.lognormal(0, 2, 60).astype(np.float32), rng.permutation(np.int32([-1, 0, 1] * 20))
-    known = Evidence(weights, labels=labels)
+    known = Measurements(weights, labels=labels)
     removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=scale, tau_c=3.0, tau_n=2.0).prune_mask
     np.testing.assert_array_equal(removed, prune_mask(labels, weights, 3 * scale, 2 * scale))
 
@@ -98,7 +98,7 @@ def test_without_photographs_damage_is_that_of_independent_errors_of_a_nominal_m
     public = PublicModel(blobs(50))
     damage_of = scene_damage(public, VIEWS)
     assert damage_of(public) == 0
-    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Measurements(), sigma=0.2).model)
     assert damage_of(noisy) > 1
 
 
@@ -112,7 +112,7 @@ def test_views_move_with_the_model_whose_damage_is_searched() -> None:
         return Attacked.changed(model, noisy, shift)
 
     attack = Attack("noise_and_turn", noise_and_turn, strength=Strength("sigma", 0.001, 10.0, "log"))
-    found = attack.matching(public, Evidence(), 1.0, scene_damage(public, VIEWS))
+    found = attack.matching(public, Measurements(), 1.0, scene_damage(public, VIEWS))
     assert found.damage == pytest.approx(1, abs=0.04)
     in_place = scene_damage(public, VIEWS)(PublicModel(attack.apply(public, sigma=found.value).model))
     assert in_place > 2  # what the search would have seen
@@ -120,7 +120,7 @@ def test_views_move_with_the_model_whose_damage_is_searched() -> None:
 
 def test_an_unchanged_view_does_not_hide_the_damage_to_others() -> None:
     public, away = PublicModel(blobs(50)), replace(VIEWS[0], name="away", viewmat=np.diag([-1.0, 1, -1, 1]))
-    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Measurements(), sigma=0.2).model)
     damage = scene_damage(public, VIEWS[:1])(noisy)
     assert damage > 1
     assert scene_damage(public, [VIEWS[0], away])(noisy) == pytest.approx(damage / 2)
@@ -128,7 +128,7 @@ def test_an_unchanged_view_does_not_hide_the_damage_to_others() -> None:
 
 def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:
     public = PublicModel(blobs(50))
-    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Evidence(), sigma=0.2).model)
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, Measurements(), sigma=0.2).model)
     renders = [read_back(public.scene()(view)) for view in VIEWS]
     with pytest.raises(InputError, match="photographs"):
         scene_damage(public, VIEWS, renders)

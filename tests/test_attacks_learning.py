@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gspure.attacks import Attacked, Evidence, find_attack
+from gspure.attacks import Attacked, Measurements, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
 from gspure.errors import InputError
@@ -26,9 +26,9 @@ GEOMETRY = {"x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i
 
 
 def attacked_by(name: str, seed: int = 0, **settings) -> Attacked:
-    evidence = Evidence(WEIGHTS, labels=LABELS) if find_attack(name).needs else Evidence()
+    measurements = Measurements(WEIGHTS, labels=LABELS) if find_attack(name).needs else Measurements()
     settings = {"iterations": 6, **settings}
-    return find_attack(name).apply(PublicModel(blobs(ROWS)), evidence, seed=seed, cameras=VIEWS, **settings)
+    return find_attack(name).apply(PublicModel(blobs(ROWS)), measurements, seed=seed, cameras=VIEWS, **settings)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -56,8 +56,8 @@ def test_an_attack_renders_and_trains_on_the_background_of_the_model(name: str, 
 
     monkeypatch.setattr(TrainableModel, "step", stepped)
     monkeypatch.setattr(TrainableModel, "set_targets", lambda self, of: (images.extend(of), set_targets(self, of)))
-    evidence = Evidence(WEIGHTS, labels=LABELS) if find_attack(name).needs else Evidence()
-    find_attack(name).apply(model, evidence, cameras=VIEWS, iterations=2)
+    measurements = Measurements(WEIGHTS, labels=LABELS) if find_attack(name).needs else Measurements()
+    find_attack(name).apply(model, measurements, cameras=VIEWS, iterations=2)
     assert {*backgrounds} == {white}
     np.testing.assert_array_equal(images[0], read_back(model.scene(background=white)(VIEWS[0])))
 
@@ -82,8 +82,8 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_gspure_repair_removes_the_rows_that_gspure_scaled_removes(scale: float) -> None:
     factors = {"scale": scale, "tau_c": 2.0, "tau_n": 1.5}
-    evidence = Evidence(WEIGHTS, labels=LABELS)
-    pruned = find_attack("gspure_scaled").apply(PublicModel(blobs(ROWS)), evidence, **factors)
+    measurements = Measurements(WEIGHTS, labels=LABELS)
+    pruned = find_attack("gspure_scaled").apply(PublicModel(blobs(ROWS)), measurements, **factors)
     np.testing.assert_array_equal(attacked_by("gspure_repair", **factors).prune_mask, pruned.prune_mask)
 
 
@@ -141,19 +141,19 @@ def test_an_attack_of_another_package_learns_like_the_built_in_ones(scheme: str)
         from tests.test_attacks_learning_networks import gs_hider
 
     asset = PublicModel(blobs(ROWS)) if scheme == "vanilla" else gs_hider()
-    ours = module["ATTACK"].apply(asset, Evidence(), cameras=VIEWS, iterations=6)
+    ours = module["ATTACK"].apply(asset, Measurements(), cameras=VIEWS, iterations=6)
     assert changed(asset.model, ours.model) <= {*asset.columns["colour"]}
-    built_in = find_attack("finetune").apply(asset, Evidence(), cameras=VIEWS, iterations=6, learn="colour")
+    built_in = find_attack("finetune").apply(asset, Measurements(), cameras=VIEWS, iterations=6, learn="colour")
     assert ours.model.table.tobytes() == built_in.model.table.tobytes()
 
 
 def test_without_views_there_is_nothing_to_learn_from() -> None:
     with pytest.raises(InputError, match="cameras: expected public views"):
-        find_attack("finetune").apply(blobs(3), Evidence())
+        find_attack("finetune").apply(blobs(3), Measurements())
 
 
 def test_only_3dgs_is_distilled() -> None:
     from tests.attack_cases import features
 
     with pytest.raises(InputError, match="distil: not applicable"):
-        find_attack("distil").apply(public(features(9)), Evidence(), cameras=VIEWS)
+        find_attack("distil").apply(public(features(9)), Measurements(), cameras=VIEWS)

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.attacks.strength import scene_damage
 from gspure.public_model import PublicModel
 from gspure.schemes.gs_hider.decoder import untrained
@@ -40,7 +40,7 @@ MODELS = {"gs_hider": gs_hider, "secure_gs": lambda: random_public(60)}
 
 
 def attacked_by(name: str, public: PublicModel, **settings) -> PublicModel:
-    attacked = find_attack(name).apply(public, Evidence(), cameras=VIEWS, **settings)
+    attacked = find_attack(name).apply(public, Measurements(), cameras=VIEWS, **settings)
     return public.with_model(attacked.model)
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.rotations import rotate_sh, rotation_matrices, sh_rotation
@@ -23,7 +23,7 @@ degrees = st.integers(0, 3)
 
 def moved(model: Gaussians, angle: float, axis=(0, 1, 0), translation=(0, 0, 0)):
     texts = {"axis": ",".join(map(str, axis)), "translation": ",".join(map(str, translation))}
-    return find_attack("rigid_transform").apply(public(model), Evidence(), angle=angle, **texts)
+    return find_attack("rigid_transform").apply(public(model), Measurements(), angle=angle, **texts)
 
 
 @unhurried

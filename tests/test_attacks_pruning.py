@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Evidence, find_attack
-from tests.attack_cases import KINDS, evidence, unhurried
+from gspure.attacks import Measurements, find_attack
+from tests.attack_cases import KINDS, measurements, unhurried
 from tests.models import blobs
 
 COUNT = 30
@@ -19,7 +19,7 @@ seeds = st.integers(0, 99)
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
 def test_exactly_the_fraction_is_removed(name: str, count: int, fraction: float, seed: int) -> None:
-    attacked = find_attack(name).apply(blobs(count), evidence(count), seed=seed, fraction=fraction)
+    attacked = find_attack(name).apply(blobs(count), measurements(count), seed=seed, fraction=fraction)
     assert attacked.prune_mask.sum() == count - len(attacked.model) == round(fraction * count)
 
 
@@ -27,13 +27,13 @@ def test_exactly_the_fraction_is_removed(name: str, count: int, fraction: float,
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
 def test_no_removed_row_is_above_a_kept_one(name: str, field: str, count: int, fraction: float, seed: int) -> None:
-    found = evidence(count, seed)
+    found = measurements(count, seed)
     mask, values = find_attack(name).apply(blobs(count), found, fraction=fraction).prune_mask, getattr(found, field)
     assert values[mask].max(initial=-np.inf) <= values[~mask].min(initial=np.inf)
 
 
 def test_of_equal_rows_the_first_are_removed() -> None:
-    attacked = find_attack("lowest_weight").apply(blobs(4), Evidence(np.float32([1, 1, 1, 0])), fraction=0.5)
+    attacked = find_attack("lowest_weight").apply(blobs(4), Measurements(np.float32([1, 1, 1, 0])), fraction=0.5)
     assert attacked.prune_mask.tolist() == [True, False, False, True]
 
 
@@ -41,7 +41,7 @@ def test_of_equal_rows_the_first_are_removed() -> None:
 @unhurried
 @given(count=counts, seed=seeds)
 def test_matched_controls_remove_as_many_as_gspure(name: str, count: int, seed: int) -> None:
-    found = evidence(count, seed)
+    found = measurements(count, seed)
     assert find_attack(name).apply(blobs(count), found, seed=seed).prune_mask.sum() == found.prune_mask.sum()
 
 
@@ -49,7 +49,7 @@ def test_matched_controls_remove_as_many_as_gspure(name: str, count: int, seed: 
 @given(count=counts, seed=seeds, tau=st.floats(0.5, 8))
 def test_opacity_and_weight_together_remove_what_either_does(count: int, seed: int, tau: float) -> None:
     masks = {
-        name: find_attack(name).apply(blobs(count), evidence(count, seed), tau=tau).prune_mask
+        name: find_attack(name).apply(blobs(count), measurements(count, seed), tau=tau).prune_mask
         for name in ("plain_opacity", "plain_weight", "opacity_weight")
     }
     assert (masks["opacity_weight"] == (masks["plain_opacity"] | masks["plain_weight"])).all()
@@ -60,8 +60,8 @@ def test_opacity_and_weight_together_remove_what_either_does(count: int, seed: i
 @given(fraction=shares, seed=seeds)
 def test_crop_keeps_a_box_and_a_larger_one_keeps_more(kind: str, fraction: float, seed: int) -> None:
     model = KINDS[kind](COUNT, seed)
-    attacked = find_attack("crop").apply(model, Evidence(), fraction=fraction)
-    larger = find_attack("crop").apply(model, Evidence(), fraction=min(1.0, fraction + 0.1))
+    attacked = find_attack("crop").apply(model, Measurements(), fraction=fraction)
+    larger = find_attack("crop").apply(model, Measurements(), fraction=min(1.0, fraction + 0.1))
     assert not larger.prune_mask[~attacked.prune_mask].any()
     assert attacked.model.table.tobytes() == model.table[~attacked.prune_mask].tobytes()
     if len(attacked.model):
@@ -74,7 +74,7 @@ def test_a_floater_does_not_widen_the_crop() -> None:
     model = blobs(1000)
     far = model.table.copy()
     far["x"][0] = 1e6
-    mask = find_attack("crop").apply(model, Evidence()).prune_mask
-    with_floater = find_attack("crop").apply(type(model)(far), Evidence()).prune_mask
+    mask = find_attack("crop").apply(model, Measurements()).prune_mask
+    with_floater = find_attack("crop").apply(type(model)(far), Measurements()).prune_mask
     assert with_floater[0]
     assert (with_floater[1:] != mask[1:]).mean() < 0.01

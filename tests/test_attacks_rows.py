@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.model import Gaussians
 from tests.attack_cases import KINDS, changed, unhurried
 from tests.models import blobs, camera
@@ -25,14 +25,14 @@ def ordered(table: np.ndarray) -> list[bytes]:
 @given(seed=seeds)
 def test_reordering_is_a_permutation(kind: str, seed: int) -> None:
     model = KINDS[kind](COUNT)
-    attacked = find_attack("reorder").apply(model, Evidence(), seed=seed)
+    attacked = find_attack("reorder").apply(model, Measurements(), seed=seed)
     assert not attacked.prune_mask.any()
     assert ordered(attacked.model.table) == ordered(model.table)
     assert attacked.model.table.tobytes() == model.table[attacked.rows].tobytes()
 
 
 def test_reordering_leaves_images_as_they_are() -> None:
-    attacked = find_attack("reorder").apply(blobs(COUNT), Evidence())
+    attacked = find_attack("reorder").apply(blobs(COUNT), Measurements())
     np.testing.assert_array_equal(image(attacked.model), image(blobs(COUNT)))
 
 
@@ -40,7 +40,7 @@ def test_reordering_leaves_images_as_they_are() -> None:
 @given(fraction=shares, seed=seeds)
 def test_clones_are_their_originals_but_for_the_opacity_of_both(fraction: float, seed: int) -> None:
     model = blobs(COUNT)
-    attacked = find_attack("densify_clone").apply(model, Evidence(), seed=seed, fraction=fraction)
+    attacked = find_attack("densify_clone").apply(model, Measurements(), seed=seed, fraction=fraction)
     number = round(fraction * COUNT)
     assert len(attacked.model) == COUNT + number
     np.testing.assert_array_equal(attacked.rows[:COUNT], np.arange(COUNT))
@@ -52,14 +52,14 @@ def test_clones_are_their_originals_but_for_the_opacity_of_both(fraction: float,
 
 
 def test_cloned_gaussians_transmit_as_much_as_the_original() -> None:
-    attacked = find_attack("densify_clone").apply(blobs(COUNT), Evidence(), fraction=1.0)
+    attacked = find_attack("densify_clone").apply(blobs(COUNT), Measurements(), fraction=1.0)
     first, second = attacked.model.opacities[:COUNT], attacked.model.opacities[COUNT:]
     np.testing.assert_allclose((1 - first) * (1 - second), 1 - blobs(COUNT).opacities, rtol=1e-3, atol=2e-6)
 
 
 def test_cloning_changes_images_less_than_pruning_as_many() -> None:
-    cloned = find_attack("densify_clone").apply(blobs(COUNT), Evidence(), fraction=0.5)
-    pruned = find_attack("random_pruning").apply(blobs(COUNT), Evidence(), fraction=0.5)
+    cloned = find_attack("densify_clone").apply(blobs(COUNT), Measurements(), fraction=0.5)
+    pruned = find_attack("random_pruning").apply(blobs(COUNT), Measurements(), fraction=0.5)
     truth = image(blobs(COUNT))
     damage = [np.square(image(attacked.model) - truth).mean() for attacked in (cloned, pruned)]
     assert 0 < damage[0] < damage[1] / 10
@@ -70,7 +70,7 @@ def test_cloning_changes_images_less_than_pruning_as_many() -> None:
 @given(fraction=shares, seed=seeds)
 def test_injected_rows_are_moved_copies_behind_the_untouched_ones(kind: str, fraction: float, seed: int) -> None:
     model = KINDS[kind](COUNT)
-    attacked = find_attack("inject").apply(model, Evidence(), seed=seed, fraction=fraction)
+    attacked = find_attack("inject").apply(model, Measurements(), seed=seed, fraction=fraction)
     assert len(attacked.model) == COUNT + round(fraction * COUNT)
     assert attacked.model.table[:COUNT].tobytes() == model.table.tobytes()
     assert changed(Gaussians(model.table[attacked.rows]), attacked.model) <= {"x", "y", "z"}

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from gspure.attacks import find_attack
-from tests.attack_cases import evidence
+from tests.attack_cases import measurements
 from tests.documentation import ROOT
 from tests.models import blobs
 
@@ -22,7 +22,7 @@ def grid(name: str) -> tuple[str, dict]:
 @pytest.mark.parametrize("name", GRID)
 def test_every_entry_runs(name: str) -> None:
     attack, settings = grid(name)
-    attacked = find_attack(attack).apply(blobs(COUNT), evidence(COUNT), **settings)
+    attacked = find_attack(attack).apply(blobs(COUNT), measurements(COUNT), **settings)
     assert np.isfinite(attacked.model.columns(*attacked.model.table.dtype.names)).all()
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.attacks.geometry import radius
 from gspure.errors import InputError
 from gspure.model import Gaussians
@@ -29,7 +29,7 @@ OWN = {
 
 
 def attacked(name: str, model: Gaussians, seed: int = 0, **settings) -> Gaussians:
-    return find_attack(name).apply(public(model), Evidence(), seed=seed, **settings).model
+    return find_attack(name).apply(public(model), Measurements(), seed=seed, **settings).model
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -108,7 +108,7 @@ def test_opacity_noise_is_relative_and_has_the_given_deviation() -> None:
 @pytest.mark.parametrize(("offset", "warns"), [(0.0, False), (100.0, False), (4e5, True)])
 def test_moves_that_float32_rounds_far_from_the_origin_are_warned_of(attack: str, offset: float, warns: bool, capsys):
     public = PublicModel(blobs(50).with_columns({"y": blobs(50).means[:, 1] + np.float32(offset)}))
-    find_attack(attack).apply(public, Evidence())
+    find_attack(attack).apply(public, Measurements())
     assert ("first move model and cameras" in capsys.readouterr().err) == warns
 
 

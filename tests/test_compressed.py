@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
 from gspure.model.finite import undrawable_rows
@@ -122,7 +122,7 @@ def test_rows_whose_values_a_format_cannot_hold_are_counted(tmp_path, capsys, su
             write_model(tmp_path / f"m{suffix}", model)
         else:
             codec = suffix[1:].replace(".", "_")
-            find_attack("compression").apply(model, Evidence(), codec=codec)
+            find_attack("compression").apply(model, Measurements(), codec=codec)
         return capsys.readouterr().err.splitlines()
 
     model = blobs(60, sh_degree=1)

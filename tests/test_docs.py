@@ -11,7 +11,7 @@ import yaml
 
 import gspure
 from gspure import constants
-from gspure.attacks import Evidence, attacks
+from gspure.attacks import Measurements, attacks
 from gspure.attacks.registry import BUILT_IN
 from tests.documentation import PAGES, ROOT, blocks, edges, install_example, workflow_edges
 from tests.models import blobs
@@ -79,7 +79,7 @@ def test_the_example_attack_is_registered_and_works(plugged_in):
     model, weights = blobs(40), np.arange(40, dtype=np.float32)[::-1].copy()
     attack = attacks()["faint_pruning"]
     assert attack.needs == {"weights"}
-    attacked = attack.apply(model, Evidence(weights=weights), share=0.5)
+    attacked = attack.apply(model, Measurements(weights=weights), share=0.5)
     assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20
     assert attacked.model.table.tobytes() == model.table[:20].tobytes()
 

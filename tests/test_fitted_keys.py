@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.cli import extract, main
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image, write_image
@@ -84,7 +84,7 @@ def test_the_views_of_the_photographs_move_with_the_model(
     if marked.scheme.name == "keyss":
         pytest.skip("the network reads positions, so it has to learn another message")
     monkeypatch.setattr(extract, "FIT_STEPS", 12)
-    attacked = find_attack("rigid_transform").apply(marked.public, Evidence(), angle=0.0, translation="0.5,0,0")
+    attacked = find_attack("rigid_transform").apply(marked.public, Measurements(), angle=0.0, translation="0.5,0,0")
     np.save(tmp_path / "transform.npy", attacked.transform)
     marked.key.write(tmp_path / "key")
     images = []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.lib import recfunctions as rfn
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.cameras import read_cameras, split
 from gspure.cli import main
 from gspure.errors import InputError
@@ -139,7 +139,7 @@ def test_noise_on_the_colours_ends_the_literal_message_and_not_the_oracle_one(pu
     ],
 )
 def test_the_adaptive_extraction_matches_rows_that_moved(public, key, quality, pair, attack, settings):
-    attacked = find_attack(attack).apply(public, Evidence(), cameras=pair.scene.views, **settings)
+    attacked = find_attack(attack).apply(public, Measurements(), cameras=pair.scene.views, **settings)
     moved, before = public.with_model(attacked.model), quality(key.message(public, ORACLE))
     back = registered(moved, public.model)
     assert quality(key.message(back, ADAPTIVE)) == pytest.approx(before, abs=0.3)
@@ -148,7 +148,7 @@ def test_the_adaptive_extraction_matches_rows_that_moved(public, key, quality, p
 
 @pytest.mark.parametrize("attack", ["unattacked", "rigid_transform"])
 def test_the_adaptive_extraction_matches_no_row_of_a_clean_model(key, clean, attack):
-    attacked = clean.with_model(find_attack(attack).apply(clean, Evidence()).model)
+    attacked = clean.with_model(find_attack(attack).apply(clean, Measurements()).model)
     assert registered(attacked, key.hidden) is attacked
     assert not len(key.gaussians(attacked, None, ADAPTIVE)[0])
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from plyfile import PlyData
 from scipy.spatial import Delaunay
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
 from gspure.model.ply import Mesh, write_mesh_ply
@@ -175,7 +175,7 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
         distances = mesh_distances(wider, extract_mesh(wider, views))
     else:
         distances = depth_distances(PublicModel(model), views)
-    kept = ~find_attack("gof").apply(model, Evidence(surface=distances)).prune_mask
+    kept = ~find_attack("gof").apply(model, Measurements(surface=distances)).prune_mask
     shares = [kept[part == i].mean() for i in range(4)]
     assert shares[0] > 0.97
     assert shares[1:] == [0, 0, 0]

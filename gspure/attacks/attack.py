@@ -24,7 +24,7 @@ Rng = np.random.Generator
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Measurements:
     """What an attacker has measured on the public model.
 
     Parameters
@@ -49,16 +49,16 @@ class Evidence:
     labels: Int32 | None = None
 
 
-EVIDENCE: Final = frozenset(field.name for field in fields(Evidence))
+MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))
 PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
 """Parameters that any attack may have without a measurement: the columns that the scheme declares for each attribute
 (`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
 
-RESERVED: Final = PUBLIC | {"attack", "damage", "decision", "evidence", "seed"}
+RESERVED: Final = PUBLIC | {"attack", "damage", "decision", "measurements", "seed"}
 """Names that settings must not have: options of commands, configurations and `Attack.apply`."""
 
-NO_EVIDENCE: Final = Evidence()
+NO_MEASUREMENTS: Final = Measurements()
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,9 @@ class Attack:
     name : str
         Unique; the name of its variant in every table.
     function : callable
-        ``function(model, rng, [evidence, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. Its
-        positional parameters name the evidence that it needs (fields of `Evidence`, or of `PUBLIC`); its keyword-only
-        parameters are its settings, numbers annotated with their bounds (`gspure.settings`).
+        ``function(model, rng, [weights, ...], *, setting=default, ...) -> Attacked``: pure and deterministic. Its
+        positional parameters name what it needs, fields of `Measurements` or of `PUBLIC`; its keyword-only parameters
+        are its settings, numbers annotated with their bounds (`gspure.settings`).
     packages : mapping of str to str
         Optional packages that it imports, each with the requirement that pip installs.
     strength : Strength, optional
@@ -99,7 +99,7 @@ class Attack:
 
     @property
     def needs(self) -> frozenset[str]:
-        """The measured evidence that it needs: fields of `Evidence`."""
+        """The measurements that it needs: fields of `Measurements`."""
         return self.parameters - PUBLIC
 
     @property
@@ -122,7 +122,7 @@ class Attack:
     def apply(
         self,
         public: PublicModel | Gaussians,
-        evidence: Evidence = NO_EVIDENCE,
+        measurements: Measurements = NO_MEASUREMENTS,
         *,
         seed: int = 0,
         cameras: Sequence[Camera] = (),
@@ -131,17 +131,17 @@ class Attack:
     ) -> Attacked:
         """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
-        Bare Gaussians are vanilla 3DGS. `evidence` includes at least what the attack needs; `cameras` are public views,
-        which the attack gets without their photographs.
+        Bare Gaussians are vanilla 3DGS. `measurements` include at least what the attack needs; `cameras` are public
+        views, which the attack gets without their photographs.
 
-        Raise `InputError` if a setting is unknown or out of range, evidence is missing or of another model, or finite
-        numbers become infinite; `NotApplicable` if the model has nothing that the attack acts on.
+        Raise `InputError` if a setting is unknown or out of range, a measurement is missing or of another model, or
+        finite numbers become infinite; `NotApplicable` if the model has nothing that the attack acts on.
         """
         require_settings(f"attack {self.name}", self.function, settings)
         SEED.require(f"attack {self.name}", "seed", seed)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
-        arguments: dict[str, Any] = {name: self._measured(name, evidence, len(model)) for name in self.needs}
+        arguments: dict[str, Any] = {name: self._measured(name, measurements, len(model)) for name in self.needs}
         public_arguments = {
             "columns": public.columns,
             "public": public,
@@ -160,7 +160,7 @@ class Attack:
     def matching(
         self,
         public: PublicModel,
-        evidence: Evidence,
+        measurements: Measurements,
         wanted: float,
         damage_of: Damage,
         *,
@@ -183,7 +183,7 @@ class Attack:
 
         def damage_at(value: float) -> float:
             chosen = {**settings, strength.setting: value}
-            attacked = self.apply(public, evidence, seed=seed, cameras=cameras, device=device, **chosen)
+            attacked = self.apply(public, measurements, seed=seed, cameras=cameras, device=device, **chosen)
             return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else np.inf
 
         return search(strength, damage_at, wanted)
@@ -207,9 +207,9 @@ class Attack:
                 found = f"infinity or not-a-number in {len(bad)} of {len(rows)} rows, first in row {bad[0]}"
                 raise InputError(source, name, expected="finite numbers", found=found, hint=listed)
 
-    def _measured(self, name: str, evidence: Evidence, count: int) -> NDArray[Any]:
+    def _measured(self, name: str, measurements: Measurements, count: int) -> NDArray[Any]:
         """Return what is known of each row; a mask of integers would index rows."""
-        array: NDArray[Any] | None = getattr(evidence, name)
+        array: NDArray[Any] | None = getattr(measurements, name)
         if array is None or array.shape != (count,) or (array.dtype == np.bool_) != (name == "prune_mask"):
             expected = f"[{count}] {'bool' if name == 'prune_mask' else 'numbers'}, one per row"
             found = "nothing" if array is None else f"{list(array.shape)} {array.dtype}"

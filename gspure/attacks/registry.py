@@ -1,7 +1,7 @@
 """All attacks by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.attacks``)."""
 
 from gspure.attacks import appearance, compression, geometry, learning, noise, pruning, rows
-from gspure.attacks.attack import EVIDENCE, PUBLIC, Attack
+from gspure.attacks.attack import MEASUREMENTS, PUBLIC, Attack
 from gspure.errors import InputError
 from gspure.plugins import registered
 
@@ -22,7 +22,7 @@ def attacks() -> dict[str, Attack]:
 
     Raise `InputError` if a plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
     """
-    return registered(GROUP, Attack, BUILT_IN, _require_evidence)
+    return registered(GROUP, Attack, BUILT_IN, _require_known)
 
 
 def find_attack(name: str) -> Attack:
@@ -33,9 +33,9 @@ def find_attack(name: str) -> Attack:
     return known[name]
 
 
-def _require_evidence(attack: Attack, source: str) -> None:
-    """Refuse an attack with a parameter that is no evidence."""
-    known = EVIDENCE | PUBLIC
+def _require_known(attack: Attack, source: str) -> None:
+    """Refuse an attack with a parameter that nothing measures."""
+    known = MEASUREMENTS | PUBLIC
     if not attack.parameters <= known:
         needs = ", ".join(sorted(attack.parameters))
         raise InputError(source, "needs", expected=f"of {', '.join(sorted(known))}", found=needs)

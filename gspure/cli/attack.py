@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Evidence, NotApplicable, find_attack
+from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
 from gspure.cameras import Camera, split
@@ -85,14 +85,14 @@ def run(args: Arguments) -> None:
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
     public = read_public(args)
-    evidence = _read_evidence(args, public, attack.needs)
+    measurements = _read_measurements(args, public, attack.needs)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": read_device(args) if views else None}
     search = None
     if args.damage is not None:
-        search = attack.matching(public, evidence, args.damage, _read_damage(args, public), **known, **settings)
+        search = attack.matching(public, measurements, args.damage, _read_damage(args, public), **known, **settings)
         settings[search.setting] = search.value
-    attacked = attack.apply(public, evidence, **known, **settings)
+    attacked = attack.apply(public, measurements, **known, **settings)
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
         _print_damage(args, search)
@@ -119,7 +119,7 @@ def _print_damage(args: Arguments, search: Match) -> None:
         print(f"{args.name}: {drop}")
 
 
-def _read_evidence(args: Arguments, public: PublicModel, needs: frozenset[str]) -> Evidence:
+def _read_measurements(args: Arguments, public: PublicModel, needs: frozenset[str]) -> Measurements:
     """Read the measurements that an attack needs."""
     known: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     for name in sorted(needs & _MEASUREMENTS.keys()):
@@ -128,7 +128,7 @@ def _read_evidence(args: Arguments, public: PublicModel, needs: frozenset[str]) 
             known[name] = read_labels(path)
         elif path:
             known[name] = load_array(path, dtype=dtype, shape=(len(public.model),), least=0)
-    return Evidence(**known)
+    return Measurements(**known)
 
 
 def _read_training_views(args: Arguments) -> list[Camera]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Evidence, NotApplicable, find_attack
+from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.attacked import affected
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
@@ -40,7 +40,7 @@ def attack(
     used: dict[str, Any] = parsed_settings(
         f"attack {name}", known.function, {key: str(value) for key, value in settings.items()}
     )
-    evidence, views = read(before, measured), []
+    measurements, views = read(before, measured), []
     if cameras and "cameras" in known.parameters:
         views = views_of(cameras, "train")
     do: dict[str, Any] = {"seed": seed, "cameras": views, "device": choose_device() if views else None}
@@ -48,11 +48,11 @@ def attack(
     try:
         if damage is not None and cameras:
             measure = damage_in(before, views_of(cameras, split), photographs)
-            search = known.matching(before, evidence, damage, measure, **do, **used)
+            search = known.matching(before, measurements, damage, measure, **do, **used)
             used[search.setting] = search.value
             comments = [search.comment(damage)]
             missed = f", {search.damage:z.2f} dB reached" if search.misses(damage) else ""
-        attacked = known.apply(before, evidence, **do, **used)
+        attacked = known.apply(before, measurements, **do, **used)
     except NotApplicable as error:
         print(error)
         write_json(verdict, {"not applicable": str(error)})
@@ -83,7 +83,7 @@ def damage_in(public: PublicModel, views: list[Camera], photographs: Path | None
     return scene_damage(public, views, truth or None, choose_device())
 
 
-def read(public: PublicModel, measured: dict[str, str]) -> Evidence:
+def read(public: PublicModel, measured: dict[str, str]) -> Measurements:
     """Return what the attack needs beside the model; the opacities of Gaussians are in the model."""
     found: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     for name, file in measured.items():
@@ -91,7 +91,7 @@ def read(public: PublicModel, measured: dict[str, str]) -> Evidence:
             found[name] = read_labels(Path(file))
         else:
             found[name] = load_array(Path(file), dtype=DTYPES[name], shape=(len(public.model),), least=0)
-    return Evidence(**found)
+    return Measurements(**found)
 
 
 run(attack)
