@@ -7,12 +7,9 @@ import numpy as np
 from PIL import Image
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
-from gspure.opencl.adam import LearningRates
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.renderer import Renderer
 from tests.models import points_of
-
-RATES = LearningRates(means=1e-3, quats=1e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1.25e-4)
 
 
 def ring(count=9, width=32, height=24) -> list[Camera]:
