@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import yaml
 
 from gspure.attacks import find_attack
 from gspure.evaluation.controls import LEVEL_CONTROLS
-from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
@@ -29,6 +28,18 @@ SCHEMES: Final = (
     *("splats_in_splats", "splats_in_splats_hardened", "gs_hider", "gs_hider_hardened"),
     *("secure_gs", "secure_gs_hardened", "keyss", "marked_clones"),
 )
+
+
+class AttackCost(NamedTuple):
+    """The mean cost of one variant, or of all variants of a sweep, over the scenes and seeds of one condition."""
+
+    scheme: str
+    protocol: str
+    initialization: str
+    kind: str  # `variant` or `sweep`
+    attack: str
+    cpu: float  # s
+    memory: float  # peak, MiB
 
 
 def contest(run: Path, scheme: str) -> Table:

@@ -18,9 +18,8 @@ from pathlib import Path
 from statistics import mean
 from typing import Final
 
-from benchmarks.contest import SCHEMES, contest
+from benchmarks.contest import SCHEMES, AttackCost, contest
 from gspure.evaluation.controls import CLEAN, WRONG_KEY
-from gspure.evaluation.costs import AttackCost
 from gspure.evaluation.csv_tables import csv_text, header, read_table
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.names import GSPURE, UNATTACKED, condition_name, display_name, extraction_name, wanted_damage
@@ -197,9 +196,9 @@ def filled(text: str, runs: Path = RUNS) -> str:
 
 
 def complete(file: Path) -> None:
-    """Add the columns that a table of a run lacks, with unknown values."""
+    """Give a table of a run the columns of today, unknown values where it lacks one."""
     columns, rows = header(ROWS[file.stem]), _dicts(file)
-    if rows[0].keys() < {*columns}:
+    if [*rows[0]] != columns:
         text = csv_text(columns, ([row.get(column, "") for column in columns] for row in rows))
         file.write_text(text, encoding="utf-8")
 
