@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plyfile import PlyData
 from scipy.spatial import Delaunay
 
 from gspure.attacks import Measurements, find_attack
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.model.ply import Mesh, write_mesh_ply
+from gspure.model.ply import Mesh
 from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
@@ -122,18 +121,6 @@ def test_vertices_lie_where_the_field_is_one_half(views):
     found = extract_mesh(model, views)
     np.testing.assert_allclose(opacity_field(model, views, found.vertices), 0.5, atol=0.02)
     assert len(found.faces) > 20
-
-
-def test_a_mesh_is_read_by_other_programs(mesh, tmp_path):
-    write_mesh_ply(tmp_path / "mesh.ply", mesh)
-    ply = PlyData.read(tmp_path / "mesh.ply")
-    np.testing.assert_allclose(np.stack([ply["vertex"][name] for name in "xyz"], axis=1), mesh.vertices, rtol=1e-6)
-    np.testing.assert_array_equal(np.stack(ply["face"]["vertex_indices"]), mesh.faces)
-    pyvista = pytest.importorskip("pyvista")
-    seen = pyvista.read(tmp_path / "mesh.ply")
-    assert seen.n_cells == len(mesh.faces)
-    assert seen.is_manifold
-    assert (RADIUS + DEVIATION) ** 3 < seen.volume / (4 / 3 * np.pi) < (RADIUS + 2.5 * DEVIATION) ** 3
 
 
 def test_the_same_model_gives_the_same_mesh(mesh, views):

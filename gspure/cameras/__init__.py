@@ -1,6 +1,6 @@
 """Cameras: poses and intrinsics of views, read from all common formats or generated."""
 
-from gspure.cameras.camera import Camera, intrinsics, split, views_digest
+from gspure.cameras.camera import Camera, intrinsics, split
 from gspure.cameras.colmap import read_points
 from gspure.cameras.inria import write_cameras
 from gspure.cameras.orbit import GENERATED, bounding_sphere, orbit_cameras, shell_cameras
@@ -19,6 +19,5 @@ __all__ = [
     "scaled",
     "shell_cameras",
     "split",
-    "views_digest",
     "write_cameras",
 ]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
 from gspure.errors import InputError
-from gspure.files import Float64, Indices, digest
+from gspure.files import Float64, Indices
 from gspure.progress import Described
 from gspure.settings import SIDE
 
@@ -139,11 +139,6 @@ def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     test = ordered[::TEST_EVERY]
     train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]
     return train, test
-
-
-def views_digest(cameras: Sequence[Camera]) -> str:
-    """Return a digest of views, by which the records of what was measured in them name them."""
-    return digest(*(camera.numbers for camera in sorted(cameras, key=lambda camera: camera.name)))
 
 
 def spread(cameras: Sequence[Camera]) -> float:

@@ -1,4 +1,4 @@
-"""PLY files: 3DGS models, coloured points such as 3DGS's ``input.ply``, and meshes.
+"""PLY files: 3DGS models, and coloured points such as 3DGS's ``input.ply``.
 
 A model is the element ``vertex`` of a PLY: one row per Gaussian, raw values (opacity as logit, scale as logarithm). Any
 property order, any byte order and further scalar properties are read. Elements after ``vertex`` are not kept. The
@@ -117,18 +117,6 @@ def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
             table[name] = column
     with replacing(path) as temporary:
         PlyData([PlyElement.describe(table, "vertex")], byte_order="<").write(str(temporary))
-
-
-def write_mesh_ply(path: Path, mesh: Mesh) -> None:
-    """Write a binary PLY (float32 vertices, faces as ``vertex_indices``), whole or not at all."""
-    vertices = np.empty(len(mesh.vertices), [(name, "<f4") for name in "xyz"])
-    for name, column in zip("xyz", mesh.vertices.T, strict=True):
-        vertices[name] = column
-    faces: NDArray[Any] = np.empty(len(mesh.faces), [("vertex_indices", "<i4", (3,))])
-    faces["vertex_indices"] = mesh.faces
-    with replacing(path) as temporary:
-        elements = [PlyElement.describe(vertices, "vertex"), PlyElement.describe(faces, "face")]
-        PlyData(elements, byte_order="<").write(str(temporary))
 
 
 def _require_rows(path: Path, count: int) -> None:
