@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from marked_clones import SCHEME
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.attacks.strength import scene_damage
 from gspure.cli import main
 from gspure.evaluation.detection import Reading, detection, share_correct
@@ -57,7 +57,7 @@ def table(path: Path, folder: Path) -> None:
     photographs = read_photographs(cameras["held out"])
     damage_of = scene_damage(marked, cameras["held out"], photographs, None)
     purified = purify(marked, pair.scene.views)
-    evidence = Evidence(purified.weights, purified.prune_mask, labels=purified.labels)
+    measurements = Measurements(purified.weights, purified.prune_mask, labels=purified.labels)
 
     def add(attack: str, damage: str, strength: str, cpu: float, model: PublicModel, left: str, by: Key = key) -> None:
         drop = quality(marked, cameras["held out"], photographs) - quality(model, cameras["held out"], photographs)
@@ -80,10 +80,10 @@ def table(path: Path, folder: Path) -> None:
             continue
         attack, settings, strength = find_attack(name), {}, ""
         if damage:
-            search = attack.matching(marked, evidence, damage, damage_of, cameras=pair.scene.views)
+            search = attack.matching(marked, measurements, damage, damage_of, cameras=pair.scene.views)
             settings, strength = {search.setting: search.value}, f"{search.setting}={search.value:.4g}"
         begin = time.process_time()
-        attacked = attack.apply(marked, evidence, cameras=pair.scene.views, **settings)
+        attacked = attack.apply(marked, measurements, cameras=pair.scene.views, **settings)
         cpu = time.process_time() - begin
         left = f"{100 * np.mean(~attacked.prune_mask[key.message_rows]):.1f}"
         add(name, f"{damage or ''}", strength, cpu, marked.with_model(attacked.model), left)

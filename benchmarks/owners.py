@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gspure.attacks import Evidence, find_attack
+from gspure.attacks import Measurements, find_attack
 from gspure.cli import main
 from gspure.cli.extract import FIT_STEPS
 from gspure.evaluation.metrics import psnr
@@ -94,11 +94,11 @@ def attacked(
     """Return the attacked model, its rigid transform, and CPU seconds, without those of the weights."""
     if attack == "clean":
         return scheme.read_public(place / "clean" / "public"), np.eye(4), 0.0
-    begin, evidence = time.process_time(), Evidence(weights)
+    begin, measurements = time.process_time(), Measurements(weights)
     if attack == "gspure":
         mask = purify(public, pair.scene.views, tau_c=scheme.tau_c, tau_n=scheme.tau_n).prune_mask
-        begin, evidence = time.process_time(), Evidence(weights, mask)
-    done = find_attack(attack.partition(",")[0]).apply(public, evidence, cameras=pair.scene.views, **options)
+        begin, measurements = time.process_time(), Measurements(weights, mask)
+    done = find_attack(attack.partition(",")[0]).apply(public, measurements, cameras=pair.scene.views, **options)
     transform = np.eye(4) if done.transform is None else done.transform
     return public.with_model(done.model), transform, time.process_time() - begin
 
