@@ -186,3 +186,45 @@ def get_setting(name):
 
 def get_pair(wildcards):
     return PLAN.config["pairs"][pair_of(wildcards.scene)]
+
+
+def get_message_files(wildcards):
+    pair = PLAN.messages[wildcards.message]
+    return capture_files(pair["message"], pair["message_photographs"])
+
+
+def get_training_files(wildcards):
+    asset = config["assets"][wildcards.scene]
+    return capture_files(asset["train"], asset["photographs"])
+
+
+def get_embedding(wildcards, out, **changes):
+    """Return the command that trains a model with the scheme's settings and some changes."""
+    settings = dict(get_model(wildcards).embed_settings)
+    settings["set"] = {**settings["set"], **changes}
+    return command(
+        *("embed", wildcards.scheme, get_model(wildcards).pair, "--force"), out=out.format(**wildcards), **settings
+    )
+
+
+def get_evaluated_files(model, names):
+    """Return the files that the evaluation of variants or controls reads beside attacked models."""
+    variants = [Variant(model, name) for name in names]
+    files = [f"{model.folder}/cameras.json", *model.decoys]
+    files += [file for variant in variants for file in variant.detector_files]
+    files += [variant.public for variant in variants if not variant.is_attacked]
+    if model.is_watermarked:
+        files += [f"{model.folder}/message_cameras.json", f"{model.folder}/key", model.public]
+        files += [f"{model.pair}/scene", f"{model.pair}/message"]
+    if {model.references} - {f"{variant.folder}/renders" for variant in variants} and not model.is_watermarked:
+        files += [model.references]
+    if any(variant.evaluation["baseline"] for variant in variants):
+        files += [f"{model.folder}/unattacked/renders"]
+    return files
+
+
+def get_controls_digest(model):
+    """Return a digest of the user's files that the controls of a model read."""
+    variants = [Variant(model, name) for name in model.controls]
+    clean = Model(PLAN, VANILLA, model.settings["clean"]).users_files if model.settings.get("clean") else []
+    return files_digest([*clean, *(file for variant in variants for file in variant.detector_files)])

@@ -39,7 +39,7 @@ rule make_pair:
 
 rule train_message:
     input:
-        lambda wildcards: get_message_files(wildcards),
+        get_message_files,
     output:
         model=directory("results/messages/{message}"),
     log:
@@ -71,7 +71,7 @@ rule train_message:
 # A killed run continues from its last checkpoint, which is beside the outputs.
 rule train_model:
     input:
-        lambda wildcards: get_training_files(wildcards),
+        get_training_files,
     output:
         model=f"results/{VANILLA}/{{scene}}/public/point_cloud.ply",
         cameras=f"results/{VANILLA}/{{scene}}/trained/cameras.json",
@@ -178,22 +178,3 @@ use rule prepare_cameras as prepare_cameras_of_pair with:
         message_cameras="results/{scheme}/{scene}/message_cameras.json",
     wildcard_constraints:
         scheme=WATERMARKED,
-
-
-def get_message_files(wildcards):
-    pair = PLAN.messages[wildcards.message]
-    return capture_files(pair["message"], pair["message_photographs"])
-
-
-def get_training_files(wildcards):
-    asset = config["assets"][wildcards.scene]
-    return capture_files(asset["train"], asset["photographs"])
-
-
-def get_embedding(wildcards, out, **changes):
-    """Return the command that trains a model with the scheme's settings and some changes."""
-    settings = dict(get_model(wildcards).embed_settings)
-    settings["set"] = {**settings["set"], **changes}
-    return command(
-        *("embed", wildcards.scheme, get_model(wildcards).pair, "--force"), out=out.format(**wildcards), **settings
-    )

@@ -81,7 +81,7 @@ class Project:
     def planned(self, *arguments):
         """The jobs that would run, by rule."""
         jobs = re.findall(r"^(\w+) +(\d+)$", self.run("--dry-run", *arguments), re.MULTILINE)
-        return Counter({rule: int(count) // 2 for rule, count in jobs})
+        return Counter({rule: int(count) for rule, count in jobs})
 
     def configure(self, config):
         (self.folder / "config" / "config.yaml").write_text(yaml.safe_dump(config))
