@@ -13,7 +13,6 @@ from gspure.attacks import find_attack
 from gspure.errors import InputError, printable
 from gspure.evaluation.controls import CONTROLS
 from gspure.files import write_json
-from gspure.opencl.program import kernel_digest
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
 from gspure.workflow.configuration import resolve
@@ -58,8 +57,6 @@ PLAN = Plan(config)
 MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
 VARIANTS = config["variants"]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
-PICTURED = "|".join(model.scheme for model in PLAN.models if model.hides_picture) or "none"
-KERNELS = kernel_digest()
 
 # Jobs on the OpenCL device use all cores, one job at a time; with `threads` set, as many run at once as there are cores.
 THREADS = config["threads"] or 16
@@ -149,6 +146,14 @@ def code(name, *modules):
     return code_digest(file if file.is_file() else f"gspure.cli.{name}", *modules)
 
 
+def version(name):
+    """Return the function of what the results of a step depend on beside declared files and settings.
+
+    That is its code and that of the scheme, and the user's model, so that a replaced file counts even if it is older.
+    """
+    return lambda w: f"{code(name, get_model(w).module)} {files_digest(get_model(w).users_files)}"
+
+
 def get_model(wildcards):
     return Model(PLAN, wildcards.scheme, wildcards.scene)
 
@@ -159,11 +164,6 @@ def get_variant(wildcards):
 
 def get_public_model(wildcards):
     return get_model(wildcards).public
-
-
-def get_model_digest(wildcards):
-    """Return a digest of the user's model, so that a replaced file counts even if it is older."""
-    return files_digest(get_model(wildcards).users_files)
 
 
 def get_scheme(wildcards):
@@ -179,9 +179,9 @@ def get_made(name):
     return lambda wildcards: get_model(wildcards).path(name, get_decision(wildcards))
 
 
-def get_setting(name):
-    """Return the function of a setting of a decision."""
-    return lambda wildcards: get_model(wildcards).decision(get_decision(wildcards))[name]
+def get_settings(*names):
+    """Return the function of some settings of a decision."""
+    return lambda wildcards: {name: get_model(wildcards).decision(get_decision(wildcards))[name] for name in names}
 
 
 def get_pair(wildcards):
@@ -211,20 +211,10 @@ def get_evaluated_files(model, names):
     """Return the files that the evaluation of variants or controls reads beside attacked models."""
     variants = [Variant(model, name) for name in names]
     files = [f"{model.folder}/cameras.json", *model.decoys]
-    files += [file for variant in variants for file in variant.detector_files]
+    files += [file for variant in variants for file in variant.users_files]
     files += [variant.public for variant in variants if not variant.is_attacked]
     if model.is_watermarked:
-        files += [f"{model.folder}/message_cameras.json", f"{model.folder}/key", model.public]
-        files += [f"{model.pair}/scene", f"{model.pair}/message"]
-    if {model.references} - {f"{variant.folder}/renders" for variant in variants} and not model.is_watermarked:
-        files += [model.references]
-    if any(variant.evaluation["baseline"] for variant in variants):
+        files += [*model.owned.values(), model.public, f"{model.pair}/scene", f"{model.pair}/message"]
+    if "unattacked" not in names and not (model.is_watermarked and variants[0].is_attacked):
         files += [f"{model.folder}/unattacked/renders"]
     return files
-
-
-def get_controls_digest(model):
-    """Return a digest of the user's files that the controls of a model read."""
-    variants = [Variant(model, name) for name in model.controls]
-    clean = Model(PLAN, VANILLA, model.settings["clean"]).users_files if model.settings.get("clean") else []
-    return files_digest([*clean, *(file for variant in variants for file in variant.detector_files)])

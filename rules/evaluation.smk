@@ -20,11 +20,8 @@ rule attack_model:
     resources:
         opencl_device=lambda wildcards: TURNS if get_variant(wildcards).rendered else 0,
     params:
-        kernels=lambda wildcards: KERNELS if get_variant(wildcards).rendered else "",
-        code=lambda wildcards: code(
-            "attack", get_variant(wildcards).attack.function.__module__, get_model(wildcards).module
-        ),
-        model=get_model_digest,
+        version=version("attack"),
+        attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
         job=job(lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
     message:
         "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
@@ -35,13 +32,13 @@ rule attack_model:
 rule evaluate_variant:
     input:
         lambda wildcards: get_evaluated_files(get_model(wildcards), [wildcards.variant]),
-        public="results/{scheme}/{scene}/{variant}/public",
-        verdict="results/{scheme}/{scene}/{variant}/verdict.json",
+        "results/{scheme}/{scene}/{variant}/public",
+        "results/{scheme}/{scene}/{variant}/verdict.json",
     output:
-        metrics="results/{scheme}/{scene}/{variant}/metrics.csv",
-        retrieval="results/{scheme}/{scene}/{variant}/retrieval.csv",
-        renders=directory("results/{scheme}/{scene}/{variant}/renders"),
-        detections=directory("results/{scheme}/{scene}/{variant}/detections"),
+        "results/{scheme}/{scene}/{variant}/metrics.csv",
+        "results/{scheme}/{scene}/{variant}/retrieval.csv",
+        directory("results/{scheme}/{scene}/{variant}/renders"),
+        directory("results/{scheme}/{scene}/{variant}/detections"),
     log:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
     benchmark:
@@ -52,10 +49,9 @@ rule evaluate_variant:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("evaluate", get_model(wildcards).module),
-        files=lambda wildcards: files_digest(get_variant(wildcards).detector_files),
-        job=lambda wildcards: json.dumps(get_model(wildcards).evaluation([wildcards.variant])),
+        version=version("evaluate"),
+        files=lambda wildcards: files_digest(get_variant(wildcards).users_files),
+        job=job(lambda wildcards: get_model(wildcards).evaluation([wildcards.variant])),
     message:
         "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -67,7 +63,7 @@ rule evaluate_controls:
     input:
         lambda wildcards: get_evaluated_files(get_model(wildcards), get_model(wildcards).controls),
     output:
-        controls="results/{scheme}/{scene}/controls.json",
+        listed="results/{scheme}/{scene}/controls.json",
     log:
         "results/logs/{scheme}/{scene}/controls.log",
     benchmark:
@@ -78,12 +74,11 @@ rule evaluate_controls:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("evaluate", get_model(wildcards).module),
-        files=lambda wildcards: get_controls_digest(get_model(wildcards)),
-        job=lambda wildcards, output: json.dumps(
-            get_model(wildcards).evaluation(get_model(wildcards).controls) | {"listed": output.controls}
+        version=version("evaluate"),
+        files=lambda wildcards: files_digest(
+            file for name in get_model(wildcards).controls for file in Variant(get_model(wildcards), name).users_files
         ),
+        job=job(lambda wildcards: get_model(wildcards).evaluation(get_model(wildcards).controls)),
     message:
         "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
     shell:

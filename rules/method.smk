@@ -20,13 +20,11 @@ rule measure_contributions:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("contributions", get_model(wildcards).module),
-        model=get_model_digest,
+        version=version("contributions"),
         job=job(
+            get_settings("energy"),
             cache=lambda wildcards: f"stages/{wildcards.scheme}/{wildcards.scene}/contributions",
             part=lambda wildcards: [*map(int, wildcards.scatteritem.split("-of-"))],
-            energy=get_setting("energy"),
             scheme=get_scheme,
         ),
     message:
@@ -52,9 +50,8 @@ rule accumulate_weights:
     conda:
         "../envs/gspure.yaml"
     params:
-        code=lambda wildcards: code("weights", get_model(wildcards).module),
-        model=get_model_digest,
-        job=job(reduction=get_setting("reduction"), views=get_setting("views"), scheme=get_scheme),
+        version=version("weights"),
+        job=job(get_settings("reduction", "views"), scheme=get_scheme),
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -77,10 +74,8 @@ rule span_tree:
         "../envs/gspure.yaml"
     threads: THREADS
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("tree", get_model(wildcards).module),
-        model=get_model_digest,
-        job=job(cluster_on=get_setting("cluster_on"), min_samples=get_setting("min_samples"), scheme=get_scheme),
+        version=version("tree"),
+        job=job(get_settings("cluster_on", "min_samples"), scheme=get_scheme),
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -103,13 +98,8 @@ rule decide_pruning:
     conda:
         "../envs/gspure.yaml"
     params:
-        kernels=KERNELS,
-        code=code("decision"),
-        model=get_model_digest,
-        job=job(
-            **{name: get_setting(name) for name in ("min_cluster_size", "selection", "max_cluster_share")},
-            **{name: get_setting(name) for name in ("tau_c", "tau_n")},
-        ),
+        version=version("decision"),
+        job=job(get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -133,9 +123,7 @@ rule measure_surface:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("surface", get_model(wildcards).module),
-        model=get_model_digest,
+        version=version("surface"),
         job=job(scheme=get_scheme),
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
@@ -143,8 +131,10 @@ rule measure_surface:
         step("surface")
 
 
+# With the owner's key, it also writes hidden.npy and hidden.json: which rows hold the message.
 rule draw_model:
     input:
+        unpack(lambda wildcards: get_model(wildcards).owned if get_model(wildcards).hides_picture else {}),
         model=get_public_model,
         weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",
@@ -168,38 +158,9 @@ rule draw_model:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
-        code=lambda wildcards: code("figures", get_model(wildcards).module),
-        model=get_model_digest,
+        version=version("figures"),
         job=job(settings=lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
     shell:
         step("figures")
-
-
-# With the owner's key, the figures also show which rows hold the message, and how much of it is on rows of low weight.
-use rule draw_model as draw_watermarked_model with:
-    input:
-        model=get_public_model,
-        weights="results/{scheme}/{scene}/weights.npy",
-        clusters="results/{scheme}/{scene}/clusters.npz",
-        cameras="results/{scheme}/{scene}/cameras.json",
-        key="results/{scheme}/{scene}/key",
-        message_cameras="results/{scheme}/{scene}/message_cameras.json",
-    output:
-        figures=report(
-            directory("results/{scheme}/{scene}/figures/model"),
-            patterns=["{name,splats|weights|purification|kept|clusters}.png"],
-            caption="../report/cloud.rst",
-            category="{scheme}/{scene}",
-            subcategory="Model",
-            labels={"figure": "{name}"},
-        ),
-        share="results/{scheme}/{scene}/hidden.json",
-        hidden="results/{scheme}/{scene}/hidden.npy",
-    wildcard_constraints:
-        scheme=PICTURED,
-
-
-ruleorder: draw_watermarked_model > draw_model

@@ -21,7 +21,6 @@ rule make_pair:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
         code=code("pair"),
         files=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
         command=lambda wildcards: command(
@@ -52,7 +51,6 @@ rule train_message:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
         code=code("train"),
         files=lambda wildcards: files_digest(get_message_files(wildcards)),
         command=lambda wildcards, output: command(
@@ -85,7 +83,6 @@ rule train_model:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
         code=code("train"),
         files=lambda wildcards: files_digest(get_training_files(wildcards)),
         command=lambda wildcards, output: command(
@@ -123,7 +120,6 @@ rule embed_message:
     resources:
         opencl_device=TURNS,
     params:
-        kernels=KERNELS,
         code=lambda wildcards: code("embed", get_model(wildcards).module),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:
@@ -161,9 +157,8 @@ rule prepare_cameras:
     conda:
         "../envs/gspure.yaml"
     params:
-        code=code("cameras"),
+        version=version("cameras"),
         files=lambda wildcards: files_digest(get_model(wildcards).view_files),
-        model=get_model_digest,
         job=job(views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"

@@ -61,7 +61,7 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     models, variants = len(HIDDEN) * len(config["schemes"]), len(DEFAULT_VARIANTS)
     jobs = project.planned()
     once = ["embed_message", "train_clean_model", "prepare_cameras_of_pair", "accumulate_weights", "span_tree"]
-    once += ["decide_pruning", "measure_surface", "draw_watermarked_model", "evaluate_controls"]
+    once += ["decide_pruning", "measure_surface", "draw_model", "evaluate_controls"]
     expected = {"make_pair": 9, "train_message": len({*HIDDEN.values()}), "write_report": 1}
     expected |= dict.fromkeys(once, models)
     expected["measure_contributions"] = config["views"]["parts"] * models

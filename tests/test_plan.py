@@ -128,7 +128,7 @@ def test_detectors_read_variants_and_clean_models():
     plan = changed(assets={"bot": {**bare, "clean": "before"}, "before": bare}, detectors=mark, schemes={})
     read = {name: [*Variant(model, name).detectors] for model in plan.models[:1] for name in ("gspure", "clean")}
     assert read == {"gspure": ["mark"], "clean": ["mark"]}
-    assert Variant(plan.models[0], "gspure").detector_files == ["README.md"]
+    assert Variant(plan.models[0], "gspure").users_files == ["README.md"]
     assert Variant(plan.models[1], "gspure").detectors == {}
 
 

@@ -30,12 +30,10 @@ CONFIG = {
     "pairs": {"raised": {"views": 9, "width": 32, "height": 24}},
     "schemes": {"planted": {"gaussians": 600}},
     "method": {"min_samples": 3, "min_cluster_size": 5},
-    "decisions": {"strict": {"tau_n": 1}},
     "detectors": {"mark": {"command": f"{sys.executable} mark.py"}},
     "variants": {
         "unattacked": {},
         "gspure": {},
-        "strict": {"attack": "gspure", "decision": "strict"},
         "crop_all": {"attack": "crop", "fraction": 1e-9},  # cannot apply: no row would remain
         "broken": {"attack": "feature_scaling", "attributes": "nonsense"},  # its job fails
     },

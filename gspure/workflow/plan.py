@@ -167,6 +167,11 @@ class Model:
         return f"results/pairs/{pair_of(self.scene)}"
 
     @property
+    def owned(self) -> dict[str, str]:
+        """What only the owner has: the key, and the views of the message."""
+        return {"key": f"{self.folder}/key", "message_cameras": f"{self.folder}/message_cameras.json"}
+
+    @property
     def repetition(self) -> int:
         """The number of its repetition, which is added to all random seeds: 1, of ``raised@1``."""
         return int(self.scene.partition("@")[2] or 0)
@@ -276,10 +281,9 @@ class Model:
         """Return the settings of the job that evaluates some of its variants or controls."""
         adapts = ADAPTIVE in self.targets
         fits = adapts and self.plan.schemes[self.scheme].fits
-        owned = {"key": f"{self.folder}/key", "message_cameras": f"{self.folder}/message_cameras.json"}
         return {
             "cameras": f"{self.folder}/cameras.json",
-            **(owned if self.is_watermarked else {}),
+            **(self.owned if self.is_watermarked else {}),
             "scheme": self.named_scheme,
             "split": self.plan.config["views"]["evaluate"],
             "reference": "truth" if self.is_watermarked else "render",
@@ -384,9 +388,11 @@ class Variant:
         return {**(of_user if self.is_attacked or self.name == CLEAN else {}), **bits}
 
     @property
-    def detector_files(self) -> list[str]:
-        """The files that the commands of its detectors name, such as code and weights."""
-        return [file for each in self.detectors.values() if each for file in files_of(each["command"])]
+    def users_files(self) -> list[str]:
+        """The user's files that its evaluation reads: those that detectors name, such as code, and a clean model."""
+        files = [file for each in self.detectors.values() if each for file in files_of(each["command"])]
+        is_users = self.name == CLEAN and not self.model.is_watermarked
+        return files + (model_files(self.public) if is_users and Path(self.public).is_file() else [])
 
     @property
     def evaluation(self) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gspure.files import digest, file_digest, write_json
+from gspure.opencl.program import kernel_digest
 
 _PACKAGE: Final = Path(__file__).parents[1]
 _KNOWN: Final = Path(".snakemake/digests.json")  # of the user's files, by path, size, time and inode
@@ -40,8 +41,8 @@ def _known_digests() -> dict[str, str]:
 def code_digest(*sources: str | Path) -> str:
     """Return a digest of the source of modules and scripts, and of all that these import, at any depth.
 
-    Only Python sources of this package and of a plug-in's package count, also those imported inside functions. This
-    package's ``__init__`` does not count: it only names the public functions.
+    Only sources of this package and of a plug-in's package count, also those imported inside functions, and with
+    `gspure.opencl` the kernels. This package's ``__init__`` does not count: it only names the public functions.
     """
     scripts = [source for source in sources if isinstance(source, Path)]
     known = {source for source in sources if isinstance(source, str)}
@@ -52,7 +53,8 @@ def code_digest(*sources: str | Path) -> str:
         new = _imports(waiting.pop()) - known
         known |= new
         waiting += new
-    return digest(*(file.read_bytes() for file in [*scripts, *filter(None, map(_file, sorted(known)))]))
+    kernels = kernel_digest() if "gspure.opencl" in known else ""
+    return digest(kernels, *(file.read_bytes() for file in [*scripts, *filter(None, map(_file, sorted(known)))]))
 
 
 @cache

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Measurements, NotApplicable, find_attack
+from gspure.attacks import Evidence, NotApplicable, find_attack
 from gspure.attacks.attacked import affected
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
@@ -21,77 +21,60 @@ from gspure.workflow.step import run, views_of
 DTYPES = {"weights": np.float32, "opacities": np.float32, "surface": np.float32, "prune_mask": np.bool_}
 
 
-def attack(
-    name: str,
-    settings: dict[str, Any],
-    model: Path,
-    public: Path,
-    verdict: Path,
-    scheme: str | None = None,
-    seed: int = 0,
-    damage: float | None = None,
-    split: str = "test",
-    cameras: Path | None = None,
-    photographs: Path | None = None,
-    **measured: str,
-) -> None:
+def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdict: Path, **how: Any) -> None:
     public.mkdir(exist_ok=True)
-    known, before = find_attack(name), read_public_model(model, scheme).drawable(model)
-    used: dict[str, Any] = parsed_settings(
-        f"attack {name}", known.function, {key: str(value) for key, value in settings.items()}
-    )
-    measurements, views = read(before, measured), []
-    if cameras and "cameras" in known.parameters:
-        views = views_of(cameras, "train")
-    do: dict[str, Any] = {"seed": seed, "cameras": views, "device": choose_device() if views else None}
-    comments, missed = [], ""
+    known, before = find_attack(name), read_public_model(model, how["scheme"]).drawable(model)
+    texts = {key: str(value) for key, value in settings.items()}
+    used: dict[str, Any] = parsed_settings(f"attack {name}", known.function, texts)
+    evidence = read(before, {need: Path(how[need]) for need in known.needs})
+    learns = "cameras" in known.parameters
+    views = views_of(Path(how["cameras"]), "train") if learns else []
+    do: dict[str, Any] = {"seed": how["seed"], "cameras": views, "device": choose_device() if learns else None}
+    search = None
     try:
-        if damage is not None and cameras:
-            measure = damage_in(before, views_of(cameras, split), photographs)
-            search = known.matching(before, measurements, damage, measure, **do, **used)
+        if "damage" in how:
+            shown = views_of(Path(how["cameras"]), how["split"])
+            measure = damage_in(before, shown, how.get("photographs"))
+            search = known.matching(before, evidence, how["damage"], measure, **do, **used)
             used[search.setting] = search.value
-            comments = [search.comment(damage)]
-            missed = f", {search.damage:z.2f} dB reached" if search.misses(damage) else ""
-        attacked = known.apply(before, measurements, **do, **used)
+        attacked = known.apply(before, evidence, **do, **used)
+        if not len(attacked.model):
+            raise NotApplicable(name, f"none of {attacked.count} rows would remain")  # noqa: TRY301
     except NotApplicable as error:
         print(error)
         write_json(verdict, {"not applicable": str(error)})
         return
-    if not len(attacked.model):
-        write_json(verdict, {"not applicable": f"none of {attacked.count} rows would remain"})
-        return
-    after = attacked.model
-    for comment in comments:
-        after = after.with_comment(comment)
+    after = attacked.model.with_comment(search.comment(how["damage"])) if search else attacked.model
     before.with_model(after.with_background(before.model.background)).write(public / "point_cloud.ply")
     save_array(verdict.with_name("prune_mask.npy"), attacked.prune_mask)
     save_array(verdict.with_name("transform.npy"), np.eye(4) if attacked.transform is None else attacked.transform)
-    reads = find_scheme(scheme).extractions if scheme else {}
+    reads = find_scheme(how["scheme"]).extractions if how["scheme"] else {}
     changed = {extraction: affected(before.model, attacked, columns) for extraction, columns in reads.items()}
     used = {**known.settings, **used}
-    strength = f"{known.strength.setting}={used[known.strength.setting]:.4g}{missed}" if known.strength else ""
+    strength = f"{known.strength.setting}={used[known.strength.setting]:.4g}" if known.strength else ""
+    if search and search.misses(how["damage"]):
+        strength += f", {search.damage:z.2f} dB reached"
     write_json(verdict, {"reached": changed, "strength": strength})
-    inputs = {"model": model, **{need: Path(file) for need, file in measured.items()}}
-    write_provenance(public, "attack", inputs=inputs, settings={"attack": name, "seed": seed, "damage": damage, **used})
+    write_provenance(public, "attack", inputs={"model": model}, settings={"attack": name, **used, **how})
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
 
 
-def damage_in(public: PublicModel, views: list[Camera], photographs: Path | None) -> Damage:
-    """Return the function that measures the damage to the scene in these views."""
-    files = [photographs / f"{view.name}.png" for view in views] if photographs else []
-    truth = [read_image(file, background=public.model.background) for file in files]
-    return scene_damage(public, views, truth or None, choose_device())
-
-
-def read(public: PublicModel, measured: dict[str, str]) -> Measurements:
+def read(public: PublicModel, measured: dict[str, Path]) -> Evidence:
     """Return what the attack needs beside the model; the opacities of Gaussians are in the model."""
     found: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     for name, file in measured.items():
         if name == "labels":
-            found[name] = read_labels(Path(file))
+            found[name] = read_labels(file)
         else:
-            found[name] = load_array(Path(file), dtype=DTYPES[name], shape=(len(public.model),), least=0)
-    return Measurements(**found)
+            found[name] = load_array(file, dtype=DTYPES[name], shape=(len(public.model),), least=0)
+    return Evidence(**found)
+
+
+def damage_in(public: PublicModel, views: list[Camera], photographs: str | None) -> Damage:
+    """Return the function that measures the damage to the scene in these views."""
+    files = [Path(photographs, f"{view.name}.png") for view in views] if photographs else []
+    truth = [read_image(file, background=public.model.background) for file in files]
+    return scene_damage(public, views, truth or None, choose_device())
 
 
 run(attack)

@@ -7,7 +7,7 @@ import numpy as np
 
 from gspure.figures.clouds import Purified
 from gspure.figures.gallery import draw_model
-from gspure.files import load_array, save_array, write_json
+from gspure.files import Float32, load_array, save_array, write_json
 from gspure.method.clusters import read_labels
 from gspure.model.finite import undrawable_rows
 from gspure.opencl.device import choose_device
@@ -16,36 +16,28 @@ from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.workflow.step import run, views_of
 
 
-def draw(
-    model: Path,
-    weights: Path,
-    clusters: Path,
-    cameras: Path,
-    figures: Path,
-    settings: dict[str, Any],
-    scheme: str | None = None,
-    key: Path | None = None,
-    message_cameras: Path | None = None,
-    hidden: Path | None = None,
-    share: Path | None = None,
-) -> None:
-    public = read_public_model(model, scheme)
+def draw(model: Path, weights: Path, clusters: Path, cameras: Path, figures: Path, **how: Any) -> None:
+    public = read_public_model(model, how["scheme"])
     omega = load_array(weights, dtype=np.float32, shape=(len(public.model),), least=0)
-    message = None
-    if scheme and key and message_cameras and hidden and share:
-        known = find_scheme(scheme)
-        extraction = [*known.extractions][-1]  # the most complete
-        views = views_of(message_cameras, "train")
-        drawn = np.delete(np.arange(len(omega)), undrawable_rows(public.model))
-        message = np.zeros(len(omega), np.float32)
-        rest = (known.read_key(key), extraction, views, settings["energy"], choose_device(), settings["reduction"])
-        message[drawn] = hidden_weights(public.drawn(model), *rest)
-        save_array(hidden, message)
-        low = share_on_low(omega, message, settings["tau_n"]) if message.any() else None
-        write_json(share, {"hidden_low_share": low})
-    factors = {name: settings[name] for name in ("tau_c", "tau_n")}
+    message = measured(model, omega, figures.parents[1], how) if "key" in how else None
+    factors = {name: how[name] for name in ("tau_c", "tau_n")}
     purified = Purified(public.drawable(model), read_labels(clusters), omega, message, **factors)
     draw_model(figures, purified, views_of(cameras, "all"), choose_device())
+
+
+def measured(model: Path, omega: Float32, folder: Path, how: dict[str, Any]) -> Float32:
+    """Return and write the weight of each row in views of the message, and its share on rows of low public weight."""
+    scheme, public = find_scheme(how["scheme"]), read_public_model(model, how["scheme"])
+    extraction = [*scheme.extractions][-1]  # the most complete
+    views, key = views_of(Path(how["message_cameras"]), "train"), scheme.read_key(Path(how["key"]))
+    message = np.zeros(len(omega), np.float32)
+    drawn = np.delete(np.arange(len(omega)), undrawable_rows(public.model))
+    settings = (how["energy"], choose_device(), how["reduction"])
+    message[drawn] = hidden_weights(public.drawn(model), key, extraction, views, *settings)
+    save_array(folder / "hidden.npy", message)
+    low = share_on_low(omega, message, how["tau_n"]) if message.any() else None
+    write_json(folder / "hidden.json", {"hidden_low_share": low})
+    return message
 
 
 run(draw)
