@@ -107,26 +107,31 @@ def logged(program):
 
 
 def step(name):
-    """Return the shell command of a rule that runs rules/steps/NAME.py, with the argument `job`.
+    """Return the shell command of a rule that runs rules/steps/NAME.py with the parameters `settings` and `files`.
 
     Not `script:`, which loads Snakemake in every job, at 0.25 CPU seconds.
     """
-    return logged(f"python -P $GSPURE_STEPS/{name}.py {{params.job:q}}")
+    return logged(f"python -P $GSPURE_STEPS/{name}.py {{params.settings:q}} {{params.files:q}}")
 
 
-def job(*groups, **settings):
-    """Return the argument of a step, as JSON: the named inputs and outputs, and settings, values or by wildcards.
+def settings(*groups, **single):
+    """Return the function of a step's settings, as JSON; `groups` and `single` ones may be functions of wildcards.
 
-    Each of `groups` returns several settings.
+    Snakemake runs a job again when they change, but ignores parameters that it derives from files, such as `files`.
     """
 
-    def argument(wildcards, input, output):
-        chosen = {name: value(wildcards) if callable(value) else value for name, value in settings.items()}
+    def dumped(wildcards):
+        chosen = {name: value(wildcards) if callable(value) else value for name, value in single.items()}
         for group in groups:
             chosen |= group(wildcards)
-        return json.dumps({**dict(input.items()), **dict(output.items()), **chosen})
+        return json.dumps(chosen)
 
-    return argument
+    return dumped
+
+
+def files(wildcards, input, output):
+    """Return the named inputs and outputs of a step, as JSON."""
+    return json.dumps({**dict(input.items()), **dict(output.items())})
 
 
 def command(name, *words, **options):

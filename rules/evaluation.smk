@@ -22,7 +22,8 @@ rule attack_model:
     params:
         version=version("attack"),
         attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
-        job=job(lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
+        settings=settings(lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
+        files=files,
     message:
         "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
     shell:
@@ -50,8 +51,9 @@ rule evaluate_variant:
         opencl_device=TURNS,
     params:
         version=version("evaluate"),
-        files=lambda wildcards: files_digest(get_variant(wildcards).users_files),
-        job=job(lambda wildcards: get_model(wildcards).evaluation([wildcards.variant])),
+        read=lambda wildcards: files_digest(get_variant(wildcards).users_files),
+        settings=settings(lambda wildcards: get_model(wildcards).evaluation([wildcards.variant])),
+        files=files,
     message:
         "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -75,10 +77,11 @@ rule evaluate_controls:
         opencl_device=TURNS,
     params:
         version=version("evaluate"),
-        files=lambda wildcards: files_digest(
+        read=lambda wildcards: files_digest(
             file for name in get_model(wildcards).controls for file in Variant(get_model(wildcards), name).users_files
         ),
-        job=job(lambda wildcards: get_model(wildcards).evaluation(get_model(wildcards).controls)),
+        settings=settings(lambda wildcards: get_model(wildcards).evaluation(get_model(wildcards).controls)),
+        files=files,
     message:
         "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -100,10 +103,11 @@ rule trace_decoys:
         "../envs/gspure.yaml"
     params:
         code=code("decoys"),
-        job=job(
+        settings=settings(
             folder=lambda wildcards: "results/decoys/{width}x{height}x{views}".format(**wildcards),
             **{name: lambda wildcards, name=name: int(wildcards[name]) for name in ("views", "width", "height")},
         ),
+        files=files,
     message:
         "Ray-tracing random scenes as candidates of the retrieval"
     shell:

@@ -21,12 +21,13 @@ rule measure_contributions:
         opencl_device=TURNS,
     params:
         version=version("contributions"),
-        job=job(
+        settings=settings(
             get_settings("energy"),
             cache=lambda wildcards: f"stages/{wildcards.scheme}/{wildcards.scene}/contributions",
             part=lambda wildcards: [*map(int, wildcards.scatteritem.split("-of-"))],
             scheme=get_scheme,
         ),
+        files=files,
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
     shell:
@@ -51,7 +52,8 @@ rule accumulate_weights:
         "../envs/gspure.yaml"
     params:
         version=version("weights"),
-        job=job(get_settings("reduction", "views"), scheme=get_scheme),
+        settings=settings(get_settings("reduction", "views"), scheme=get_scheme),
+        files=files,
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -75,7 +77,8 @@ rule span_tree:
     threads: THREADS
     params:
         version=version("tree"),
-        job=job(get_settings("cluster_on", "min_samples"), scheme=get_scheme),
+        settings=settings(get_settings("cluster_on", "min_samples"), scheme=get_scheme),
+        files=files,
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -99,7 +102,8 @@ rule decide_pruning:
         "../envs/gspure.yaml"
     params:
         version=version("decision"),
-        job=job(get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
+        settings=settings(get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
+        files=files,
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
     shell:
@@ -124,7 +128,8 @@ rule measure_surface:
         opencl_device=TURNS,
     params:
         version=version("surface"),
-        job=job(scheme=get_scheme),
+        settings=settings(scheme=get_scheme),
+        files=files,
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
     shell:
@@ -159,7 +164,8 @@ rule draw_model:
         opencl_device=TURNS,
     params:
         version=version("figures"),
-        job=job(settings=lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
+        settings=settings(lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
+        files=files,
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
     shell:

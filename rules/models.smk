@@ -22,7 +22,7 @@ rule make_pair:
         opencl_device=TURNS,
     params:
         code=code("pair"),
-        files=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
+        read=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
         command=lambda wildcards: command(
             "pair",
             get_pair(wildcards)["scene"],
@@ -52,12 +52,12 @@ rule train_message:
         opencl_device=TURNS,
     params:
         code=code("train"),
-        files=lambda wildcards: files_digest(get_message_files(wildcards)),
-        command=lambda wildcards, output: command(
+        read=lambda wildcards: files_digest(get_message_files(wildcards)),
+        command=lambda wildcards: command(
             "train",
             PLAN.messages[wildcards.message]["message"],
             "--force",
-            out=output.model,
+            out=f"results/messages/{wildcards.message}",
             **{name: PLAN.messages[wildcards.message][name] for name in ("iterations", "resolution", "seed")},
         ),
     message:
@@ -84,13 +84,13 @@ rule train_model:
         opencl_device=TURNS,
     params:
         code=code("train"),
-        files=lambda wildcards: files_digest(get_training_files(wildcards)),
-        command=lambda wildcards, output: command(
+        read=lambda wildcards: files_digest(get_training_files(wildcards)),
+        command=lambda wildcards: command(
             "train",
             config["assets"][wildcards.scene]["train"],
             *("--resume", "--force"),
-            out=os.path.dirname(output.cameras),
-            model=output.model,
+            out=f"results/{VANILLA}/{wildcards.scene}/trained",
+            model=f"results/{VANILLA}/{wildcards.scene}/public/point_cloud.ply",
             **config["assets"][wildcards.scene]["training"],
         ),
     message:
@@ -158,8 +158,9 @@ rule prepare_cameras:
         "../envs/gspure.yaml"
     params:
         version=version("cameras"),
-        files=lambda wildcards: files_digest(get_model(wildcards).view_files),
-        job=job(views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
+        read=lambda wildcards: files_digest(get_model(wildcards).view_files),
+        settings=settings(views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
+        files=files,
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
     shell:

@@ -94,8 +94,8 @@ def test_a_failed_variant_fails_alone_and_is_named_with_its_reason(finished, row
 
 def test_an_attack_that_cannot_apply_is_an_outcome(finished, rows):
     assert not [*finished.folder.glob("results/*/*/crop_all/public/*.ply")]
-    (reason,) = {row["failure"] for row in rows if row["variant"] == "crop_all"}
-    assert reason.startswith("not applicable: ")
+    reasons = {row["failure"] for row in rows if row["variant"] == "crop_all"}
+    assert reasons == {f"not applicable: none of {count} rows would remain" for count in (300, 600)}
     assert "crop_all" not in re.findall(r"Error in rule.*", (finished.folder / "again.log").read_text())
 
 
@@ -153,16 +153,13 @@ def test_a_pruning_factor_repeats_pruning_and_what_follows(project):
 @pytest.mark.parametrize(
     ("file", "before", "after", "jobs"),
     [
-        ("rules/steps/decision.py", "inputs, settings =", "settings, inputs =", {"decide_pruning": 2}),
+        ("rules/steps/decision.py", "def decide", "# edited\ndef decide", {"decide_pruning": 2}),
         ("gspure/method/diagnosis.py", "def diagnose", "# edited\ndef diagnose", {"decide_pruning": 2}),
         ("rules/steps/decoys.py", "COARSENESS = 2", "COARSENESS = 3", {"trace_decoys": 1, "evaluate_variant": 3}),
-        ("gspure/report/templates/style.css", "{", "{ /* edited */", {}),
         ("mark.py", "0.5", "0.25", {"evaluate_variant": 6}),
     ],
 )
 def test_an_edit_runs_again_what_it_concerns(project, file, before, after, jobs):
-    if not (project.folder / file).is_file():
-        pytest.skip(f"no {file}")
     project.edit(file, before, after)
     assert planned(project).items() >= jobs.items()
 

@@ -1,4 +1,4 @@
-"""The start of a step: a script of ``rules/steps``, which a rule runs with one argument, a JSON object."""
+"""The start of a step: a script of ``rules/steps``, which a rule runs with two arguments, JSON objects."""
 
 import json
 import sys
@@ -12,12 +12,13 @@ from gspure.progress import tell, warnings_in_lines
 
 
 def run(function: Callable[..., None]) -> None:
-    """Call `function` with the entries of the JSON object by name, as paths where it wants paths.
+    """Call `function` with the entries of the JSON objects by name, as paths where it wants paths.
 
     On bad input, end with exit status 2 and one line: the last one of the log is the reason of a failure.
     """
     hints = get_type_hints(function)
-    arguments = {name: _typed(value, hints.get(name)) for name, value in json.loads(sys.argv[1]).items()}
+    given = {name: value for text in sys.argv[1:] for name, value in json.loads(text).items()}
+    arguments = {name: _typed(value, hints.get(name)) for name, value in given.items()}
     try:
         with warnings_in_lines():
             function(**arguments)

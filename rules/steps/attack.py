@@ -42,7 +42,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
             raise NotApplicable(name, f"none of {attacked.count} rows would remain")  # noqa: TRY301
     except NotApplicable as error:
         print(error)
-        write_json(verdict, {"not applicable": str(error)})
+        write_json(verdict, {"not applicable": error.reason})
         return
     after = attacked.model.with_comment(search.comment(how["damage"])) if search else attacked.model
     before.with_model(after.with_background(before.model.background)).write(public / "point_cloud.ply")
