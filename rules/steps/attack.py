@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Evidence, NotApplicable, find_attack
+from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.attacked import affected
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
@@ -26,7 +26,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     known, before = find_attack(name), read_public_model(model, how["scheme"]).drawable(model)
     texts = {key: str(value) for key, value in settings.items()}
     used: dict[str, Any] = parsed_settings(f"attack {name}", known.function, texts)
-    evidence = read(before, {need: Path(how[need]) for need in known.needs})
+    measurements = read(before, {need: Path(how[need]) for need in known.needs})
     learns = "cameras" in known.parameters
     views = views_of(Path(how["cameras"]), "train") if learns else []
     do: dict[str, Any] = {"seed": how["seed"], "cameras": views, "device": choose_device() if learns else None}
@@ -35,9 +35,9 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
         if "damage" in how:
             shown = views_of(Path(how["cameras"]), how["split"])
             measure = damage_in(before, shown, how.get("photographs"))
-            search = known.matching(before, evidence, how["damage"], measure, **do, **used)
+            search = known.matching(before, measurements, how["damage"], measure, **do, **used)
             used[search.setting] = search.value
-        attacked = known.apply(before, evidence, **do, **used)
+        attacked = known.apply(before, measurements, **do, **used)
         if not len(attacked.model):
             raise NotApplicable(name, f"none of {attacked.count} rows would remain")  # noqa: TRY301
     except NotApplicable as error:
@@ -59,7 +59,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
 
 
-def read(public: PublicModel, measured: dict[str, Path]) -> Evidence:
+def read(public: PublicModel, measured: dict[str, Path]) -> Measurements:
     """Return what the attack needs beside the model; the opacities of Gaussians are in the model."""
     found: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
     for name, file in measured.items():
@@ -67,7 +67,7 @@ def read(public: PublicModel, measured: dict[str, Path]) -> Evidence:
             found[name] = read_labels(file)
         else:
             found[name] = load_array(file, dtype=DTYPES[name], shape=(len(public.model),), least=0)
-    return Evidence(**found)
+    return Measurements(**found)
 
 
 def damage_in(public: PublicModel, views: list[Camera], photographs: str | None) -> Damage:
