@@ -20,7 +20,6 @@ OUTSIDE = {
     "CONTRIBUTING.md": "contributing.md",
     "RESPONSIBLE_USE.md": "responsible-use.md",
     "benchmarks/results.md": "benchmarks.md",
-    "benchmarks/torture.md": "torture.md",
     "config/README.md": "configuration.md",
 }
 """Pages of the repository, and their places on the site."""
