@@ -31,5 +31,6 @@ def test_numbers_stand_in_a_linked_table(section: str) -> None:
 def test_tables_are_rectangular_and_described(table: Path) -> None:
     with table.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
-    assert rows and {len(row) for row in rows} == {len(header)}
+    assert rows
+    assert {len(row) for row in rows} == {len(header)}
     assert f"`{table.stem.partition('-')[0]}`" in (DOCS / "tables" / "README.md").read_text(encoding="utf-8")
