@@ -23,7 +23,7 @@ WORKERS = {
     "views": """
 import sys, time
 sys.path[:0] = ["benchmarks"]
-from scenes import SMALL, LARGE
+from room import LARGE, SMALL
 from gspure.renderer import Renderer
 scene = dict(small=SMALL, large=LARGE)[sys.argv[1]]
 renderer = Renderer(scene.model, energy=sys.argv[2])
@@ -70,12 +70,7 @@ def cases(kind: str, folder: Path) -> Iterator[tuple[str, list[str]]]:
 def worker(root: Path, kind: str, arguments: list[str]) -> subprocess.Popen[str]:
     """Return a process of the checkout at `root`."""
     environment = os.environ | {"PYTHONPATH": str(root)}
-    command = [
-        sys.executable,
-        "-c",
-        WORKERS[kind],
-        *arguments,
-    ]  # which looks for modules in the working directory first
+    command = [sys.executable, "-c", WORKERS[kind], *arguments]  # which looks for modules in `root` first
     return subprocess.Popen(
         command, text=True, cwd=root, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE
     )

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 from bench_clustering import scene
 from findings import Findings
-from room import camera, panning, room
-from scenes import LARGE
+from room import LARGE, camera, panning, room
 from timing import Measure, Times
 
 from gspure.method.clusters import select
@@ -56,7 +55,7 @@ def test_contributions_with_pixels(measure: Measure, findings: Findings) -> None
 
 
 def test_contributions_with_views(measure: Measure, findings: Findings, tmp_path: Path) -> None:
-    """Views of one model, stored with their checksums, beside as many passes of a renderer alone."""
+    """Views of one model, stored, beside as many passes of a renderer alone."""
     public, cameras = PublicModel(LARGE.model), panning(max(VIEWS), LARGE.width, LARGE.height)
     renderer = Renderer(LARGE.model, energy="ray")
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from findings import Findings
-from scenes import Scene, each_scene
+from room import Scene, each_scene
 from stages import Stages
 from timing import Measure
 

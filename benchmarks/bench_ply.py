@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from findings import Findings
-from scenes import LARGE
+from room import LARGE
 from timing import Measure
 
 from gspure.model import read_model, write_model

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 from findings import Findings
-from room import panning, room
-from scenes import LARGE
+from room import LARGE, panning, room
 
 from gspure.cameras import Camera, write_cameras
 from gspure.method.purify import peak_memory

@@ -11,7 +11,7 @@ import peak
 import pytest
 from evals import FLOPS_PER_EVAL, count_evals
 from findings import Findings
-from scenes import LARGE, SMALL, Scene, each_scene
+from room import SMALL, Scene, each_scene
 from stages import Stages
 from timing import Measure
 
@@ -76,24 +76,6 @@ def test_blending_against_the_peak(
         share = FLOPS_PER_EVAL * evals / peak.flops(width) * (times[name] / times["blend"])
         findings.figure(f"blend, share of {name}", share, at_least=scene.peak_share)
         assert float(share) < 1, "blending cannot do more than the processor can: the peak is wrong"
-
-
-@each_scene
-def test_binning_against_one_sort(scene: Scene, engine: Engine, measure: Measure, findings: Findings) -> None:
-    """What tile lists cost, beside a stable sort of as many (tile, depth) keys."""
-    stages = Stages(engine, scene.model, scene.camera, TRAVERSAL)
-    stages.project()
-    stages.sort()
-    stages.bin()
-    keys = np.random.default_rng(0).integers(1 << 45, size=stages.entries(), dtype=np.uint64)
-
-    def lists() -> None:
-        stages.sort()
-        stages.bin()
-
-    times = measure({"sort + bin": lists, "np.argsort, stable": lambda: np.argsort(keys, kind="stable")}, rounds=5)
-    speedup = np.median(times["np.argsort, stable"].wall) / np.median(times["sort + bin"].wall)
-    findings.figure("np.argsort / (sort + bin), wall", speedup, at_least=10.0 if scene is LARGE else None)
 
 
 def test_styles(engine: Engine, measure: Measure, findings: Findings) -> None:

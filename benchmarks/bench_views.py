@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 from findings import Findings
-from scenes import Scene, each_scene
+from room import Scene, each_scene
 from timing import Measure
 
 from gspure.renderer import Renderer

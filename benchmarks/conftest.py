@@ -1,7 +1,7 @@
 """The harness: every benchmark gets `findings` to fill; all of them are shown at the end, and kept on request.
 
-pytest benchmarks --record           # writes benchmarks/results.json and benchmarks/results.md
-pytest benchmarks --record avx2      # the same of another kind of processor: results-avx2.json and .md
+pytest benchmarks --record           # writes benchmarks/results.json
+pytest benchmarks --record gpu       # the same of another kind of processor: results-gpu.json
 
 With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2 on other processors too.
 """
@@ -9,16 +9,18 @@ With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2
 from __future__ import annotations
 
 import os
+import platform
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from findings import Findings
-from machine import describe
 from pytest_benchmark.fixture import BenchmarkFixture
-from timing import Measure, Times, Variants, one_round
+from timing import CORES, Measure, Times, Variants, one_round
 
-from gspure.files import write_json, write_text
-from gspure.opencl.device import choose_device
+from gspure.files import write_json
+from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 
 HERE = Path(__file__).parent
@@ -32,9 +34,7 @@ unlike wall time it hardly changes while other programs run. Ratios are of CPU t
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--record", nargs="?", const="", metavar="KIND", help="write benchmarks/results[-KIND].json and .md"
-    )
+    parser.addoption("--record", nargs="?", const="", metavar="KIND", help="write benchmarks/results[-KIND].json")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -81,10 +81,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     text = report(config.stash[MACHINE], found)
     terminalreporter.write_line(f"\n{text}")
     if (kind := config.getoption("--record")) is not None:
-        page = HERE / "-".join(filter(None, ("results", kind)))
+        name = "-".join(filter(None, ("results", kind))) + ".json"
         tables = [findings.summary() for findings in found]
-        write_json(page.with_suffix(".json"), {"machine": config.stash[MACHINE], "found": tables})
-        write_text(page.with_suffix(".md"), text)
+        write_json(HERE / name, {"machine": config.stash[MACHINE], "found": tables})
 
 
 def report(machine: dict[str, str], found: list[Findings]) -> str:
@@ -92,3 +91,28 @@ def report(machine: dict[str, str], found: list[Findings]) -> str:
     kind = "\n".join(f"| {name} | {value} |" for name, value in machine.items())
     tables = "\n".join(line for findings in found for line in findings.markdown())
     return f"# Benchmarks\n\n| machine | |\n|---|---|\n{kind}\n\n{EXPLANATION}\n\n{tables}"
+
+
+def describe(device: Device) -> dict[str, str]:
+    """Return what a reader of the results needs to know."""
+    other = os.environ.get("POCL_LLVM_CPU_NAME")
+    return {
+        "processor": _processor(),
+        "cores": str(CORES),
+        "memory": f"{os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') / 2**30:.0f} GiB",
+        "load before": f"{os.getloadavg()[0]:.1f}",
+        "OpenCL device": device.name,
+        "OpenCL driver": f"{device.platform} {device.driver}",
+        "kernels compiled for": f"{other}, but run on the processor above" if other else "this processor",
+        "software": f"{platform.system()}, Python {platform.python_version()}, numpy {np.__version__}",
+    }
+
+
+def _processor() -> str:
+    listing = Path("/proc/cpuinfo")
+    if not listing.exists():
+        return platform.processor() or platform.machine()
+    fields = dict(re.findall(r"^([^\t:]+?)\s*: (.*)$", listing.read_text(encoding="utf-8"), re.MULTILINE))
+    widest = next((f for f in ("avx512f", "avx2", "avx") if f in fields.get("flags", "").split()), "no AVX")
+    model = fields.get("model name", platform.machine())
+    return f"{model}, family {fields.get('cpu family', '?')}, model {fields.get('model', '?')}, {widest}"

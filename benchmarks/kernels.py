@@ -18,8 +18,7 @@ import pyopencl as cl
 sys.path.insert(0, str(Path(__file__).parent))
 
 from bench_training import AT_REST, trainable
-from room import camera, room
-from scenes import LARGE, SMALL
+from room import LARGE, SMALL, camera, room
 
 from gspure.opencl import engine
 from gspure.renderer import Renderer

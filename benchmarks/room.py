@@ -6,9 +6,11 @@ million and 2.1 M.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
@@ -87,3 +89,36 @@ def _far_behind(rng: np.random.Generator, count: int) -> Float64:
 def _unit(vectors: Float64) -> Float64:
     lengths: Float64 = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / lengths
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A room of `count` Gaussians and the size of its one view; `rounds` is how often to measure.
+
+    Goals: a frame with contributions within `frame_ms` on two cores, blending at `peak_share` of the FMA peak.
+    """
+
+    name: str
+    count: int
+    width: int
+    height: int
+    rounds: int
+    frame_ms: float
+    peak_share: float
+
+    @cached_property
+    def model(self) -> Gaussians:
+        """The Gaussians; made once."""
+        return room(self.count)
+
+    @property
+    def camera(self) -> Camera:
+        """The view."""
+        return camera(self.width, self.height)
+
+
+SMALL = Scene("100k @960x540", 100_000, 960, 540, rounds=21, frame_ms=20.0, peak_share=0.40)
+LARGE = Scene("1M @1600x1063", 1_000_000, 1600, 1063, rounds=11, frame_ms=130.0, peak_share=0.33)
+
+
+each_scene = pytest.mark.parametrize("scene", [SMALL, LARGE], ids=lambda scene: scene.name)

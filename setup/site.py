@@ -19,7 +19,7 @@ OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "CONTRIBUTING.md": "contributing.md",
     "RESPONSIBLE_USE.md": "responsible-use.md",
-    "benchmarks/results.md": "benchmarks.md",
+    "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",
 }
 """Pages of the repository, and their places on the site."""
