@@ -9,7 +9,6 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.attacks import find_attack
 from gspure.attacks.attack import Attack
 from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE
 from gspure.evaluation.paper import read_cells
@@ -260,7 +259,3 @@ def test_pairs_with_one_message_of_photographs_share_its_model(plan):
     pair = {"message": "captures/b", "message_photographs": [], "iterations": 9, "resolution": "320px", "seed": 0}
     pairs = {"one": {**pair, "scene": "captures/a"}, "two": {**pair, "scene": "captures/c"}, "traced": {}}
     assert [*Plan({**plan.config, "pairs": pairs}).messages] == [message_name(pair)]
-
-
-def test_attacks_are_found_by_name():
-    assert find_attack("gspure").name == "gspure"

@@ -96,14 +96,12 @@ class Plan:
     @property
     def report(self) -> ReportPlan:
         """What the report shows."""
-        variants, factors = self.config["variants"], {}
-        for scheme in self.schemes:
-            if is_swept(variants, self.decisions[scheme]):
-                factors[scheme] = factors_of(variants, self.decisions[scheme])
+        variants = self.config["variants"]
+        factors = {scheme: factors_of(variants, self.decisions[scheme]) for scheme in self.schemes}
         return ReportPlan(
             {f"{model.scheme}/{model.scene}": model.reported for model in self.models},
             sweeps(variants, self.decisions[VANILLA]),
-            factors,
+            {scheme: points for scheme, points in factors.items() if points},
             [Path("results/configuration.json"), Path("results/logs")],
         )
 
@@ -511,19 +509,17 @@ def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
 
 
 def factors_of(variants: Decisions, among: Decisions) -> dict[str, tuple[float, float]]:
-    """Return tau_n and tau_c of every variant that differs from GSPure in these alone, those with its factors first."""
+    """Return tau_n and tau_c of every variant that differs from GSPure in these alone, those with its factors first.
+
+    There are none if no variant differs from GSPure in one factor alone.
+    """
     kind = _kind({"attack": GSPURE, "seed": 0}, among)
     alike = [name for name, v in variants.items() if v["attack"] == GSPURE and _kind(v, among) == kind]
     chosen = {name: among[variants[name].get("decision", METHOD)] for name in alike}
     points = {name: (decision["tau_n"], decision["tau_c"]) for name, decision in chosen.items()}
-    default = among[METHOD]["tau_n"], among[METHOD]["tau_c"]
-    return dict(sorted(points.items(), key=lambda point: point[1] != default))
-
-
-def is_swept(variants: Decisions, among: Decisions) -> bool:
-    """Return whether there are variants that differ from GSPure in one pruning factor alone."""
-    tau_n, tau_c = among[METHOD]["tau_n"], among[METHOD]["tau_c"]
-    return any((n == tau_n) != (c == tau_c) for n, c in factors_of(variants, among).values())
+    own = among[METHOD]["tau_n"], among[METHOD]["tau_c"]
+    is_swept = any((n == own[0]) != (c == own[1]) for n, c in points.values())
+    return dict(sorted(points.items(), key=lambda point: point[1] != own)) if is_swept else {}
 
 
 def _kind(settings: Settings, among: Decisions) -> tuple[str, ...]:
