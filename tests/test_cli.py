@@ -173,13 +173,13 @@ def test_a_path_cannot_send_escape_sequences_to_the_terminal(asset, capsys):
 
 
 def test_a_bug_keeps_its_traceback(asset, monkeypatch):
-    monkeypatch.setattr("gspure.cli.render.read_views", lambda args: 1 / 0)
+    monkeypatch.setattr("gspure.cli.options.read_views", lambda args: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         main(RENDER)
 
 
 def test_a_command_without_memory_ends_in_one_line(asset, capsys, monkeypatch):
-    monkeypatch.setattr("gspure.cli.render.read_views", lambda args: np.empty(1 << 58))
+    monkeypatch.setattr("gspure.cli.options.read_views", lambda args: np.empty(1 << 58))
     assert main(RENDER) == 2
     assert re.fullmatch(r"gspure render: .*memory.*\n", capsys.readouterr().err)
 

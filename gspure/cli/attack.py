@@ -12,18 +12,7 @@ from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
 from gspure.cameras import Camera, split
-from gspure.cli.options import (
-    SPLITS,
-    add_cameras,
-    add_device,
-    add_scheme,
-    described,
-    read_device,
-    read_public,
-    read_source,
-    read_split,
-    record_command,
-)
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import load_array, save_array
@@ -36,11 +25,8 @@ from gspure.settings import DECIBELS, SEED, parsed_settings
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random/point_cloud.ply
-  gspure attack gspure --model point_cloud.ply --prune-mask purified/prune_mask.npy --out pruned/point_cloud.ply
   gspure attack plain_weight --model point_cloud.ply --weights purified/weights.npy --out plain/point_cloud.ply
-  gspure attack rigid_transform --model point_cloud.ply --set angle=90 --out moved.ply --transform transform.npy
   gspure attack random_pruning --model point_cloud.ply --damage 1 --cameras cameras.json --out random_1dB.ply
-  gspure attack finetune --model point_cloud.ply --cameras cameras.json --set iterations=20 --out finetuned.ply
 """
 
 _MEASUREMENTS = {
@@ -53,7 +39,7 @@ _MEASUREMENTS = {
 
 
 def add_arguments(parser: Parser) -> None:
-    names = ", ".join(described(attack.name, attack.settings) for attack in BUILT_IN)
+    names = ", ".join(options.described(attack.name, attack.settings) for attack in BUILT_IN)
     parser.text("name", "NAME", f"one of {names}, or an attack of an installed plug-in")
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
@@ -64,19 +50,14 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "PLY|SPZ", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     parser.writes("--transform", "NPY", "also write the rigid transform of the attack: float64 [4,4]", required=False)
-    add_scheme(parser)
+    options.add_scheme(parser)
     meaning = "search for the strength that lowers the scene's PSNR by DB; needs --cameras"
     parser.number("--damage", "DB", meaning, DECIBELS)
-    add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
-    parser.choice("--split", SPLITS, "views that --damage renders", "test")
-    parser.reads(
-        "--photographs",
-        "DIR",
-        "photographs VIEW.png of the scene, for --damage; without them, the damage is estimated as if "
-        "MODEL had a PSNR of 30 dB in every view",
-        required=False,
-    )
-    add_device(parser)
+    options.add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
+    parser.choice("--split", options.SPLITS, "views that --damage renders", "test")
+    meaning = "photographs VIEW.png of the scene, for --damage (default: MODEL is taken to have 30 dB in every view)"
+    parser.reads("--photographs", "DIR", meaning, required=False)
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
@@ -84,10 +65,11 @@ def run(args: Arguments) -> None:
     attack = find_attack(args.name)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
-    public = read_public(args)
+    public = options.read_public(args)
     measurements = _read_measurements(args, public, attack.needs)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
-    known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": read_device(args) if views else None}
+    device = options.read_device(args) if views else None
+    known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
     search = None
     if args.damage is not None:
         search = attack.matching(public, measurements, args.damage, _read_damage(args, public), **known, **settings)
@@ -105,7 +87,7 @@ def run(args: Arguments) -> None:
     if args.transform:
         save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
     args.set = {**attack.settings, **settings}
-    record_command(args, args.out.parent)
+    options.record_command(args, args.out.parent)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
 
 
@@ -135,7 +117,7 @@ def _read_training_views(args: Arguments) -> list[Camera]:
     """Read the training views of ``--cameras``, for attacks that render."""
     if not args.cameras:
         raise InputError("attack", "--cameras", expected="public views to learn from", found="none")
-    train, test = split(read_source(args.cameras, args.model, up=args.up))
+    train, test = split(options.read_source(args.cameras, args.model, up=args.up))
     return train or test
 
 
@@ -143,7 +125,7 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
     if not args.cameras:
         raise InputError("attack", "--damage", expected="--cameras", found="none")
-    views = read_split(args)
+    views = options.read_split(args)
     photographs = None
     if args.photographs:
         files = [args.photographs / f"{view.name}.png" for view in views]
@@ -152,4 +134,4 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
             if (found := image.shape[1::-1]) != (view.width, view.height):
                 expected = f"{view.width}x{view.height}, as its view"
                 raise InputError(file, "size", expected=expected, found="{}x{}".format(*found))
-    return scene_damage(public, views, photographs, read_device(args))
+    return scene_damage(public, views, photographs, options.read_device(args))

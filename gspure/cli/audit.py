@@ -22,7 +22,6 @@ from gspure.settings import CORES
 
 EXAMPLES = """\
   gspure audit point_cloud.ply --cameras orbit              # results/report.html
-  gspure audit output/bicycle --cameras output/bicycle --dry-run
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
@@ -35,12 +34,8 @@ _SHOWN = 20  # lines of Snakemake's, if it fails without a reason
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads(
-        "source",
-        "MODEL|CONFIG",
-        "file of a 3DGS model or folder of a training run (its configuration is written to "
-        f"{_CONFIGURATION}); or a configuration of the workflow, .yaml",
-    )
+    meaning = "file of a 3DGS model, or folder of a training run; or a configuration of the workflow, .yaml"
+    parser.reads("source", "MODEL|CONFIG", meaning)
     add_cameras(parser, "views of MODEL", required=False)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)

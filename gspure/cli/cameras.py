@@ -19,34 +19,23 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
-  gspure cameras scene/transforms.json --out cameras.json --resolution 1/4
   gspure cameras scene --undistort --out flat/cameras.json            # without lens distortion, to flat/images
-  gspure cameras output/bicycle --out cameras.json --resolution native     # a training run's own cameras.json
   gspure cameras orbit --model point_cloud.ply --out cameras.json --count 48 --up 0 1 0
-  gspure cameras shells --model point_cloud.ply --out cameras.json    # all directions, near and far
 """
 
 _SETTINGS = ("count", "width", "height", "fov_degrees", "up")
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.add_argument(
-        "source",
-        type=camera_source,
-        metavar="SOURCE",
-        help="cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse "
-        "model; or `orbit` or `shells` to generate views around --model",
+    meaning = (
+        "cameras.json, transforms.json (nerfstudio, Blender), or a folder with one of them or a COLMAP sparse model; "
+        "or `orbit` or `shells` to generate views around --model"
     )
+    parser.reads("source", "SOURCE", meaning, type=camera_source)
     parser.writes("--out", "JSON", "the cameras.json to write")
-    parser.text(
-        "--resolution",
-        "RULE",
-        "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, as in 3DGS; generated "
-        "views keep --width and --height)",
-    )
-    parser.flag(
-        "--undistort", "remove lens distortion: also write the photographs to images/, and the points, beside --out"
-    )
+    meaning = "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, or native for generated views)"
+    parser.text("--resolution", "RULE", meaning)
+    parser.flag("--undistort", "remove lens distortion: also write photographs to images/, and points, beside --out")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
     parser.number("--count", "N", "number of views (default: orbit 24, shells 48)", VIEWS, group=views)

@@ -6,6 +6,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.settings import SECONDS
 
@@ -24,14 +25,13 @@ high if the mark is present ({"view_000": 0.93, ...}).
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.cli.options import add_control_keys
 
     parser.reads("images", "DIR", "PNG files, such as renders")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
     source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key of a scheme that hides bits")
     parser.text("--scheme", "NAME", "the scheme of the key")
-    add_control_keys(parser)
+    options.add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
     parser.number("--timeout", "S", "seconds after which the detector is stopped", SECONDS, 600.0)
     parser.writes("--out", "CSV", "the table to write, one row per image")
@@ -41,13 +41,12 @@ def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
     import numpy as np
 
-    from gspure.cli.options import record_command
     from gspure.evaluation.csv_tables import write_table
     from gspure.evaluation.detection import Reading, read_marks
 
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
-    record_command(args, args.out.parent)
+    options.record_command(args, args.out.parent)
     mean = f"{np.mean([reading.level for reading in readings]):.4g}"
     found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
     print(f"{found} over {len(readings)} images")
@@ -55,14 +54,13 @@ def run(args: Arguments) -> None:
 
 def _read_bits(args: Arguments) -> list[Reading]:
     """Return what the key reads from every image."""
-    from gspure.cli.options import read_key
     from gspure.errors import InputError
     from gspure.evaluation.detection import read_bits
     from gspure.files import run_of
 
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = read_key(args, run_of(args.images))
+    key = options.read_key(args, run_of(args.images))
     return read_bits(key.read_bits, key.bits, args.images)
 
 

@@ -17,7 +17,6 @@ from gspure.settings import SEED, parsed_settings
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
-  gspure embed gs_hider pair --out marked --set iterations=2000 --set message_weight=0.5
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
@@ -32,9 +31,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("pair", "PAIR", "output folder of `gspure pair`")
     parser.writes("--out", "DIR", "folder for public/ and key/")
     parser.pairs("--set", "NAME=VALUE", "a setting of the scheme")
-    parser.choice(
-        "--initialization", INITIALIZATIONS, "initial points: of scene and message, or of the scene alone", "both"
-    )
+    meaning = "initial points: of scene and message, or of the scene alone"
+    parser.choice("--initialization", INITIALIZATIONS, meaning, "both")
     parser.number("--seed", "N", "random seed", SEED, 0)
     add_force(parser)
     add_device(parser)

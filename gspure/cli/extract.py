@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 
 if TYPE_CHECKING:
@@ -11,8 +12,6 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out message
-  gspure extract purified.ply --scheme splats_in_splats --key marked/key --cameras pair/message --out message \\
-      --extraction message_oracle                                                    # with the exact hidden values
   gspure extract moved.ply --scheme splats_in_splats --key marked/key --cameras pair/message --out message \\
       --extraction message_adaptive --original marked/public                         # an unknown rotation or scale
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out wrong_key \\
@@ -24,35 +23,23 @@ FIT_STEPS: Final = 300
 
 
 def add_arguments(parser: Parser) -> None:
-    from gspure.cli.options import add_control_keys, add_device, add_views
 
     parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
-    add_control_keys(parser)
-    parser.reads(
-        "--photographs",
-        "DIR",
-        "photographs and cameras of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and "
-        "keyss; only the training views are used",
-        required=False,
-    )
-    parser.reads(
-        "--original",
-        "MODEL",
-        "the published model; with it, an unknown rotation, translation and scale of the attacked model is undone "
-        "first",
-        required=False,
-    )
-    add_views(parser, split="all")
+    options.add_control_keys(parser)
+    meaning = "photographs of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and keyss"
+    parser.reads("--photographs", "DIR", meaning, required=False)
+    meaning = "the published model: an unknown rotation, translation and scale of the attacked one is undone first"
+    parser.reads("--original", "MODEL", meaning, required=False)
+    options.add_views(parser, split="all")
     parser.writes("--out", "DIR", "folder for VIEW.png")
-    add_device(parser)
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Extract every view."""
-    from gspure.cli.options import read_device, read_key, read_views, record_command, write_views
     from gspure.errors import InputError
     from gspure.files import filling, run_of
     from gspure.images import is_blank, write_image
@@ -62,9 +49,9 @@ def run(args: Arguments) -> None:
     from gspure.schemes.registry import find_scheme
     from gspure.schemes.scheme import ADAPTIVE
 
-    scheme, views = find_scheme(args.scheme), read_views(args)
+    scheme, views = find_scheme(args.scheme), options.read_views(args)
     public = scheme.read_public(args.model).drawn(args.model)
-    key = read_key(args, run_of(model_file(args.model)))
+    key = options.read_key(args, run_of(model_file(args.model)))
     args.extraction = args.extraction or next(iter(scheme.extractions))
     if args.extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
@@ -75,20 +62,20 @@ def run(args: Arguments) -> None:
         public = registered(public, scheme.read_public(args.original).drawn(args.original).model)
     if scheme.fits and args.extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
-    view, all_blank = key.message(public, args.extraction, read_device(args)), True
+    view, all_blank = key.message(public, args.extraction, options.read_device(args)), True
     with filling(args.out) as folder:
         for camera in track(views, "extract"):
             image = view(camera)
             write_image(folder / f"{camera.name}.png", image)
             all_blank &= is_blank(image)
         if isinstance(args.cameras, str):
-            write_views(folder, views)
-        record_command(args, folder)
+            options.write_views(folder, views)
+        options.record_command(args, folder)
     if all_blank and args.wrong_key is None:
         causes = "the key does not match the model, Gaussians were moved or rounded, or an attack removed the message"
-        options = ["--original"] * (not args.original)
-        options += [f"--extraction {ADAPTIVE}"] * (ADAPTIVE in scheme.extractions and args.extraction != ADAPTIVE)
-        advice = f" (for moved or rounded Gaussians, try {' or '.join(options)})" if options else ""
+        tries = ["--original"] * (not args.original)
+        tries += [f"--extraction {ADAPTIVE}"] * (ADAPTIVE in scheme.extractions and args.extraction != ADAPTIVE)
+        advice = f" (for moved or rounded Gaussians, try {' or '.join(tries)})" if tries else ""
         warn(f"all extracted images are blank: {causes}{advice}")
 
 
@@ -97,7 +84,6 @@ def _lesson(args: Arguments) -> Lesson:
     import numpy as np
 
     from gspure.cameras.reading import read_transform
-    from gspure.cli.options import read_device
     from gspure.errors import InputError
     from gspure.public_model import Lesson
     from gspure.schemes.pair import Capture
@@ -107,4 +93,4 @@ def _lesson(args: Arguments) -> Lesson:
     capture = Capture.read(args.photographs)
     transform = read_transform(args.transform) if args.transform else np.eye(4)
     views = [camera.moved(transform) for camera in capture.views]
-    return Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=read_device(args))
+    return Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=options.read_device(args))

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   gspure info point_cloud.ply
   gspure info output/bicycle                                   # a training run's folder: its newest iteration
-  gspure info output/bicycle/point_cloud/iteration_7000
 """
 
 

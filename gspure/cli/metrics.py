@@ -9,28 +9,19 @@ from gspure.settings import SHARE
 
 EXAMPLES = """\
   gspure metrics before after
-  gspure metrics photographs renders --reference truth --out metrics.csv
   gspure metrics pair renders --reference truth --against message_oracle=message
-  gspure metrics pair renders --reference truth --baseline mean_colour
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("images", "DIR_A", "reference images, PNG; may hold more views than DIR_B")
     parser.reads("other", "DIR_B", "images to compare, PNG, with the same names, sizes and subfolders")
-    parser.choice(
-        "--reference",
-        REFERENCES,
-        "kind of images in DIR_A: photographs (truth) or renders of the unattacked model",
-        RENDER,
-    )
+    meaning = "kind of images in DIR_A: photographs (truth) or renders of the unattacked model"
+    parser.choice("--reference", REFERENCES, meaning, RENDER)
     parser.pairs("--against", "TARGET=OTHER", "compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A")
     parser.text("--targets", "TARGET", "subfolders of DIR_B to compare (default: all)", nargs="+")
-    parser.choice(
-        "--baseline",
-        BASELINES,
-        "compare DIR_A with images of one colour instead of DIR_B: black, or each image's mean colour",
-    )
+    meaning = "compare DIR_A with images of one colour instead of DIR_B: black, or each image's mean colour"
+    parser.choice("--baseline", BASELINES, meaning)
     meaning = "colour behind transparent pixels: that of the renders (default: black)"
     parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)

@@ -23,12 +23,10 @@ SPLITS = ("train", "test", "all")
 def add_device(parser: Parser) -> None:
     """Add ``--device``, and ``--quiet``, since work on a device shows its progress."""
     add_quiet(parser)
-    parser.text(
-        "--device",
-        "NAME|UNPACKED_SOG",
-        "OpenCL device, by part of its name or its index in `gspure doctor` (default: $GSPURE_DEVICE, or the "
-        "first working device, GPUs before CPUs)",
+    meaning = (
+        "part of the name, or index in `gspure doctor`, of the OpenCL device (default: $GSPURE_DEVICE or the first)"
     )
+    parser.text("--device", "NAME|INDEX", meaning)
 
 
 def add_quiet(parser: Parser) -> None:
@@ -115,14 +113,8 @@ def camera_source(text: str) -> Path | str:
 
 def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True) -> None:
     """Add ``--cameras`` and ``--up``, for `read_source`."""
-    parser.add_argument(
-        "--cameras",
-        type=camera_source,
-        required=required,
-        metavar="SOURCE",
-        help=f"{purpose}: cameras.json or another source that `gspure cameras` reads; `orbit` or `shells` generates "
-        "views around the model",
-    )
+    meaning = f"{purpose}: a file or folder that `gspure cameras` reads, or `orbit` or `shells` around the model"
+    parser.reads("--cameras", "SOURCE", meaning, type=camera_source, required=required)
     add_up(parser)
 
 
@@ -152,9 +144,8 @@ def add_views(parser: Parser, split: str) -> None:
     """Add ``--cameras``, ``--split`` and ``--transform``, for `read_views`."""
     add_cameras(parser)
     parser.choice("--split", SPLITS, "which views; sorted by name, every eighth is a test view", split)
-    parser.reads(
-        "--transform", "NPY", "rigid transform from `gspure attack --transform`, applied to the views", required=False
-    )
+    meaning = "rigid transform from `gspure attack --transform`, applied to the views"
+    parser.reads("--transform", "NPY", meaning, required=False)
 
 
 def read_split(args: Arguments) -> list[Camera]:

@@ -27,7 +27,6 @@ from gspure.training.dataset import read_dataset, read_photographs
 
 EXAMPLES = """\
   gspure pair room vault --out pair                       # ray-traced; placements: raised, front, behind, coincident
-  gspure pair interior-1 landscape-2 --protocol own --out pair --views 48 --width 320 --height 240
   gspure pair photos/garden trained/playroom --out pair   # photographs, and a model of the hidden scene
   gspure pair photos/garden photos/playroom --protocol own --out pair                # photographs of both
 
@@ -44,20 +43,13 @@ OPAQUE = 0.5  # least opacity of these Gaussians; ours
 
 def add_arguments(parser: Parser) -> None:
     parser.text("scene", "SCENE", f"the visible scene: photographs as for `train`, or {NAMES}")
-    parser.text(
-        "message",
-        "MESSAGE",
-        f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}",
-    )
+    meaning = f"the hidden scene: a trained model or its folder (photographs with --protocol own), or {NAMES}"
+    parser.text("message", "MESSAGE", meaning)
     parser.writes("--out", "DIR", "folder of the pair")
     parser.choice("--protocol", PROTOCOLS, "poses of the message's views: the scene's, or its own", "shared")
     parser.text("--resolution", "RULE", "photographs' size, as for `train`", "320px")
-    parser.choice(
-        "--placement",
-        PLACEMENTS,
-        "ray-traced only: position of the message's surfaces relative to the scene's",
-        "raised",
-    )
+    meaning = "ray-traced only: position of the message's surfaces relative to the scene's"
+    parser.choice("--placement", PLACEMENTS, meaning, "raised")
     parser.number("--views", "N", "ray-traced only: number of views; every eighth is a test view", PAIR_VIEWS, 32)
     parser.number("--width", "PX", "ray-traced only: image width", TRACED_SIDE, 160)
     parser.number("--height", "PX", "ray-traced only: image height", TRACED_SIDE, 120)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from gspure.report.table import Table
 
 EXAMPLES = """\
-  gspure paper-check
   gspure paper-check --out paper.csv     # one row per number
   gspure paper-check --survival results/tables/survival.csv
 """

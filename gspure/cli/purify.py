@@ -37,9 +37,7 @@ from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STE
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
-  gspure purify output/bicycle --cameras output/bicycle --out purified --tau-n 2 --tau-c 3
   gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
-  gspure purify point_cloud.ply --cameras cameras.json --out purified --repair
 
 files in DIR:
   purified.ply       the remaining Gaussians, bit-identical unless repaired
@@ -61,18 +59,13 @@ _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    options.add_cameras(
-        parser, "views (scaled to 1600 px if wider; sorted by name, every eighth is held out for the metrics)"
-    )
+    options.add_cameras(parser, "views, at most 1600 px wide; every eighth by name is held out for the metrics")
     parser.writes("--out", "DIR", "folder for the results")
     options.add_energy(parser, "ray", "ewa", "center_ray")
     parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", REDUCTIONS[0])
     parser.number("--min-samples", "N", "HDBSCAN's min_samples", NEIGHBOURS, MIN_SAMPLES)
     parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", CLUSTER_SIZE, MIN_CLUSTER_SIZE)
-    meaning = (
-        "eom_capped, eom: HDBSCAN's excess of mass with and without --max-cluster-share; leaf: the leaves of its "
-        "hierarchy"
-    )
+    meaning = "HDBSCAN's excess of mass with (eom_capped) or without --max-cluster-share, or leaves of its hierarchy"
     parser.choice("--selection", SELECTIONS, meaning, SELECTIONS[0])
     meaning = "for eom_capped: largest share of the Gaussians in one cluster"
     parser.number("--max-cluster-share", "SHARE", meaning, CLUSTER_SHARE, MAX_CLUSTER_SHARE)
@@ -82,10 +75,7 @@ def add_arguments(parser: Parser) -> None:
     ):
         meaning = f"prune {rows} is below the mean weight of all rows / TAU (default: {value}; anchors: {of_anchors})"
         parser.number(name, "TAU", meaning, FACTOR)
-    meaning = (
-        "after pruning, train the remaining Gaussians on renders of MODEL, as the attack `prune_repair` does (default: "
-        "%(const)s iterations)"
-    )
+    meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
     options.add_force(parser)
     options.add_device(parser)

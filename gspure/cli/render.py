@@ -1,23 +1,10 @@
 """``gspure render``: images of a model."""
 
-from gspure.cli.options import (
-    add_background,
-    add_device,
-    add_energy,
-    add_scheme,
-    add_views,
-    read_background,
-    read_device,
-    read_public,
-    read_views,
-    record_command,
-    write_views,
-)
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import track, warn
 
 EXAMPLES = """\
-  gspure render point_cloud.ply --cameras cameras.json --out renders
   gspure render point_cloud.ply --cameras orbit --out renders             # generated views, in renders/cameras.json
   gspure render point_cloud.ply --cameras cameras.json --out renders --split test --npy --background 1 1 1
 """
@@ -25,13 +12,13 @@ EXAMPLES = """\
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the model's file, or the output folder of a training run")
-    add_scheme(parser)
-    add_views(parser, split="all")
+    options.add_scheme(parser)
+    options.add_views(parser, split="all")
     parser.writes("--out", "DIR", "folder for VIEW.png")
     parser.flag("--npy", "also write VIEW.npy: float32 [H,W,3], not clipped")
-    add_background(parser, "the model", "MODEL")
-    add_energy(parser, "ewa", "ray")
-    add_device(parser)
+    options.add_background(parser, "the model", "MODEL")
+    options.add_energy(parser, "ewa", "ray")
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
@@ -39,9 +26,9 @@ def run(args: Arguments) -> None:
     from gspure.files import filling, save_array
     from gspure.images import is_flat, write_image
 
-    views, public = read_views(args), read_public(args)
-    args.background = read_background(args, public.model.background)
-    scene = public.scene(read_device(args), args.background, args.energy)
+    views, public = options.read_views(args), options.read_public(args)
+    args.background = options.read_background(args, public.model.background)
+    scene = public.scene(options.read_device(args), args.background, args.energy)
     empty = []
     with filling(args.out) as folder:
         for camera in track(views, "render"):
@@ -51,8 +38,8 @@ def run(args: Arguments) -> None:
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
         if isinstance(args.cameras, str):
-            write_views(folder, views)
-        record_command(args, folder)
+            options.write_views(folder, views)
+        options.record_command(args, folder)
     if empty:
         count = f"{len(empty)} of {len(views)} views"
         warn(f"{count} show a single colour (first: {empty[0]}): do cameras and model belong together?")

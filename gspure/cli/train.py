@@ -8,15 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gspure.cli.options import (
-    add_background,
-    add_device,
-    add_force,
-    read_background,
-    read_device,
-    record_command,
-    require_own_folder,
-)
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import say, track
 from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
@@ -31,8 +23,6 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
-  gspure train pair --out trained                      # the ray-traced scene of `gspure pair room vault --out pair`
-  gspure train pair --out message --images pair/message
   gspure train scene --out trained --resume            # continue an interrupted run
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.
@@ -49,35 +39,23 @@ _WATCHED = 3  # number of held-out views over which progress reports average the
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads(
-        "data",
-        "DATA",
-        "COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them; with "
-        "transforms_train.json, the views of transforms_test.json (or _val) are held out",
-    )
+    meaning = "COLMAP project, transforms.json (nerfstudio, Blender), cameras.json, or a folder with one of them"
+    parser.reads("data", "DATA", meaning)
     parser.writes("--out", "DIR", "folder for the model")
     parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
     parser.number("--iterations", "N", "steps", STEPS, 3000)
-    parser.text(
-        "--resolution",
-        "RULE",
-        "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller",
-        "320px",
-    )
+    meaning = "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller"
+    parser.text("--resolution", "RULE", meaning, "320px")
     meaning = "photographs, named as the views, instead of those that DATA names"
     parser.reads("--images", "DIR", meaning, required=False)
-    add_background(parser, "the model and transparent photographs", "DATA")
-    parser.number(
-        "--max-gaussians",
-        "N",
-        "upper bound of growth (default: one per point of DATA and one per pixel of a view)",
-        MAX_GAUSSIANS,
-    )
+    options.add_background(parser, "the model and transparent photographs", "DATA")
+    meaning = "upper bound of growth (default: one per point of DATA and one per pixel of a view)"
+    parser.number("--max-gaussians", "N", meaning, MAX_GAUSSIANS)
     parser.flag("--skip-missing", "leave out views whose photograph is missing, instead of refusing")
     parser.number("--seed", "N", "random seed", SEED, 0)
-    add_force(parser)
+    options.add_force(parser)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
-    add_device(parser)
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
@@ -88,10 +66,10 @@ def run(args: Arguments) -> None:
     from gspure.model.inria import trained_background
     from gspure.training import dataset, output
 
-    require_own_folder(args)
+    options.require_own_folder(args)
     if args.model:
         require_writable(args.model)
-    args.background = read_background(args, trained_background(args.data))
+    args.background = options.read_background(args, trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     data = dataset.read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
     args.max_gaussians = args.max_gaussians or data.max_gaussians
@@ -99,8 +77,8 @@ def run(args: Arguments) -> None:
     size = f"{data.train[0].width}x{data.train[0].height}"
     views = f"{len(data.train)} views of {size}, {len(data.test)} held out"
     say(f"{views}, {len(data.xyz)} points, extent {data.extent:.3g}")
-    device = read_device(args)
-    record_command(args, args.out)
+    device = options.read_device(args)
+    options.record_command(args, args.out)
     with filling(args.out) as folder:
         trainer = _train(args, data, images, device)
         parameters = trainer.model.state().parameters

@@ -48,9 +48,7 @@ _MATCHED: Final = (
 
 
 def conditions_markdown(
-    survivals: Sequence[Survival] = (),
-    contests: Sequence[Contest] = (),
-    matched: Sequence[Matched] = (),
+    survivals: Sequence[Survival] = (), contests: Sequence[Contest] = (), matched: Sequence[Matched] = ()
 ) -> str:
     """Return the tables of every condition over all of its scenes."""
     rows = (survivals, contests, matched)
@@ -60,10 +58,7 @@ def conditions_markdown(
 
 
 def condition_tables(
-    condition: Condition,
-    survivals: Sequence[Survival],
-    contests: Sequence[Contest],
-    matched: Sequence[Matched] = (),
+    condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
 ) -> list[Table]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
     names = {row.variant: row.name for row in survivals if condition_of(row) == condition}
