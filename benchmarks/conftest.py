@@ -78,8 +78,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     found = [findings for findings in config.stash[FOUND] if findings.times or findings.figures]
     if not found:
         return
-    text = report(config.stash[MACHINE], found)
-    terminalreporter.write_line(f"\n{text}")
+    terminalreporter.write_line("\n" + report(config.stash[MACHINE], found))
     if (kind := config.getoption("--record")) is not None:
         name = "-".join(filter(None, ("results", kind))) + ".json"
         tables = [findings.summary() for findings in found]
