@@ -11,7 +11,7 @@ from snakemake.utils import validate
 import gspure
 from gspure.attacks import find_attack
 from gspure.errors import InputError, printable
-from gspure.evaluation.controls import CONTROLS
+from gspure.evaluation.names import CONTROLS
 from gspure.files import write_json
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS

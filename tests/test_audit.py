@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.evaluation.controls import MESSAGE_FREE
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.names import display_name
+from gspure.evaluation.names import MESSAGE_FREE, display_name
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
 from gspure.report.audit import NO_KEY, SENTENCES, Audit, audits

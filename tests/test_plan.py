@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.attacks.attack import Attack
-from gspure.evaluation.controls import BASELINES, CONTROLS, OTHER_SCENE
+from gspure.evaluation.names import BASELINES, CONTROLS, OTHER_SCENE
 from gspure.evaluation.paper import read_cells
 from gspure.workflow import plan as planning
 from gspure.workflow.plan import MADE, METHOD, Model, Plan, Variant, factors_of, first_alike, message_name, sweeps

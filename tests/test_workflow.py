@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
-from gspure.evaluation.controls import CONTROLS, OTHER_SCENE
+from gspure.evaluation.names import CONTROLS, OTHER_SCENE
 from gspure.model import read_model, write_model
 from tests.models import blobs
 from tests.workflow_cases import CONFIG, PRINTED, ROOT, edit_cameras, make_ready, started

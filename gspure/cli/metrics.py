@@ -3,7 +3,7 @@
 from gspure.cli.options import add_quiet, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
-from gspure.evaluation.controls import BASELINES
+from gspure.evaluation.names import BASELINES
 from gspure.progress import say, track
 from gspure.settings import SHARE
 

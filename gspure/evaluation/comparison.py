@@ -9,9 +9,9 @@ from typing import Annotated, Final, Literal, NamedTuple
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.controls import BLACK
 from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
 from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.names import BLACK
 from gspure.images import mean_colour, read_image
 from gspure.progress import decimal
 
@@ -78,7 +78,7 @@ def pair_images(
 
 
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
-    """Compare two images; one of `gspure.evaluation.controls.BASELINES` replaces the second one if `baseline` names it.
+    """Compare two images; one of `gspure.evaluation.names.BASELINES` replaces the second one if `baseline` names it.
 
     Raise `InputError` if an image cannot be read, or their sizes differ.
     """

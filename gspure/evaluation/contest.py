@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
-from gspure.evaluation.matched import Drops, Point, Sweeps, completed, curves, damages
+from gspure.evaluation.matched import Curve, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.names import GSPURE, UNATTACKED
-from gspure.evaluation.outcomes import SCENE, Condition, Outcome, by_condition, is_picture, ordered
+from gspure.evaluation.outcomes import Condition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.significance import holm, paired_test
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
@@ -18,7 +18,7 @@ SCENE_DROP: Final = "scene_drop"
 WEIGHTS: Final[Mapping[Quantity, tuple[int, int]]] = {SCORE: (-1, 1), MESSAGE_DROP: (0, 1), SCENE_DROP: (1, 0)}
 """Each quantity as a weighted sum of the drops of scene and message."""
 
-DropsByVariant = Mapping[str, Mapping[tuple[str, int], Drops]]  # drops by variant, and by scene and seed
+Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 
 
 class Contest(NamedTuple):
@@ -51,44 +51,31 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}
     for condition, alike in by_condition(outcomes).items():
         attacks = [o for o in alike if o.variant != UNATTACKED and not o.is_control]
-        for extraction in ordered({target for o in attacks for target in o.messages}):
-            drops = _drops(attacks, extraction)
-            as_run = {name: cells for name, cells in drops.items() if name not in other_strengths}
+        for extraction in extractions(attacks):
+            known = curves(attacks, extraction)
+            variants = dict.fromkeys(variant for curve in known.values() for variant in curve)
+            as_run = [name for name in variants if name not in other_strengths]
             for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
-                rows += _against(_as_run(as_run, quantity), condition, extraction, quantity, math.nan)
+                cells = {name: _as_run(known, name, quantity) for name in as_run}
+                rows += _against(cells, condition, extraction, quantity, math.nan)
             for damage in damages(o.variant for o in attacks):
-                cells = _at_equal_damage(attacks, extraction, completed(sweeps, drops), damage)
+                cells = {name: _at_equal_damage(known, of, damage) for name, of in completed(sweeps, variants).items()}
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
 
 
-def _drops(attacks: Sequence[Outcome], extraction: str) -> DropsByVariant:
-    """Return the drops of every attack where both are known."""
-    by_variant: dict[str, dict[tuple[str, int], Drops]] = {}
-    for o in attacks:
-        drops = (o.psnr_drop(SCENE), o.drop(extraction))
-        if all(map(math.isfinite, drops)):
-            by_variant.setdefault(o.variant, {})[o.scene, o.seed] = drops
-    return by_variant
-
-
-def _as_run(drops: DropsByVariant, quantity: Quantity) -> dict[str, Cells]:
-    """Return a quantity by variant."""
+def _as_run(known: Curves, variant: str, quantity: Quantity) -> Cells:
+    """Return a quantity of a variant, where it is known."""
     of_scene, of_message = WEIGHTS[quantity]
-    return {
-        variant: {cell: of_scene * scene + of_message * message for cell, (scene, message) in cells.items()}
-        for variant, cells in drops.items()
-    }
+    drops = {cell: curve[variant] for cell, curve in known.items() if variant in curve}
+    return {cell: of_scene * scene + of_message * message for cell, (scene, message) in drops.items()}
 
 
-def _at_equal_damage(attacks: Sequence[Outcome], extraction: str, sweeps: Sweeps, damage: float) -> dict[str, Cells]:
-    """Return the message's drop by sweep at a permitted drop of the scene, in the models that it damages so much."""
-    by_sweep = {name: curves([o for o in attacks if o.variant in of], extraction) for name, of in sweeps.items()}
-    points = {name: {cell: Point.at(damage, c) for cell, c in known.items()} for name, known in by_sweep.items()}
-    return {
-        name: {cell: point.message for cell, point in cells.items() if point and point.scene == damage}
-        for name, cells in points.items()
-    }
+def _at_equal_damage(known: Curves, sweep: Sequence[str], damage: float) -> Cells:
+    """Return the message's drop at a permitted drop of the scene, in the models that the sweep damages so much."""
+    swept = {cell: {name: curve[name] for name in curve if name in sweep} for cell, curve in known.items()}
+    points = {cell: Point.at(damage, curve) for cell, curve in swept.items() if curve}
+    return {cell: point.message for cell, point in points.items() if point and point.scene == damage}
 
 
 def _against(

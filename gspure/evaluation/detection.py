@@ -23,8 +23,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.controls import CLEAN
 from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.names import CLEAN
 from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
 from gspure.files import Bools, Float32
 from gspure.images import read_image

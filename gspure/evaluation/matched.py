@@ -14,9 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
-from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, ordered
+from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, cells, extractions
 from gspure.files import Bools
 from gspure.progress import decimal
 
@@ -90,12 +91,9 @@ def reached_name(variant: str, *scene_drops: float) -> str:
 
 def reached_names(outcomes: Iterable[Outcome]) -> dict[str, str]:
     """Return the `reached_name` of every variant over its scenes, of which each counts with the mean of its seeds."""
-    drops: dict[str, dict[tuple[str, int], float]] = {}
-    for o in outcomes:
-        known = drops.setdefault(o.variant, {})
-        if math.isfinite(damage := reached_damage(o)):
-            known[o.scene, o.seed] = damage
-    return {variant: reached_name(variant, *scene_means(known).values()) for variant, known in drops.items()}
+    by_variant = grouped(outcomes, lambda o: o.variant)
+    drops = {variant: scene_means(cells(alike, reached_damage)) for variant, alike in by_variant.items()}
+    return {variant: reached_name(variant, *means.values()) for variant, means in drops.items()}
 
 
 def damages(variants: Iterable[str]) -> Sequence[float]:
@@ -114,7 +112,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for condition, alike in by_condition(outcomes).items():
         at = damages(o.variant for o in alike)
-        for extraction in ordered({target for o in alike for target in o.messages}):
+        for extraction in extractions(alike):
             for name, variants in sweeps.items():
                 drops = curves([o for o in alike if o.variant in variants], extraction)
                 strengths = max(map(len, drops.values()), default=0)

@@ -6,6 +6,19 @@ from typing import Final
 UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
 GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
+CLEAN, WRONG_KEY, OTHER_SCENE = "clean", "wrong_key", "other_scene"
+BLACK, MEAN_COLOUR = "black", "mean_colour"
+MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)  # models that never held the message: trained without it, or with another
+BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
+
+LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
+"""Controls whose highest PSNR is the control level of a scene: a message is present only above it. Without the wrong
+key, which is applied to a model with the message; with baselines, since an extraction of a clean model may be black,
+which any trace of the message exceeds."""
+
+CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)
+"""Negative controls: extractions without the message or without the right key."""
+
 SCHEMES: Final = {  # the built-in ones
     "splats_in_splats": "Splats in Splats",
     "splats_in_splats_hardened": "Splats in Splats (hardened)",
@@ -18,10 +31,10 @@ SCHEMES: Final = {  # the built-in ones
 }
 
 _NAMES: Final = SCHEMES | {
-    "clean": "clean model",
-    "other_scene": "other scene's model",
-    "black": "black image",
-    "mean_colour": "mean-colour image",
+    CLEAN: "clean model",
+    OTHER_SCENE: "other scene's model",
+    BLACK: "black image",
+    MEAN_COLOUR: "mean-colour image",
     "random_matched": "count-matched random pruning",
     "lowest_weight_matched": "count-matched lowest-weight pruning",
     "lowest_opacity_matched": "count-matched lowest-opacity pruning",

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.intervals import difference
+from gspure.evaluation.intervals import Interval, difference, known_interval
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import UNATTACKED, display_name
+from gspure.evaluation.names import CONTROLS, UNATTACKED, display_name
 from gspure.evaluation.retrieval import Retrieval
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
@@ -121,7 +120,7 @@ class Outcome:
 
     @property
     def is_control(self) -> bool:
-        """Whether it is a negative control (`gspure.evaluation.controls`)."""
+        """Whether it is a negative control (`gspure.evaluation.names`)."""
         return self.variant in CONTROLS
 
     def is_flat(self, target: str) -> bool:
@@ -164,6 +163,11 @@ def ordered(targets: Iterable[str]) -> list[str]:
     return sorted(targets, key=lambda name: (name != SCENE, name != MESSAGE, not is_picture(name), name != BITS, name))
 
 
+def extractions(outcomes: Iterable[Outcome]) -> list[str]:
+    """Return the extractions and detectors of any of the outcomes, in display order."""
+    return ordered({target for o in outcomes for target in o.messages})
+
+
 def is_picture(target: str) -> bool:
     """Return whether a target is an extraction that shows the message, not the scene or a detector."""
     return target.startswith(MESSAGE)
@@ -186,6 +190,16 @@ def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Ou
 def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:
     """Return the outcomes of every condition; both keep their order."""
     return grouped(outcomes, lambda o: o.condition)
+
+
+def cells(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> dict[tuple[str, int], float]:
+    """Return a number of the outcomes by scene and seed, where it is known."""
+    return {(o.scene, o.seed): known for o in outcomes if not math.isnan(known := value(o))}
+
+
+def mean_of(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> Interval | None:
+    """Return the mean over scenes where it is finite, with its interval; None if it is so nowhere."""
+    return known_interval(cells(outcomes, value))
 
 
 def _difference(a: float, b: float) -> float:

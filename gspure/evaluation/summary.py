@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gspure.evaluation.intervals import Interval, known_interval
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, ordered
+from gspure.evaluation.intervals import Interval
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_cells, table_1
+
+_Mean = Interval | None
 
 
 class Summary(NamedTuple):
@@ -40,14 +42,12 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
     rows = []
     for condition, of_all in by_condition(outcomes).items():
         alike = _without_clean_assets(of_all)
-        extractions = ordered({target for o in alike for target in o.messages}) or [MESSAGE]
         for variant in dict.fromkeys(o.variant for o in alike):
             scenes = [o for o in alike if o.variant == variant]
             printed = [psnr.get((condition.scheme, variant, target), math.nan) for target in TARGETS]
             printed.append(scores.get((condition.scheme, variant), math.nan))
-            for extraction in extractions:
-                top1 = {(o.scene, o.seed): o.retrieval[extraction].top1 for o in scenes if extraction in o.retrieval}
-                means = (*_means(scenes, extraction), known_interval(top1))
+            for extraction in extractions(alike) or [MESSAGE]:
+                means = _means(scenes, extraction)
                 rows.append(Summary(*condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
     return rows
 
@@ -58,9 +58,11 @@ def _without_clean_assets(outcomes: Sequence[Outcome]) -> list[Outcome]:
     return [o for o in outcomes if o.folder in read or not any(other.detections for other in outcomes)]
 
 
-def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[Interval | None, Interval | None, Interval | None]:
-    """Return the means of the scene's PSNR, the message's PSNR, and the Score."""
-    scene, message = (
-        known_interval({(o.scene, o.seed): o.level(target) for o in scenes}) for target in (SCENE, extraction)
+def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[_Mean, _Mean, _Mean, _Mean]:
+    """Return the means of the scene's and the message's PSNR, the Score, and the share that retrieval identifies."""
+    return (
+        mean_of(scenes, lambda o: o.level(SCENE)),
+        mean_of(scenes, lambda o: o.level(extraction)),
+        mean_of(scenes, lambda o: o.score_of(extraction)),
+        mean_of(scenes, lambda o: o.retrieval[extraction].top1 if extraction in o.retrieval else math.nan),
     )
-    return scene, message, known_interval({(o.scene, o.seed): o.score_of(extraction) for o in scenes})

@@ -1,17 +1,25 @@
 """Survival of the message after each attack: its margin above the negative controls of its scene."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.controls import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, WRONG_KEY
+from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.names import UNATTACKED, display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, is_picture, ordered
+from gspure.evaluation.names import (
+    CLEAN,
+    LEVEL_CONTROLS,
+    MESSAGE_FREE,
+    OTHER_SCENE,
+    UNATTACKED,
+    WRONG_KEY,
+    display_name,
+)
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, cells, extractions, is_picture, mean_of
 from gspure.evaluation.significance import Detectability, detectability
 from gspure.progress import decimal
 
@@ -76,20 +84,14 @@ def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.
 
     Conditions and variants keep the order of `outcomes`. Seeds are averaged within scenes. Another scene's model in
-    which the mark is detected holds the same mark, and is no control. Kinds of controls are
-    compared separately: those of one scene share its photographs, so they are not independent.
+    which the mark is detected holds the same mark, and is no control.
     """
     rows = []
     for alike in by_condition(outcomes).values():
-        for extraction in ordered({target for o in alike for target in o.messages}):
+        for extraction in extractions(alike):
             known = [o for o in alike if not (o.variant == OTHER_SCENE and _detected([o], extraction))]
-            levels, scene_psnr = _levels(known, extraction), _levels(known, SCENE)
-            region = _levels(known, extraction, "region")
-            attacked = [o for o in known if not o.is_control and extraction in o.messages]
-            rows += [
-                _survival(known, variant, extraction, levels, region, scene_psnr)
-                for variant in dict.fromkeys(o.variant for o in attacked)
-            ]
+            attacked = dict.fromkeys(o.variant for o in known if not o.is_control and extraction in o.messages)
+            rows += [_survival(known, variant, extraction) for variant in attacked]
     return rows
 
 
@@ -98,13 +100,10 @@ def control_levels(outcomes: Iterable[Outcome]) -> Cells:
     return _highest(_levels(outcomes, MESSAGE))
 
 
-def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> dict[str, dict[tuple[str, int], float]]:
+def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> dict[str, Cells]:
     """Return the level of a target by variant or control, and by scene and seed; ∞ where all views are exact."""
-    by_variant: dict[str, dict[tuple[str, int], float]] = {}
-    for o in outcomes:
-        if not math.isnan(level := o.level(target, metric)):
-            by_variant.setdefault(o.variant, {})[o.scene, o.seed] = level
-    return by_variant
+    by_variant = grouped(outcomes, lambda o: o.variant)
+    return {variant: cells(alike, lambda o: o.level(target, metric)) for variant, alike in by_variant.items()}
 
 
 def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
@@ -129,14 +128,8 @@ def _highest(levels: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
     return highest
 
 
-def _survival(
-    alike: Sequence[Outcome],
-    variant: str,
-    extraction: str,
-    levels: Mapping[str, Cells],
-    region: Mapping[str, Cells],
-    scene_psnr: Mapping[str, Cells],
-) -> Survival:
+def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Survival:
+    levels = _levels(alike, extraction)
     known = [o for o in alike if extraction in o.messages]
     attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
     before, after, control_level = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
@@ -153,6 +146,7 @@ def _survival(
     attacked = [o for o in attacked if o.scene in present_before or not present_before]
     after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
     reached = [changed for o in attacked if (changed := o.reaches(extraction)) is not None]
+    # Kinds of controls are compared separately: those of one scene share its photographs, so they are not independent.
     groups = {kind: _scene_levels(after, levels.get(kind, {}), extraction) for kind in MESSAGE_FREE}
     auc = {kind: detectability(*both) for kind, both in groups.items() if all(both)}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
@@ -164,19 +158,21 @@ def _survival(
         len(survived),
         len(only_retrieved),
         any(reached) if reached else None,
-        _mean(attacked, lambda o: o.drop(extraction)),
-        _mean(attacked, lambda o: o.drop(SCENE)),
-        _mean(attacked, lambda o: o.drops(extraction)["region"]),
-        _mean(attacked, lambda o: o.drops(extraction)["ms_ssim"]),
-        _mean(attacked, lambda o: o.drops(extraction)["nc"]),
-        _rms_ratio(variant, {**levels, variant: after}, scene_psnr) if is_picture(extraction) else math.nan,
+        mean_of(attacked, lambda o: o.drop(extraction)),
+        mean_of(attacked, lambda o: o.drop(SCENE)),
+        mean_of(attacked, lambda o: o.drops(extraction)["region"]),
+        mean_of(attacked, lambda o: o.drops(extraction)["ms_ssim"]),
+        mean_of(attacked, lambda o: o.drops(extraction)["nc"]),
+        _rms_ratio(variant, {**levels, variant: after}, _levels(alike, SCENE)) if is_picture(extraction) else math.nan,
         known_interval(differences(after, control_level)),
         known_interval(_shares_left(levels, variant, present_before)),
-        known_interval(_shares_left(region, variant, present_before)) if is_picture(extraction) else None,
+        known_interval(_shares_left(_levels(alike, extraction, "region"), variant, present_before))
+        if is_picture(extraction)
+        else None,
         known_interval(differences(after, levels.get(WRONG_KEY, {}))),
         hardest,
         auc.get(hardest),
-        None if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked) else _mean(attacked, reached_damage),
+        None if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked) else mean_of(attacked, reached_damage),
     )
 
 
@@ -189,10 +185,6 @@ def _scene_levels(attacked: Cells, control: Cells, extraction: str) -> tuple[lis
     common = both[0].keys() & both[1].keys()
     first, second = ([m for scene, m in means.items() if is_picture(extraction) or scene in common] for means in both)
     return first, second
-
-
-def _mean(attacked: Sequence[Outcome], value: Callable[[Outcome], float]) -> Interval | None:
-    return known_interval({(o.scene, o.seed): value(o) for o in attacked})
 
 
 def _rms_ratio(variant: str, message: Mapping[str, Cells], scene: Mapping[str, Cells]) -> float:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal
 
-from gspure.evaluation.controls import CLEAN, MESSAGE_FREE, OTHER_SCENE
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import DAMAGE_TOLERANCE, MATCHED_DAMAGES
-from gspure.evaluation.names import UNATTACKED, display_name, extraction_name
+from gspure.evaluation.names import CLEAN, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, display_name, extraction_name
 from gspure.evaluation.outcomes import (
     BITS,
     MESSAGE,

@@ -133,7 +133,7 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
         variants,
         attack,
         [shown for name, shown in pictures.items() if name not in replaced],
-        [file for name in pictures.keys() & replaced for file in pictures[name].files],
+        [file for name, shown in pictures.items() if name in replaced for file in shown.files],
         renders,
         viewer,
         read_parts(folder / "diagnosis.json", folder / "hidden.json"),

@@ -7,10 +7,9 @@ from typing import ClassVar, Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.evaluation.controls import BLACK, MEAN_COLOUR, WRONG_KEY
 from gspure.evaluation.detection import Threshold, as_bits, share_correct
 from gspure.evaluation.metrics import psnr
-from gspure.evaluation.names import display_name
+from gspure.evaluation.names import BLACK, MEAN_COLOUR, WRONG_KEY, display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
 from gspure.images import mean_colour, read_back

@@ -11,9 +11,8 @@ from gspure.cameras import GENERATED
 from gspure.cameras.photographs import require_present
 from gspure.datasets import SCENES
 from gspure.errors import InputError
-from gspure.evaluation.controls import CONTROLS
 from gspure.evaluation.detection import words_of
-from gspure.evaluation.names import GSPURE, variant_at
+from gspure.evaluation.names import CONTROLS, GSPURE, variant_at
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.staging import NAMES, scene_builder

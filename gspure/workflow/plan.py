@@ -17,9 +17,8 @@ from gspure.cameras import GENERATED
 from gspure.cameras.reading import CAMERA_FILES
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.collecting import ModelPlan
-from gspure.evaluation.controls import BASELINES, CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.evaluation.detection import files_of
-from gspure.evaluation.names import GSPURE, UNATTACKED
+from gspure.evaluation.names import BASELINES, CLEAN, CONTROLS, GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.files import digest
 from gspure.method.features import PARTS
