@@ -10,6 +10,7 @@ from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.survival import Survival
 from gspure.files import write_json
 from gspure.images import write_image
 
@@ -46,6 +47,13 @@ def benchmark(drops: Mapping[str, Mapping[str, tuple[float, float]]], seeds: int
             outcomes += [attacked(name, a, b + seed / 10, *cell, **known) for name, (a, b) in variants.items()]
             outcomes += [outcome(name, *cell, targets={"message": psnr}, **known) for name, psnr in CONTROLS.items()]
     return outcomes
+
+
+def survives(row: Survival) -> bool | None:
+    """Whether the message is still present in all scenes; False if it is gone in all of them; else None."""
+    if not row.present or row.survived not in {0, row.present} or row.only_retrieved:
+        return None
+    return row.survived > 0
 
 
 VIEWS = ("view_0", "view_1", "view_2")

@@ -214,9 +214,4 @@ def check_searched(results: Results) -> int:
     return count
 
 
-CHECKS: Iterable[Any] = (
-    check_summary,
-    check_survival,
-    check_contest,
-    check_searched,
-)
+CHECKS: Iterable[Any] = (check_summary, check_survival, check_contest, check_searched)

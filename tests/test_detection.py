@@ -35,6 +35,7 @@ from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
 from gspure.schemes.readability import bit_readability
+from tests.contest_cases import survives
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.001])
@@ -153,7 +154,7 @@ def outcomes():
 
 def test_bits_survive_where_they_are_detected(outcomes):
     rows = {row.variant: row for row in survival(outcomes)}
-    assert {name: row.survives for name, row in rows.items()} == {
+    assert {name: survives(row) for name, row in rows.items()} == {
         "unattacked": True,
         "gspure": False,
         "gaussian_noise": True,
@@ -174,7 +175,7 @@ def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
     levels = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
     outcomes = with_references(outcome(name, level) for name, level in levels.items())
     rows = survival(outcomes)
-    assert {(row.present, row.survived, row.survives) for row in rows} == {(0, 0, None)}
+    assert {(row.present, row.survived, survives(row)) for row in rows} == {(0, 0, None)}
 
 
 def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark_in_another_clean_model():
@@ -202,13 +203,7 @@ def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes
     assert row.detectability == alone.detectability
 
 
-OF_PICTURES = (
-    "1 dB above the floor",
-    "blank images",
-    "retrieval",
-    "The Score of an attack",
-    "compare pixels",
-)
+OF_PICTURES = ("1 dB above the floor", "blank images", "retrieval", "The Score of an attack", "compare pixels")
 COMMAND = {"command": "read", "message": "0110", "file read": "1"}
 READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": COMMAND}
 

@@ -178,10 +178,7 @@ def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (
-            ["room", "no"],
-            "SCENE and MESSAGE: expected both of room, vault, .* or both files, found room and no",
-        ),
+        (["room", "no"], "SCENE and MESSAGE: expected both of room, vault, .* or both files, found room and no"),
         (["room", f"interior-{5000 * '9'}"], "SCENE and MESSAGE: expected both of room"),
         (["no", "no.ply"], "no"),
     ],

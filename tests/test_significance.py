@@ -40,7 +40,7 @@ def test_neither_the_order_of_scenes_nor_the_side_matters(values, random):
     test = paired_test([[value] for value in values])
     assert paired_test([[value] for value in random.sample(values, len(values))]) == test
     mirrored = paired_test([[-value] for value in values])
-    assert (mirrored.p, mirrored.difference) == (test.p, -test.difference)
+    assert mirrored == test
 
 
 def test_seeds_of_a_scene_are_not_independent_evidence():
@@ -52,13 +52,13 @@ def test_seeds_of_a_scene_are_not_independent_evidence():
 
 def test_seeds_that_cancel_but_for_rounding_are_no_difference():
     assert sum([0.1, 0.2, -0.3]) != 0
-    assert paired_test([[0.1, 0.2, -0.3]] * 7)[:2] == (0, 1)
+    assert paired_test([[0.1, 0.2, -0.3]] * 7).p == 1
 
 
 @pytest.mark.parametrize(("scenes", "smallest"), [(1, 1.0), (3, 0.25), (5, 0.0625), (6, 0.03125)])
 def test_few_scenes_cannot_be_significant_and_the_test_says_so(scenes, smallest):
     test = paired_test([[100.0 + scene] for scene in range(scenes)])
-    assert (test.p, test.smallest_p, test.scenes) == (smallest, smallest, scenes)
+    assert (test.p, test.smallest_p) == (smallest, smallest)
 
 
 def test_many_scenes_are_sampled_repeatably_and_p_is_never_0():

@@ -25,7 +25,7 @@ import numpy as np
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.names import CLEAN
-from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES
+from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES, png_files
 from gspure.files import Bools, Float32
 from gspure.images import read_image
 
@@ -167,7 +167,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views, answer = {file.stem for file in _png_files(images)}, _answer(command, images, timeout)
+    views, answer = {file.stem for file in png_files(images)}, _answer(command, images, timeout)
     for view in sorted(views.symmetric_difference(answer)):
         found = "no entry" if view in views else "an entry without an image"
         raise InputError("detector", view, expected="an entry for every image", found=found)
@@ -176,7 +176,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
 def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
-    shown = {path.stem: as_bits(read(read_image(path)), len(message)) for path in _png_files(images)}
+    shown = {path.stem: as_bits(read(read_image(path)), len(message)) for path in png_files(images)}
     return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]
 
 
@@ -195,13 +195,6 @@ def files_of(command: str) -> list[str]:
     """Return the files that a command names, as words or as ``--option=FILE``."""
     names = (name for word in words_of(command) for name in (word, word.partition("=")[2]))
     return [name for name in names if os.path.isfile(name)]  # noqa: PTH113 -- words may be too long for Path
-
-
-def _png_files(folder: Path) -> list[Path]:
-    files = sorted(folder.glob("*.png"))
-    if not files:
-        raise InputError(folder, "folder", expected="PNG files", found="none")
-    return files
 
 
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:

@@ -69,6 +69,13 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     )
 
 
+def png_files(folder: Path) -> list[Path]:
+    """Return the PNG files of a folder, sorted; raise `InputError` if there is none."""
+    if files := sorted(folder.glob("*.png")):
+        return files
+    raise InputError(folder, "folder", expected="PNG files", found="none")
+
+
 def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> list[Path]:
     """Return a photograph of the scene, and a picture of every folder of decoys.
 
@@ -78,9 +85,7 @@ def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> lis
     pictures, message = [], pair.reference.parent
     message = message if message.name else message.resolve()
     for folder in (message.with_name("scene"), *decoys):
-        files = sorted(folder.glob("*.png"))
-        if not files:
-            raise InputError(folder, "folder", expected="PNG files", found="none")
+        files = png_files(folder)
         pictures.append(next((file for file in files if file.stem == pair.view), files[index % len(files)]))
     return pictures
 

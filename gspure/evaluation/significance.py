@@ -33,10 +33,8 @@ DIGITS: Final = 10  # decimal digits of the largest difference that are compared
 class PairedTest(NamedTuple):
     """The outcome of a paired comparison."""
 
-    difference: float  # the mean of the scenes' mean differences
     p: float  # two-sided: share of random signs whose mean is at least as far from 0
     smallest_p: float  # the smallest `p` possible: with few scenes no difference is significant, however large
-    scenes: int
 
 
 def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
@@ -46,9 +44,7 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
     never 0 (Phipson and Smyth 2010). Raise `InputError` if there is no value, or one is not finite.
     """
     means = means_of(checked(differences))
-    scenes = len(means)
-    smallest = max(2.0 ** (1 - scenes), 2 / (DRAWS + 1))
-    return PairedTest(float(means.mean()), _sign_flip_p(means), smallest, scenes)
+    return PairedTest(_sign_flip_p(means), max(2.0 ** (1 - len(means)), 2 / (DRAWS + 1)))
 
 
 def _sign_flip_p(means: Float64) -> float:

@@ -69,16 +69,6 @@ class Survival(NamedTuple):
         """The number of scenes in which the attack was measured."""
         return max((known.scenes for known in (self.message_drop, self.above_floor) if known), default=0)
 
-    @property
-    def survives(self) -> bool | None:
-        """True if the message remains present in all scenes in which it was, False if it is gone in all of them.
-
-        Gone is neither present nor retrieved. None in all other cases.
-        """
-        if not self.present or self.survived not in {0, self.present} or self.only_retrieved:
-            return None
-        return self.survived > 0
-
 
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.

@@ -121,16 +121,12 @@ def link(file: Path, page: Path) -> Link:
     return Link(file.name, Path(os.path.relpath(file.resolve(), page.resolve().parent)).as_posix())
 
 
-def companions(file: Path, page: Path) -> list[Link]:
-    """Return links from a page to a PNG figure and to its vector graphic."""
-    return [link(path, page) for suffix in (".png", ".svg") if (path := file.with_suffix(suffix)).exists()]
-
-
 def picture(file: Path, caption: str, page: Path) -> Picture:
-    """Return a PNG figure with its caption."""
+    """Return a PNG figure with its caption, and links to it and to its vector graphic."""
+    files = [link(path, page) for suffix in (".png", ".svg") if (path := file.with_suffix(suffix)).exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
-        return Picture(display_name(file.stem), caption, _embedded(image, _WIDEST), wide, companions(file, page))
+        return Picture(display_name(file.stem), caption, _embedded(image, _WIDEST), wide, files)
 
 
 def lineup(folder: Path, variants: Sequence[str], views: Mapping[str, str]) -> Lineup | None:
