@@ -132,20 +132,15 @@ def test_the_tables_hold_survival_and_differences() -> None:
     left = {str(row.cells[0]): dict(zip(titles, map(str, row.cells), strict=True)) for row in table.rows}
     assert left["better"]["message"].startswith("14.50 [")
     assert left["better"]["survived"] == "6 of 6"
-    others = {
-        str(row.cells[0]): row.cells
-        for row in other_attacks_table(
-            list(by_attack(contest(SCENES, {})).values())
-            + [row for row in contest(SCENES, {}) if row.quantity != SCORE and math.isnan(row.damage)]
-        ).rows
-    }
+    rows = other_attacks_table([row for row in contest(SCENES, {}) if math.isnan(row.damage)], {}).rows
+    others = {str(row.cells[0]): row.cells for row in rows}
     assert str(others["better"][1]).startswith("−2.50 [")
     assert str(others["better"][-1]) == "0.094 (≥ 0.094)"
-    assert conditions_markdown().startswith("No model with a message")
+    assert conditions_markdown([], [], []).startswith("No model with a message")
 
 
 def test_with_one_scene_the_tables_have_no_p_and_no_detectability() -> None:
     one = [o for o in SCENES if o.scene == "s0"]
-    text = conditions_markdown(survival(one), contest(one, {}))
+    text = conditions_markdown(survival(one), contest(one, {}), [])
     assert "| detectability" not in text
     assert "| p |" not in text

@@ -94,16 +94,6 @@ def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correc
     assert bit_readability([None] * 4, public, key).readable == readable
 
 
-def test_random_bits_exceed_the_threshold_at_its_rate():
-    rng = np.random.default_rng(0)
-    message = rng.random(32) < 0.5
-    readings = [Reading("", share_correct(rng.random(32) < 0.5, message), 32) for _ in range(20_000)]
-    threshold = Threshold.of(32, [], 0.01)
-    assert np.mean(np.array([reading.value for reading in readings]) > threshold.value) == pytest.approx(
-        threshold.rate, abs=0.002
-    )
-
-
 def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():
     clean = np.random.default_rng(0).normal(size=2000).tolist()
     readings = [Reading("a", 3.5, 0), Reading("b", 2.5, 0), Reading("c", 0.0, 0)]
@@ -203,11 +193,6 @@ def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes
     assert row.detectability == alone.detectability
 
 
-OF_PICTURES = ("1 dB above the floor", "blank images", "retrieval", "The Score of an attack", "compare pixels")
-COMMAND = {"command": "read", "message": "0110", "file read": "1"}
-READ = {"rows": [Reading("a", 50.0, 4), Reading("b", 100.0, 4)], "settings": COMMAND}
-
-
 @pytest.mark.parametrize(
     ("marked", "clean", "known"), [(1, 18, 0), (1, 19, 1), (2, 4, 0), (2, 5, 1), (3, 2, 0), (3, 3, 1)]
 )
@@ -252,18 +237,14 @@ def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
     [
         ("no JSON", "", "expected a JSON object in the last line, found no JSON"),
         ("", "", "found nothing"),
-        ("[1, 2]", "", "expected a JSON object"),
         ("[" * 100_000, "", "expected a JSON object"),
         ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
         ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry without an image"),
         ('{"a": true, "b": 1}', "", "a: expected a score"),
         ('{"a": NaN, "b": 1}', "", "a: expected a score"),
-        ('{"a": 1e999, "b": 1}', "", "a: expected a score"),
         ('{"a": 1e200, "b": 1}', "", "a: expected a score"),
-        (f'{{"a": 1{"0" * 400}, "b": 1}}', "", "a: expected a score"),
         ('{"a": "01", "b": "01"}', "", "set `message` to the embedded bits"),
         ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
-        ('{"a": "01", "b": "0x"}', "01", "b: expected 2 bits"),
         ('{"a": "01", "b": 1}', "01", "b: expected 2 bits"),
     ],
 )
@@ -314,13 +295,9 @@ def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, t
     ("read", "found"),
     [
         (np.ones((4, 1), np.bool_), r"bool \[4, 1\]"),
-        (np.ones(3, np.bool_), r"bool \[3\]"),
-        (np.array(1), r"int64 \[\]"),
         (np.array([1, -1, 1, 1]), r"int64 \[4\]"),
         (np.full(4, 0.9), r"float64 \[4\]"),
-        (np.full(4, 255, np.uint8), r"uint8 \[4\]"),
         ("1111", "str"),
-        (None, "NoneType"),
         ([True] * 4, "list"),
     ],
 )

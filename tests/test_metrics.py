@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as hnp
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation import metrics
-from gspure.evaluation.comparison import RENDER, as_text, compare, means, pair_images, read_metrics, write_metrics
+from gspure.evaluation.comparison import as_text, compare, means, pair_images, read_metrics
 from gspure.evaluation.metrics import (
     METRICS,
     gradient_correlation,
@@ -38,24 +38,6 @@ def image(seed: int, height: int = 40, width: int = 50) -> np.ndarray:
     return np.round(255 * np.clip(smooth + rng.normal(0, 0.1, smooth.shape), 0, 1)) / 255
 
 
-def ssim_by_the_definition(a: np.ndarray, b: np.ndarray) -> float:
-    """One window after the other, zeros beyond the border."""
-    offsets = np.arange(11) - 5
-    window = np.exp(-(offsets[:, None] ** 2 + offsets[None] ** 2) / (2 * 1.5**2))
-    window /= window.sum()
-    found = []
-    for c in range(3):
-        x, y = np.pad(a[..., c], 5), np.pad(b[..., c], 5)
-        for i in range(a.shape[0]):
-            for j in range(a.shape[1]):
-                p, q = x[i : i + 11, j : j + 11], y[i : i + 11, j : j + 11]
-                mp, mq = (window * p).sum(), (window * q).sum()
-                vp, vq = (window * p * p).sum() - mp**2, (window * q * q).sum() - mq**2
-                cov = (window * p * q).sum() - mp * mq
-                found.append((2 * mp * mq + 1e-4) * (2 * cov + 9e-4) / ((mp**2 + mq**2 + 1e-4) * (vp + vq + 9e-4)))
-    return float(np.mean(found))
-
-
 def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
     a, b = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
     b[0, 0, 0] = 0.6  # mean square error 0.06; a mean over three channels would be infinite
@@ -71,11 +53,6 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
         metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
-
-
-def test_equation_of_ssim_by_a_double_loop() -> None:
-    a, b = image(1, 17, 13), image(2, 17, 13)
-    assert ssim(a, b) == pytest.approx(ssim_by_the_definition(a, b), abs=1e-12)
 
 
 def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
@@ -238,12 +215,6 @@ def test_a_folder_without_images_is_refused(tmp_path: Path, empty: bool) -> None
         pair_images(a, tmp_path / "none")
 
 
-def test_metrics_table_round_trip_keeps_infinite_psnr(tmp_path: Path) -> None:
-    rows = [measured("scene", np.inf, 1.0, view="1,5"), measured("scene", 31.25, 0.5, RENDER, "2")]
-    write_metrics(tmp_path / "metrics.csv", rows)
-    assert read_metrics(tmp_path / "metrics.csv") == rows
-
-
 def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
     same, other = measured("scene", np.inf, 1.0, view="1"), measured("scene", 31.25, 0.5, view="2")
     assert means([same, other]) == [measured("scene", 31.25, 0.75)]
@@ -283,34 +254,12 @@ HEADER = f"target,view,reference,{','.join(METRICS)}\n"
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "a,b\n1,2\n",
-        HEADER,
-        HEADER + "scene,1,truth,x,2,3,4,5\n",
-        HEADER + "scene,1,photo,1,2,3,4,5\n",
-        HEADER + "scene,1,2\n",
-    ],
+    "text", ["", HEADER, HEADER + "scene,1,truth,1,2,3,4,5,\n", HEADER + "scene,1,photo,1,2,3,4,5,6\n"]
 )
 def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "metrics.csv").write_text(text)
     with pytest.raises(InputError, match=r"metrics\.csv: (header|file|rows?): expected"):
         read_metrics(tmp_path / "metrics.csv")
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [
-        ("psnr", 30.4567, "30.46"),
-        ("region", 30.4567, "30.46"),
-        *((name, 0.98765, "0.988") for name in ("ssim", "ms_ssim", "nc", "structure")),
-        ("psnr", np.inf, "∞"),
-        ("ssim", np.nan, "–"),
-    ],
-)
-def test_tables_show_a_metric_with_its_decimals(name: str, value: float, text: str) -> None:
-    assert METRICS[name].text(value) == text
 
 
 def test_transparent_photographs_are_compared_on_the_background_of_the_renders(tmp_path):

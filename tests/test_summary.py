@@ -108,7 +108,7 @@ def test_a_mark_has_no_numbers_from_the_paper():
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):
     write_table(tmp_path / "s.csv", Summary, summarize(outcomes))
     few, control, many = csv.DictReader((tmp_path / "s.csv").read_text().splitlines())
-    assert few["message_low"], few["message_high"] == ("10", "12")
+    assert (few["message_low"], few["message_high"]) == ("10", "12")
     assert (few["score_level"], few["score_scenes"], many["score_level"]) == ("0.75", "3", "0.95")
     assert (control["score_mean"], few["paper_score"], many["paper_score"]) == ("", "", "15.21")
 

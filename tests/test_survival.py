@@ -213,10 +213,6 @@ NEAREST, UNRELATED = Retrieval(1.0, 1.0, 1.0, 4, 17), Retrieval(0.25, 0.5, 0.0, 
 
 def test_too_few_views_decide_nothing() -> None:
     alone = Retrieval(1.0, 1.0, 1.0, 1, 15)  # p = 1/15
-    assert not alone.succeeds
-    assert not alone.decides
-    assert Retrieval(0.0, 0.0, 0.0, 1, 20).decides
-    assert Retrieval(0.0, 0.0, 0.0, 2, 5).decides
     for one_view in (alone, alone._replace(top1=0.0)):
         outcomes = with_retrieval(FADED, unattacked=one_view)
         assert not_embedded(outcomes) == []

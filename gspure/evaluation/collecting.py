@@ -79,7 +79,8 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
     scheme, folder = name.split("/")
     scene, _, seed = folder.partition("@")
     place = results / scheme / folder
-    refused = {variant: _refusal(place / variant) for variant in plan.expected}
+    verdicts = {variant: _verdict(place / variant / "verdict.json") for variant in plan.expected}
+    refused = {variant: str(verdict.pop(NOT_APPLICABLE, "")) for variant, verdict in verdicts.items()}
     tables = {v: path for v in plan.expected if not refused[v] and (path := place / v / "metrics.csv").is_file()}
     rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
     detections = read_detections(place)
@@ -99,7 +100,9 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
             initialization=plan.initialization,
             run=run_of(place / variant / "public") or run_of(place / variant) or run_of(place / "public"),
         )
-        yield replace(o, **_measured(place / variant, rows[variant], truth_file)) if variant in rows else o
+        if variant in rows:
+            o = replace(o, **verdicts[variant], **_measured(place / variant, rows[variant], truth_file))
+        yield o
 
 
 def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> dict[str, Any]:
@@ -109,7 +112,6 @@ def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> di
         "targets": targets,
         "views": {target: sum(row.target == target for row in rows) for target in targets},
         "identical": {target: identical(rows)[target] for target in targets},
-        **_verdict(folder / "verdict.json"),
     }
     if (table := folder / "retrieval.csv").is_file():
         known["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
@@ -133,21 +135,15 @@ def recall(pruned: Bools, truth: Bools) -> tuple[float, float]:
 
 
 def _verdict(file: Path) -> dict[str, Any]:
-    """Return which extractions an attack can have affected, and its strength."""
-    if not file.is_file():
-        return {}
-    match read_json(file):
+    """Return which extractions an attack can have affected, and its strength; or why it cannot apply."""
+    match read_json(file) if file.is_file() else None:
+        case None:
+            return {}
+        case {"not applicable": str(reason)}:
+            return {NOT_APPLICABLE: f"{NOT_APPLICABLE}: {reason}"}
         case {"reached": dict(reached), "strength": str(strength)} if {*map(type, reached.values())} <= {bool}:
             return {"reached": reached, "strength": strength}
     raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
-
-
-def _refusal(variant: Path) -> str:
-    """Return why the attack of a variant cannot apply to its model; empty if it can."""
-    match read_json(file) if (file := variant / "verdict.json").is_file() else None:
-        case {"not applicable": str(reason)}:
-            return f"{NOT_APPLICABLE}: {reason}"
-    return ""
 
 
 def _reason(results: Path, variant: Path) -> str:

@@ -101,14 +101,10 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     averages = []
     for target, group in groupby(sorted(rows, key=lambda row: (row.target, row.view)), key=lambda row: row.target):
         views = list(group)
-        values = {name: finite_mean([view.values[name] for view in views]) for name in METRICS}
+        finite = {name: [row.values[name] for row in views if np.isfinite(row.values[name])] for name in METRICS}
+        values = {name: float(np.mean(known or [np.inf])) for name, known in finite.items()}
         averages.append(ViewMetrics(target, "mean", views[0].reference, values))
     return averages
-
-
-def finite_mean(values: Iterable[float]) -> float:
-    """Return the mean of the finite values; infinity if there are none."""
-    return float(np.mean([value for value in values if np.isfinite(value)] or [np.inf]))
 
 
 def worst(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:

@@ -161,6 +161,16 @@ def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
     return luminance, (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
 
 
+def _blur(image: Float64) -> Float64:
+    """Return the means under a Gaussian window around each pixel."""
+    from scipy.ndimage import correlate1d
+
+    window = np.exp(-((np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2) ** 2) / (2 * SSIM_SIGMA**2))
+    window /= window.sum()
+    rows = correlate1d(image, window, axis=0, mode="constant")
+    return np.asarray(correlate1d(rows, window, axis=1, mode="constant"))
+
+
 def _halved(image: NDArray[Any]) -> Float64:
     """Return the means of 2 x 2 pixels; an odd last row or column is left out."""
     height, width = (side // 2 for side in image.shape[:2])
@@ -194,13 +204,6 @@ def _check_same_shape(a: NDArray[Any], b: NDArray[Any]) -> None:
         raise InputError("images", "shape", expected=f"{list(np.shape(a))}", found=f"{list(np.shape(b))}")
 
 
-def gaussian_window() -> Float64:
-    """Return the window [11] whose outer product with itself weighs a neighbourhood; its sum is 1."""
-    offsets = np.arange(SSIM_WINDOW) - SSIM_WINDOW // 2
-    window = np.exp(-(offsets**2) / (2 * SSIM_SIGMA**2))
-    return np.asarray(window / window.sum())
-
-
 class Metric(NamedTuple):
     """An image metric, and how tables print it."""
 
@@ -221,11 +224,3 @@ METRICS: Final[Mapping[str, Metric]] = {
     "nc": Metric(normalized_correlation, "NC", 3),
     "structure": Metric(gradient_correlation, "GC", 3),
 }
-
-
-def _blur(image: Float64) -> Float64:
-    from scipy.ndimage import correlate1d
-
-    window = gaussian_window()
-    rows = correlate1d(image, window, axis=0, mode="constant")
-    return np.asarray(correlate1d(rows, window, axis=1, mode="constant"))

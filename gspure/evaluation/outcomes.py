@@ -127,10 +127,6 @@ class Outcome:
         """Return whether its images of the target are of one colour each: they correlate with no photograph."""
         return target in self.targets and self.targets[target].values["structure"] == 0
 
-    def is_judged(self, extraction: str) -> bool:
-        """Return whether its views suffice to tell whether the message is present; they always do for a picture."""
-        return extraction not in self.detections or self.detections[extraction].present is not None
-
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first, and its detectors."""

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from math import inf, isnan, nan
-from types import MappingProxyType
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
@@ -16,7 +15,6 @@ from gspure.progress import decimal, significant
 from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document, share
 from gspure.report.tables import scenes_of, text_of
 
-_NO_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
 _SPREAD: Final = (
     "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "
     "95% interval."
@@ -47,9 +45,7 @@ _MATCHED: Final = (
 )
 
 
-def conditions_markdown(
-    survivals: Sequence[Survival] = (), contests: Sequence[Contest] = (), matched: Sequence[Matched] = ()
-) -> str:
+def conditions_markdown(survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched]) -> str:
     """Return the tables of every condition over all of its scenes."""
     rows = (survivals, contests, matched)
     conditions = dict.fromkeys([*(condition_of(row) for row in survivals), *(condition_of(row) for row in matched)])
@@ -108,7 +104,7 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
     return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, _SURVIVAL)
 
 
-def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str] = _NO_NAMES) -> Table:
+def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -> Table:
     """Return GSPure minus every other attack as both were run; some have other `names` than their display names."""
     by_attack: dict[str, dict[str, Contest]] = {}
     for row in contests:

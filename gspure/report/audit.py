@@ -17,8 +17,8 @@ from gspure.evaluation.outcomes import (
     Outcome,
     by_condition,
     condition_of,
+    extractions,
     is_picture,
-    ordered,
 )
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.progress import decimal, significant
@@ -100,7 +100,7 @@ def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
 
 def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
     """Return the scheme's own extraction or, without one, the first detector that finds the mark before any attack."""
-    names = ordered({name for o in outcomes for name in o.messages})
+    names = extractions(outcomes)
     finding = {row.extraction for row in rows if row.variant == UNATTACKED and row.present}
     own = [name for name in names if is_picture(name) or name == BITS]
     return next(iter([*own, *(name for name in names if name in finding), *names]), MESSAGE)
@@ -138,7 +138,7 @@ def _why_unknown(outcomes: Sequence[Outcome], known: Mapping[str, Survival]) -> 
     if is_picture(extraction):
         flat = all(o.is_flat(MESSAGE) for o in unattacked)
         return "" if flat or any(row.above_floor for row in known.values()) else "there is no negative control"
-    judged = any(o.is_judged(extraction) for o in unattacked)
+    judged = any(o.detections[extraction].present is not None for o in unattacked if extraction in o.detections)
     return "" if judged else "there are too few views or, for scores, no clean model to compare with"
 
 
