@@ -1,5 +1,6 @@
 """Arrays by their elements, files that are whole or absent, and the provenance of a folder of results."""
 
+import fcntl
 import hashlib
 import json
 import math
@@ -9,7 +10,7 @@ import tempfile
 import warnings
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -33,6 +34,8 @@ Kind = tuple[np.dtype[Any] | type, Shape]
 """What an array should be: a dtype, or ``np.integer`` or ``np.str_`` for any of these; and a shape."""
 
 PROVENANCE: Final = "provenance.json"
+
+_TEMPORARY: Final = ".gspure-"
 
 UNPACKED_RATIO: Final = 100
 UNPACKED_ROOM: Final = 1 << 26
@@ -70,9 +73,14 @@ def filling(folder: Path) -> Iterator[Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=".gspure-", dir=folder))
+    for left in folder.glob(f"{_TEMPORARY}*"):  # by a killed process, whose lock the system has freed
+        with suppress(OSError), _locked(left):
+            shutil.rmtree(left)
+    temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=folder))
     try:
-        with _blaming(folder, temporary):
+        with _blaming(folder, temporary), ExitStack() as stack:
+            with suppress(OSError):  # a file system without locks
+                stack.enter_context(_locked(temporary))
             yield temporary
             for file in sorted(path for path in temporary.rglob("*") if path.is_file()):
                 target = folder / file.relative_to(temporary)
@@ -80,6 +88,17 @@ def filling(folder: Path) -> Iterator[Path]:
                 file.replace(target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Lock a folder, or raise OSError if another process has."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 @contextmanager

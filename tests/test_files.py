@@ -107,6 +107,14 @@ def test_a_stopped_command_leaves_no_half_file_and_says_so_in_one_line(tmp_path:
     assert not [*(tmp_path / "folder").iterdir()]
 
 
+def test_what_a_killed_process_left_is_removed_and_work_under_way_is_not(tmp_path: Path) -> None:
+    (tmp_path / ".gspure-left").mkdir()
+    (tmp_path / ".gspure-left" / "half").touch()
+    with filling(tmp_path) as first, filling(tmp_path) as second:
+        assert {*tmp_path.iterdir()} == {first, second}
+    assert not [*tmp_path.iterdir()]
+
+
 def test_a_device_or_a_pipe_is_not_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="pipe: output: expected a file"):
