@@ -105,7 +105,7 @@ def test_results_of_an_attacked_model_belong_to_the_run_of_the_model(folder, cap
 
 
 def test_an_extraction_that_shows_nothing_is_a_warning(folder, monkeypatch, capsys):
-    monkeypatch.setattr("gspure.images.is_blank", lambda image: True)
+    monkeypatch.setattr("gspure.cli.extract.is_blank", lambda image: True)
     assert gspure(EXTRACT, "--key", "marked/key", "--out", "message") == 0
     assert "warning: all extracted images are blank" in capsys.readouterr().err
     assert gspure(EXTRACT, "--key", "marked/key", "--out", "message", "--extraction", "bits") == 2

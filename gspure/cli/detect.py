@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from argparse import ArgumentTypeError
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
+from gspure.errors import InputError
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.detection import Reading, read_bits, read_marks
+from gspure.files import run_of
 from gspure.settings import SECONDS
-
-if TYPE_CHECKING:
-    from gspure.evaluation.detection import Reading
 
 EXAMPLES = """\
   gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
@@ -25,7 +27,6 @@ high if the mark is present ({"view_000": 0.93, ...}).
 
 
 def add_arguments(parser: Parser) -> None:
-
     parser.reads("images", "DIR", "PNG files, such as renders")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
@@ -39,11 +40,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
-    import numpy as np
-
-    from gspure.evaluation.csv_tables import write_table
-    from gspure.evaluation.detection import Reading, read_marks
-
     readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     options.record_command(args, args.out.parent)
@@ -54,10 +50,6 @@ def run(args: Arguments) -> None:
 
 def _read_bits(args: Arguments) -> list[Reading]:
     """Return what the key reads from every image."""
-    from gspure.errors import InputError
-    from gspure.evaluation.detection import read_bits
-    from gspure.files import run_of
-
     if not args.scheme:
         raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
     key = options.read_key(args, run_of(args.images))

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+import numpy as np
+
+from gspure.cameras.reading import read_transform
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
-
-if TYPE_CHECKING:
-    from gspure.public_model import Lesson
+from gspure.errors import InputError
+from gspure.files import filling, run_of
+from gspure.images import is_blank, write_image
+from gspure.model import model_file
+from gspure.progress import track, warn
+from gspure.public_model import Lesson
+from gspure.schemes.matching import registered
+from gspure.schemes.pair import Capture
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import ADAPTIVE
 
 EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out message
@@ -23,7 +33,6 @@ FIT_STEPS: Final = 300
 
 
 def add_arguments(parser: Parser) -> None:
-
     parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
@@ -40,15 +49,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Extract every view."""
-    from gspure.errors import InputError
-    from gspure.files import filling, run_of
-    from gspure.images import is_blank, write_image
-    from gspure.model import model_file
-    from gspure.progress import track, warn
-    from gspure.schemes.matching import registered
-    from gspure.schemes.registry import find_scheme
-    from gspure.schemes.scheme import ADAPTIVE
-
     scheme, views = find_scheme(args.scheme), options.read_views(args)
     public = scheme.read_public(args.model).drawn(args.model)
     key = options.read_key(args, run_of(model_file(args.model)))
@@ -81,13 +81,6 @@ def run(args: Arguments) -> None:
 
 def _lesson(args: Arguments) -> Lesson:
     """Return what the key learns from: photographs of the message, in training views that move with the model."""
-    import numpy as np
-
-    from gspure.cameras.reading import read_transform
-    from gspure.errors import InputError
-    from gspure.public_model import Lesson
-    from gspure.schemes.pair import Capture
-
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
     capture = Capture.read(args.photographs)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
-
-if TYPE_CHECKING:
-    from gspure.model.summary import Summary
+from gspure.files import run_of
+from gspure.model import model_file, read_model
+from gspure.model.filtered import FILTER
+from gspure.model.inria import UNPACKED_SOG, training_arguments
+from gspure.model.summary import Summary, summarize, suspicious_lines
 
 EXAMPLES = """\
   gspure info point_cloud.ply
@@ -24,10 +26,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.model import model_file, read_model
-    from gspure.model.inria import training_arguments
-    from gspure.model.summary import summarize
-
     file = model_file(args.model)
     training = training_arguments(args.model) if args.model.is_dir() else {}
     model = read_model(file)
@@ -36,11 +34,6 @@ def run(args: Arguments) -> None:
 
 def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
     """Return the summary as aligned lines."""
-    from gspure.files import run_of
-    from gspure.model.filtered import FILTER
-    from gspure.model.inria import UNPACKED_SOG
-    from gspure.model.summary import suspicious_lines
-
     colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
     parts = file.parent.glob("*.webp") if file.name == UNPACKED_SOG else []  # the images of an unpacked SOG model
     size = f"{sum(part.stat().st_size for part in (file, *parts)) / 1e6:,.1f} MB"

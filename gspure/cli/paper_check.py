@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from gspure.cli.parser import Arguments, Parser
+from gspure.evaluation import paper
+from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.names import display_name
+from gspure.evaluation.survival import Survival
+from gspure.files import write_text
 from gspure.progress import decimal, signed
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from gspure.evaluation.paper import Cell, Check
-    from gspure.report.table import Table
+from gspure.report.table import Cell, Column, Row, Table, interval
+from gspure.report.tables import beside_table
 
 EXAMPLES = """\
   gspure paper-check --out paper.csv     # one row per number
@@ -27,40 +27,31 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write and print every check, then print the other inconsistencies."""
-    from gspure.evaluation.csv_tables import read_table
-    from gspure.evaluation.paper import ROUNDING, beside, check_claims, find_inconsistencies, read_cells
-    from gspure.evaluation.survival import Survival
-    from gspure.files import write_text
-    from gspure.report.tables import beside_table
-
-    cells = read_cells()
-    checks = check_claims(cells)
+    cells = paper.read_cells()
+    checks = paper.check_claims(cells)
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
-    for table in (_scores(checks, cells), _without_scores(checks), beside_table(beside(cells, ours))):
+    for table in (_scores(checks, cells), _without_scores(checks), beside_table(paper.beside(cells, ours))):
         print(f"{table.title}\n\n{table.markdown()}\n")
     print("Other inconsistencies\n")
-    print("\n".join(f"- {sentence}" for sentence in find_inconsistencies(cells)))
+    print("\n".join(f"- {sentence}" for sentence in paper.find_inconsistencies(cells)))
     failed = sum(not check.holds for check in checks)
-    print(f"\n{failed} of {len(checks)} numbers do not follow from Table 1 within {ROUNDING} dB")
+    print(f"\n{failed} of {len(checks)} numbers do not follow from Table 1 within {paper.ROUNDING} dB")
 
 
-def _scores(checks: Sequence[Check], cells: Sequence[Cell]) -> Table:
-    from gspure.evaluation.paper import score_interval
-    from gspure.report.table import interval
-
+def _scores(checks: Sequence[paper.Check], cells: Sequence[paper.Cell]) -> Table:
     rows = []
     for check in (check for check in checks if check.claim.quantity == "score"):
         scheme, variant = check.claim.scheme, check.claim.variant
-        recomputed = score_interval(cells, scheme, variant)
+        recomputed = paper.score_interval(cells, scheme, variant)
         numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
         rows.append([display_name(scheme), display_name(variant), *numbers, _follows(check)])
     columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
     return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
 
 
-def _without_scores(checks: Sequence[Check]) -> Table:
+def _without_scores(checks: Sequence[paper.Check]) -> Table:
     rows = []
     for check in (check for check in checks if check.claim.quantity != "score"):
         printed = f"{'< ' if check.claim.relation == '<' else ''}{decimal(check.claim.value)}"
@@ -70,7 +61,7 @@ def _without_scores(checks: Sequence[Check]) -> Table:
     return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
 
 
-def _all(checks: Sequence[Check]) -> Table:
+def _all(checks: Sequence[paper.Check]) -> Table:
     rows = []
     for check in checks:
         *claim, value = check.claim
@@ -81,13 +72,11 @@ def _all(checks: Sequence[Check]) -> Table:
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    from gspure.report.table import Cell, Column, Row, Table
-
     headings = [Column(name, text=name in {"attack", "follows"}) for name in columns]
     return Table(title, headings, [Row([Cell(text) for text in row]) for row in rows])
 
 
-def _follows(check: Check) -> str:
+def _follows(check: paper.Check) -> str:
     if check.holds:
         return "yes"
     return f"no, agrees with {check.agrees_with}" if check.agrees_with else "no"

@@ -2,6 +2,11 @@
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.evaluation.names import display_name, model_name
+from gspure.files import read_json
+from gspure.progress import tell
+from gspure.report.writing import write_report
+from gspure.workflow.plan import Plan
 
 EXAMPLES = """\
   gspure report results                  # results/report.html, also of a run that has failed or still goes on
@@ -13,12 +18,6 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    from gspure.evaluation.names import display_name, model_name
-    from gspure.files import read_json
-    from gspure.progress import tell
-    from gspure.report.writing import write_report
-    from gspure.workflow.plan import Plan
-
     file = args.results / "configuration.json"
     if not file.is_file():
         raise InputError(args.results, file.name, expected="the configuration of a run", found="no such file")
