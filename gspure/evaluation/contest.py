@@ -41,8 +41,8 @@ class Contest(NamedTuple):
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """Compare GSPure with every other attack, for every condition and extraction of the message, in their order.
 
-    Controls, and GSPure itself at other strengths, are left out. Only the Score is tested: it is the measure that the
-    paper names, and further tests would make the correction harsher. Other quantities have intervals alone.
+    Controls, and GSPure itself at other strengths, are left out. Only the Score, the measure that the paper names, is
+    tested: further tests would make the correction harsher.
 
     `sweeps` name variants that are one attack at several strengths; others are sweeps of one strength. The sweep named
     `GSPURE` is compared with the others at equal `gspure.evaluation.matched.damages`.
@@ -57,7 +57,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             as_run = [name for name in variants if name not in other_strengths]
             for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
                 cells = {name: _as_run(known, name, quantity) for name in as_run}
-                rows += _against(cells, condition, extraction, quantity, math.nan)
+                rows += _against(cells, condition, extraction, quantity)
             for damage in damages(o.variant for o in attacks):
                 cells = {name: _at_equal_damage(known, of, damage) for name, of in completed(sweeps, variants).items()}
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
@@ -79,7 +79,7 @@ def _at_equal_damage(known: Curves, sweep: Sequence[str], damage: float) -> Cell
 
 
 def _against(
-    cells: Mapping[str, Cells], condition: Condition, extraction: str, quantity: Quantity, damage: float
+    cells: Mapping[str, Cells], condition: Condition, extraction: str, quantity: Quantity, damage: float = math.nan
 ) -> list[Contest]:
     """Compare GSPure with every other attack that shares a scene and seed with it."""
     gspure = cells.get(GSPURE, {})

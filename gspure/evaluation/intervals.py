@@ -31,11 +31,9 @@ from gspure.files import Float64
 LEVEL: Final = 0.95  # nominal coverage of an interval
 ROUNDING: Final = 1e-9  # relative error of sums and differences, far below what images of 8 bits distinguish
 RESAMPLES: Final = 10_000  # the tails of six scenes then hold some 20 resamples
-
 SEED: Final = 0
 
 Cells = Mapping[tuple[str, int], float]  # a number for every (scene, seed)
-
 Groups = list[Float64]
 
 
@@ -94,9 +92,6 @@ def means_of(groups: Groups) -> Float64:
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     """Return the mean over scenes with its interval; `values` are those of the seeds of every scene.
-
-    From six scenes on, it is the expanded percentile interval at `LEVEL`. With fewer, it is the range of the scenes'
-    means, with the probability that it encloses the median scene: 75 % for three, 94 % for five.
 
     Raise `InputError` if there is no value, or one is not finite.
     """

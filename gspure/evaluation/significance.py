@@ -24,9 +24,7 @@ from gspure.evaluation.intervals import LEVEL, checked, means_of
 from gspure.files import Float64
 
 DRAWS: Final = 2**16  # up to 16 scenes this is every combination of signs; for more, as many are drawn
-
 SEED: Final = 0
-
 DIGITS: Final = 10  # decimal digits of the largest difference that are compared: the rest may be rounding error
 
 

@@ -6,8 +6,7 @@ from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.intervals import LEVEL, Interval
-from gspure.evaluation.metrics import METRICS
-from gspure.progress import UNKNOWN, decimal, percent, signed
+from gspure.progress import UNKNOWN, decimal, percent
 
 _LATEX: Final = str.maketrans(
     {
@@ -115,16 +114,6 @@ def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
             lines += [f"### {table.title}", "", table.markdown(), ""]
             lines += [table.note, ""] if last[table.note] is table and table.note else []
     return "\n".join(lines)
-
-
-def metric(value: float, name: str = "psnr") -> Cell:
-    """Return a metric as a cell."""
-    return Cell(METRICS[name].text(value))
-
-
-def change(value: float) -> Cell:
-    """Return a difference in dB with its sign."""
-    return Cell(signed(value))
 
 
 def share(value: float) -> Cell:

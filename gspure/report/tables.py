@@ -13,7 +13,7 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, condit
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.progress import UNKNOWN, decimal, percent, signed, significant
-from gspure.report.table import Cell, Column, Row, Table, change, few, interval, markdown_document, metric, share
+from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document, share
 
 SHARES: Final = ("pruned_share", "precision", "recall")
 _MODEL: Final = (
@@ -68,7 +68,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     ]
     rows = []
     for o in measured:
-        scores = [change(o.score_of(target)) for target in extractions]
+        scores = [Cell(signed(o.score_of(target))) for target in extractions]
         if is_best := o.score == best:
             scores[0] = scores[0]._replace(best=True)
         cells = [
@@ -139,17 +139,14 @@ def _detection(o: Outcome, name: str) -> list[Cell]:
 
 def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
     """Yield the metrics of one target, PSNR with its change against the unattacked model."""
-    for name in METRICS:
-        if target not in o.targets:
+    missed, drop = o.variant != UNATTACKED and o.reaches(target) is False, o.psnr_drop(target)
+    changed = f"({signed(-drop)})" if isfinite(drop) and drop != 0 else ""
+    for name, metric in METRICS.items():
+        if target in o.targets:
+            text = metric.text(o.targets[target].values[name])
+            yield Cell(text + " †" * missed, changed) if name == "psnr" else Cell(text)
+        else:
             yield Cell()
-            continue
-        cell = metric(o.targets[target].values[name], name)
-        drop = o.psnr_drop(target)
-        if name == "psnr":
-            missed = o.variant != UNATTACKED and o.reaches(target) is False
-            changed = isfinite(drop) and drop != 0
-            cell = Cell(cell.text + " †" * missed, f"({signed(-drop)})" if changed else "")
-        yield cell
 
 
 def text_of(extraction: str) -> Callable[[float], str]:
