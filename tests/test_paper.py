@@ -163,12 +163,14 @@ def test_known_inconsistencies_of_the_table_are_found():
 
 def test_without_results_of_ours_table_1_stands_alone():
     rows = beside(CELLS)
-    assert [(row.scheme, row.variant) for row in rows] == [(scheme, attack) for scheme in SCHEMES for attack in ATTACKS]
+    assert [(row.condition.scheme, row.variant) for row in rows] == [
+        (scheme, attack) for scheme in SCHEMES for attack in ATTACKS
+    ]
     checks = {(c.claim.scheme, c.claim.variant): c.recomputed for c in CHECKS if c.claim.quantity == "score"}
     for row in rows:
-        assert row.paper_score == pytest.approx(checks[row.scheme, row.variant])
+        assert row.paper_score == pytest.approx(checks[row.condition.scheme, row.variant])
         assert row.paper_score == pytest.approx(row.paper_message_drop - row.paper_scene_drop)
-        assert row.paper_rms_ratio == rms_ratio_of(CELLS, row.scheme, row.variant)
+        assert row.paper_rms_ratio == rms_ratio_of(CELLS, row.condition.scheme, row.variant)
         assert row.scenes == 0
         assert math.isnan(row.score)
 
@@ -181,12 +183,12 @@ def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
     ours = survival([*own, *shared, *benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")])
     write_table(tmp_path / "survival.csv", Survival, ours)
     assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
-    rows = {(r.scheme, r.protocol, r.variant): r for r in beside(CELLS, ours)}
+    rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(CELLS, ours)}
     assert len(rows) == 4 * len(ATTACKS)
     measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
     assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]
     assert rows["gs_hider", "own", "gspure"].paper_rms_ratio == pytest.approx(18.18, abs=0.005)
-    ratio = next(row.rms_ratio for row in ours if (row.protocol, row.variant) == ("own", "gspure"))
+    ratio = next(row.rms_ratio for row in ours if (row.condition.protocol, row.variant) == ("own", "gspure"))
     line = next(line for line in capsys.readouterr().out.splitlines() if f" {ratio:.2f} |" in line)
     assert "| GSPure " in line
 

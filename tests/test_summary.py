@@ -34,7 +34,7 @@ def outcomes():
 
 def test_rows_are_means_over_scenes_in_the_order_of_outcomes(outcomes):
     rows = summarize(outcomes)
-    assert [(row.scheme, row.variant) for row in rows] == [
+    assert [(row.condition.scheme, row.variant) for row in rows] == [
         ("my_scheme", "gspure"),
         ("my_scheme", "wrong_key"),
         ("splats_in_splats", "gspure"),

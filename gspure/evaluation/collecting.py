@@ -17,7 +17,7 @@ from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, r
 from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
 from gspure.evaluation.names import UNATTACKED, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, ordered, with_references
+from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.files import Bools, load_array, read_json, run_of
 from gspure.progress import warn
@@ -187,9 +187,7 @@ def _equals_photograph(row: ViewMetrics) -> bool:
 class Result(NamedTuple):
     """One target of one variant; for a variant or detector without results, only the reason."""
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     scene: str
     seed: int
     variant: str
@@ -217,7 +215,7 @@ def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
 
 
 def _rows(o: Outcome) -> Iterator[Result]:
-    row = Result(*o.condition, o.scene, o.seed, o.variant, run=o.run)
+    row = Result(o.condition, o.scene, o.seed, o.variant, run=o.run)
     if o.failure:
         yield row._replace(failure=o.failure)
     for target in ordered(o.targets):

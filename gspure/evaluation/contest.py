@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
 from gspure.evaluation.matched import Curve, Point, Sweeps, completed, curves, damages
 from gspure.evaluation.names import GSPURE, UNATTACKED
-from gspure.evaluation.outcomes import Condition, Outcome, by_condition, extractions, is_picture
+from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.significance import holm, paired_test
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
@@ -24,9 +24,7 @@ Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 class Contest(NamedTuple):
     """GSPure minus one other attack, in one quantity."""
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     extraction: str  # the target that shows the message
     attack: str  # a variant; where `damage` is known, a sweep
     quantity: Quantity
@@ -86,7 +84,7 @@ def _against(
     shared = {attack: by_scene(differences(gspure, known)) for attack, known in cells.items() if attack != GSPURE}
     by_attack = {attack: scenes for attack, scenes in shared.items() if scenes}
     rows = [
-        Contest(*condition, extraction, attack, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
+        Contest(condition, extraction, attack, quantity, damage, sum(map(len, scenes)), mean_interval(scenes))
         for attack, scenes in by_attack.items()
     ]
     if quantity != SCORE:

@@ -1,9 +1,9 @@
 """Typed tables as CSV: the one codec of all result files.
 
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
-takes one column per field (``drop_mean``, ``drop_low``, ...), a mapping of metrics one per metric of
-`gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back unchanged; NaN and
-None are empty cells.
+takes one column per field (``drop_mean``, ``drop_low``, ...; if it is `UNPREFIXED`, ``mean``, ...), a mapping of
+metrics one per metric of `gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back
+unchanged; NaN and None are empty cells.
 """
 
 import csv
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
@@ -30,6 +30,7 @@ class PerMetric(NamedTuple):
 
 
 Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
+UNPREFIXED: Final = "columns without the field's name"  # annotation of a nested NamedTuple
 
 
 def grouped(rows: Iterable[Row], key: Callable[[Row], Key]) -> dict[Key, list[Row]]:
@@ -84,11 +85,11 @@ def _cells(kind: type, row: Any = None, prefix: str = "") -> Iterator[tuple[str,
     """Yield columns and values of a row, or of nothing."""
     for name, hint in _hints(kind).items():
         value, column = getattr(row, name, None), f"{prefix}{name}"
-        if get_origin(hint) is Annotated:
+        if isinstance(annotation := _annotation(hint), PerMetric):
             for metric in METRICS:
-                yield hint.__metadata__[0].column.format(metric), (value or {}).get(metric)
+                yield annotation.column.format(metric), (value or {}).get(metric)
         elif hasattr(inner := _known(hint), "_fields"):
-            yield from _cells(inner, value, f"{column}_")
+            yield from _cells(inner, value, prefix if annotation == UNPREFIXED else f"{column}_")
         else:
             yield column, value
 
@@ -97,7 +98,7 @@ def _read(kind: type, cells: Iterator[str]) -> Any:
     """Return a row from the texts of its cells."""
     values: list[Any] = []
     for hint in _hints(kind).values():
-        if get_origin(hint) is Annotated:
+        if isinstance(_annotation(hint), PerMetric):
             texts = {metric: next(cells) for metric in METRICS}
             values.append({metric: float(text) for metric, text in texts.items() if text})
         elif hasattr(inner := _known(hint), "_fields"):
@@ -107,6 +108,10 @@ def _read(kind: type, cells: Iterator[str]) -> Any:
         else:
             values.append(_value(hint, next(cells)))
     return kind(*values)
+
+
+def _annotation(hint: Any) -> Any:
+    return hint.__metadata__[0] if get_origin(hint) is Annotated else None
 
 
 def _known(hint: Any) -> Any:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
-from gspure.evaluation.outcomes import SCENE, Outcome, by_condition, cells, extractions
+from gspure.evaluation.outcomes import SCENE, OfCondition, Outcome, by_condition, cells, extractions
 from gspure.files import Bools
 from gspure.progress import decimal
 
@@ -59,9 +59,7 @@ class Point(NamedTuple):
 class Matched(NamedTuple):
     """One sweep at one damage to the scene."""
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     extraction: str  # the target that shows the message
     sweep: str
     strengths: int
@@ -120,7 +118,7 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                     points = {cell: point for cell, curve in drops.items() if (point := Point.at(damage, curve))}
                     sides = {point.scene > damage for point in points.values() if point.scene != damage}
                     if points and len(points) == len(drops) and len(sides) < 2:
-                        known = (*condition, extraction, name, strengths, damage)
+                        known = (condition, extraction, name, strengths, damage)
                         rows.append(Matched(*known, *_mean_drop(points, damage)))
     return rows
 

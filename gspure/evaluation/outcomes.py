@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.csv_tables import grouped
+from gspure.evaluation.csv_tables import UNPREFIXED, grouped
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval, difference, known_interval
 from gspure.evaluation.metrics import METRICS
@@ -33,9 +33,7 @@ class Condition(NamedTuple):
         return "-".join(filter(None, self))
 
 
-def condition_of(row: Any) -> Condition:
-    """Return the condition in the first columns of a row of means."""
-    return Condition(row.scheme, row.protocol, row.initialization)
+OfCondition = Annotated[Condition, UNPREFIXED]  # the first columns of a row
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Outcome:
     @property
     def condition(self) -> Condition:
         """Its scheme, protocol and initialization."""
-        return condition_of(self)
+        return Condition(self.scheme, self.protocol, self.initialization)
 
     @property
     def folder(self) -> str:

@@ -17,7 +17,7 @@ from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.intervals import Interval, mean_interval
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, condition_of
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, OfCondition
 from gspure.evaluation.survival import Survival
 from gspure.progress import decimal
 
@@ -214,9 +214,7 @@ def _equal(a: float, b: float) -> bool:
 class Beside(NamedTuple):
     """One attack: means over the paper's nine scenes, its Score recomputed, and over ours of one condition."""
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     variant: str
     paper_scene_drop: float  # dB, like the other drops and Scores
     paper_message_drop: float
@@ -234,7 +232,7 @@ def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Be
 
     Ours count if the message was present in any scene.
     """
-    ours = {(condition_of(row), row.variant): row for row in survivals if row.extraction == MESSAGE}
+    ours = {(row.condition, row.variant): row for row in survivals if row.extraction == MESSAGE}
     conditions = dict.fromkeys(condition for condition, _ in ours)
     means, rows = table_1(cells), []
     for scheme in SCHEMES:
@@ -242,7 +240,7 @@ def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Be
             for attack in ATTACKS:
                 scene, message = (drop(means, scheme, attack, target) for target in TARGETS)
                 ratio = rms_ratio_of(cells, scheme, attack)
-                printed = Beside(*condition, attack, scene, message, message - scene, ratio)
+                printed = Beside(condition, attack, scene, message, message - scene, ratio)
                 row = ours.get((condition, attack))
                 if row and row.present and row.scene_drop and row.message_drop:
                     lost = (row.scene_drop.mean, row.message_drop.mean)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from gspure.evaluation.intervals import Interval
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, extractions, mean_of
+from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_cells, table_1
 
 _Mean = Interval | None
@@ -18,9 +18,7 @@ class Summary(NamedTuple):
     values.
     """
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     variant: str
     extraction: str  # the target that shows the message: `message`, or another way of extracting it
     scene: Interval | None  # PSNR of the scene, dB
@@ -48,7 +46,7 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
             printed.append(scores.get((condition.scheme, variant), math.nan))
             for extraction in extractions(alike) or [MESSAGE]:
                 means = _means(scenes, extraction)
-                rows.append(Summary(*condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
+                rows.append(Summary(condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
     return rows
 
 

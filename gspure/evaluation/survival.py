@@ -19,7 +19,17 @@ from gspure.evaluation.names import (
     WRONG_KEY,
     display_name,
 )
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_condition, cells, extractions, is_picture, mean_of
+from gspure.evaluation.outcomes import (
+    MESSAGE,
+    SCENE,
+    OfCondition,
+    Outcome,
+    by_condition,
+    cells,
+    extractions,
+    is_picture,
+    mean_of,
+)
 from gspure.evaluation.significance import Detectability, detectability
 from gspure.progress import decimal
 
@@ -29,9 +39,7 @@ MARGIN: Final = 1.0  # smallest margin above the control level at which a messag
 class Survival(NamedTuple):
     """One variant over the scenes of one condition; None if a number is unknown in every scene."""
 
-    scheme: str
-    protocol: str
-    initialization: str
+    condition: OfCondition
     extraction: str  # the target that shows the message, or a detector
     variant: str
     present: int  # number of scenes in which the message of the unattacked model is present
@@ -141,7 +149,7 @@ def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Surviv
     auc = {kind: detectability(*both) for kind, both in groups.items() if all(both)}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
     return Survival(
-        *alike[0].condition,
+        alike[0].condition,
         extraction,
         variant,
         len(present_before & {scene for scene, _ in after}),

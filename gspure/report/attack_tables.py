@@ -9,7 +9,7 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.matched import Matched
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name
-from gspure.evaluation.outcomes import Condition, condition_of, is_picture, ordered
+from gspure.evaluation.outcomes import Condition, is_picture, ordered
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.progress import decimal, significant
 from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document, share
@@ -48,7 +48,7 @@ _MATCHED: Final = (
 def conditions_markdown(survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched]) -> str:
     """Return the tables of every condition over all of its scenes."""
     rows = (survivals, contests, matched)
-    conditions = dict.fromkeys([*(condition_of(row) for row in survivals), *(condition_of(row) for row in matched)])
+    conditions = dict.fromkeys([*(row.condition for row in survivals), *(row.condition for row in matched)])
     tables = {condition_name(*known): condition_tables(known, *rows) for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
@@ -57,14 +57,14 @@ def condition_tables(
     condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
 ) -> list[Table]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
-    names = {row.variant: row.name for row in survivals if condition_of(row) == condition}
+    names = {row.variant: row.name for row in survivals if row.condition == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
         (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
         (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
         (matched_table, matched),
     ]
-    alike = [(kind, [row for row in rows if condition_of(row) == condition]) for kind, rows in kinds]
+    alike = [(kind, [row for row in rows if row.condition == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
     return [
         kind(chosen)

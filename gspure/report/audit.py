@@ -10,16 +10,7 @@ from typing import Final, Literal
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import DAMAGE_TOLERANCE, MATCHED_DAMAGES
 from gspure.evaluation.names import CLEAN, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, display_name, extraction_name
-from gspure.evaluation.outcomes import (
-    BITS,
-    MESSAGE,
-    Condition,
-    Outcome,
-    by_condition,
-    condition_of,
-    extractions,
-    is_picture,
-)
+from gspure.evaluation.outcomes import BITS, MESSAGE, Condition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.progress import decimal, significant
 
@@ -70,7 +61,7 @@ class Audit:
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Audit]:
     """Return the audit of every condition, from the outcomes of all variants of all models, in their order."""
     return [
-        _audit(alike, [row for row in survivals if condition_of(row) == condition])
+        _audit(alike, [row for row in survivals if row.condition == condition])
         for condition, alike in by_condition(outcomes).items()
     ]
 

@@ -9,7 +9,7 @@ from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, condition_of, is_picture, ordered
+from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, is_picture, ordered
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.progress import UNKNOWN, decimal, percent, signed, significant
@@ -88,7 +88,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     titles = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
     rows, body = summarize(outcomes), []
-    for condition, alike in grouped(rows, condition_of).items():
+    for condition, alike in grouped(rows, lambda row: row.condition).items():
         names = reached_names(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
@@ -108,7 +108,7 @@ def beside_table(rows: Sequence[Beside]) -> Table:
     quantities = ("scene drop", "message drop", "Score", "RMS ratio")
     pairs = [Column(source, name) for name in quantities for source in ("paper", "ours")]
     body = []
-    for condition, group in grouped(rows, condition_of).items():
+    for condition, group in grouped(rows, lambda row: row.condition).items():
         for i, row in enumerate(group):
             names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant))]
             paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
