@@ -1,8 +1,8 @@
 """The command line: one module per subcommand.
 
 A command module holds ``EXAMPLES`` (shown below the options), ``add_arguments(parser)`` and ``run(args)``;
-`gspure.cli.parser` has the kinds of arguments. So that its ``--help`` stays quick, it imports heavy packages inside
-``run`` only, unless its options need them.
+`gspure.cli.parser` has the kinds of arguments. So that ``--help`` stays quick, imports that take long stand inside
+functions.
 """
 
 import argparse

@@ -7,15 +7,18 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from gspure.cameras import Camera, scaled, split, write_cameras
+from gspure.cameras.photographs import TRAINING_RULE, missing_photographs
+from gspure.cameras.reading import read_lenses
+from gspure.cameras.undistortion import undistort
 from gspure.cli.options import add_quiet, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.files import filling
+from gspure.model.ply import write_point_ply
 from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
-
-if TYPE_CHECKING:
-    from gspure.cameras import Camera
+from gspure.training.dataset import stored_points
 
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains
@@ -49,9 +52,6 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Read or generate the views, scale and write them, print a table."""
-    from gspure.cameras import scaled, write_cameras
-    from gspure.cameras.photographs import TRAINING_RULE
-
     generated = isinstance(args.source, str)
     if args.model and not generated:
         raise InputError(args.source, "source", expected="orbit or shells", found="a camera file and --model")
@@ -69,8 +69,6 @@ def run(args: Arguments) -> None:
 
 def _distorted(args: Arguments) -> list[Camera]:
     """Read cameras of any lens, of a capture elsewhere than the results."""
-    from gspure.cameras.reading import read_lenses
-
     if isinstance(args.source, str):
         raise InputError(args.source, "--undistort", expected="cameras with photographs", found="generated views")
     cameras, folder = read_lenses(args.source), args.out.parent.resolve()
@@ -83,11 +81,6 @@ def _distorted(args: Arguments) -> list[Camera]:
 
 def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
     """Write photographs and points beside ``--out``; return the cameras of the photographs."""
-    from gspure.cameras.undistortion import undistort
-    from gspure.files import filling
-    from gspure.model.ply import write_point_ply
-    from gspure.training.dataset import stored_points
-
     xyz, rgb = stored_points(args.source)
     place, images = args.out.parent, Path("images")
     with filling(place) as folder:
@@ -99,9 +92,6 @@ def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
 
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:
     """Yield a heading and one line per image size and focal length."""
-    from gspure.cameras import split
-    from gspure.cameras.photographs import missing_photographs
-
     tests = {camera.name for camera in split(cameras)[1]}
     yield f"{'views':>6}{'train':>7}{'test':>6}  {'size':<11}{'focal':>8}{'fov':>7}{'photographs':>13}"
     for (width, height, focal), group in groupby(sorted(cameras, key=_optics), key=_optics):
