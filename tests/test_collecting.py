@@ -111,10 +111,12 @@ def test_a_missing_variant_names_the_last_line_of_its_failed_log(tmp_path, plan)
     assert (row["failure"], row["target"], row["psnr"]) == (noise.failure, "", "")
 
 
-def test_a_log_without_an_error_is_quoted_as_what_it_is(tmp_path, plan) -> None:
+def test_a_stopped_run_is_no_failure_of_its_jobs_and_a_killed_job_is_named(tmp_path, plan) -> None:
     (tmp_path / MODEL / "noise" / "metrics.csv").unlink()
     log(tmp_path, "noise/attack.log", "trained 200 of 3000\n")
-    assert by_variant(tmp_path, plan)["noise"].failure == "attack ended with: trained 200 of 3000"
+    assert by_variant(tmp_path, plan)["noise"].failure == "not run"
+    log(tmp_path, "noise/attack.log", "trained 200 of 3000\nkilled by signal 9\n")
+    assert by_variant(tmp_path, plan)["noise"].failure == "attack was killed by signal 9"
 
 
 def test_an_attack_that_cannot_apply_is_an_outcome_with_its_reason(tmp_path, plan) -> None:

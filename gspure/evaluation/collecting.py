@@ -24,7 +24,7 @@ from gspure.progress import warn
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 NOT_APPLICABLE: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
-_ERROR: Final = re.compile(r"gspure \S+: |\S*(Error|Exception|Interrupt)\b")
+_ERROR: Final = re.compile(r"gspure \S+: |killed by signal|\S*(Error|Exception|Interrupt)\b")
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
@@ -151,16 +151,14 @@ def _reason(results: Path, variant: Path) -> str:
 
     The logs of the variant count first, then those of its model, the newest first.
     """
-    last = ""
     for folder in (variant, variant.parent):
         logs = [*(results / "logs" / folder.relative_to(results)).glob("*.log")]
         for log in sorted(logs, key=lambda path: path.stat().st_mtime, reverse=True):
             lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines()]
             line = next(filter(None, reversed(lines)), "")
             if _ERROR.match(line):
-                return printable(line)
-            last = last or f"{log.stem} ended with: {line or 'nothing'}"
-    return printable(last or "not run")
+                return printable(line.replace("killed", f"{log.stem} was killed"))
+    return "not run"
 
 
 def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[str, list[ViewMetrics]]:
