@@ -57,9 +57,9 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     surplus = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[surplus]], surplus])])
     distances = np.append(distances, core_distances[piles[surplus]])
-    pairs = pairs[_order(distances, pairs[:, 0] * len(points) + pairs[:, 1])]
-    a, b = rows[pairs[:, 0]], rows[pairs[:, 1]]
-    return np.column_stack([np.minimum(a, b), np.maximum(a, b), np.sort(distances)])
+    order = _order(distances, pairs[:, 0] * len(points) + pairs[:, 1])
+    a, b = rows[pairs[order]].T
+    return np.column_stack([np.minimum(a, b), np.maximum(a, b), distances[order]])
 
 
 def _order(*keys: NDArray[Any]) -> Indices:
