@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,7 @@ def test_without_opengl_clouds_are_left_out_with_one_warning(tmp_path: Path, mod
 
 def test_a_figure_that_fails_is_left_out_with_a_warning(tmp_path: Path, model, monkeypatch, capsys) -> None:
     monkeypatch.setattr(gallery, "gl_problem", lambda: "none")
-    monkeypatch.setattr(gallery, "write_weight_histogram", lambda *_: 1 / 0)
+    monkeypatch.setattr(gallery, "write_weight_histogram", lambda *_, **__: 1 / 0)
     assert draw_model(tmp_path, model, viewer=False) == {}
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
     assert {path.name for path in tmp_path.iterdir()} == {CAPTIONS}
@@ -111,17 +112,20 @@ def test_eye_dome_darkens_what_stands_behind_an_edge_and_nothing_else() -> None:
     depth = np.full((20, 30), 2.0, np.float32)
     depth[:, 15:] = 4.0
     depth[:5] = np.inf
-    shaded = eye_dome(np.full((20, 30, 3), 200, np.uint8), depth, 2)
-    assert (shaded[:5] == 200).all()
-    assert (shaded[5:, :15] == 200).all()
-    assert (shaded[7:18, 15:17] < 150).all()
-    assert (shaded[5:, 18:] == 200).all()
+    shade = eye_dome(depth, 2)
+    assert (shade[:5] == 1).all()
+    assert (shade[5:, :15] == 1).all()
+    assert (shade[7:18, 15:17] < 0.75).all()
+    assert (shade[5:, 18:] == 1).all()
 
 
 @needs_gl
 def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
     eye = viewpoint.fitted(viewpoint.overview(BALL, viewpoint.world_axes(BALL, [])), 480)
-    image = plates.portrait(kept_cloud(BALL, BALL[:, 0] > 0), eye).astype(int)
+    cloud = kept_cloud(BALL, BALL[:, 0] > 0)
+    others = replace(cloud, colours=cloud.colours[::-1])
+    image = plates.portraits([others, cloud], eye)[1].astype(int)
+    assert np.array_equal(image, plates.portraits([cloud], eye)[0]), "whatever is drawn before it"
     assert image.shape == (eye.height, eye.width, 3)
     covered = (image < 250).any(axis=-1)
     assert 0.02 < covered.mean() < 0.9
@@ -129,10 +133,11 @@ def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
     assert (image[..., 2] > image[..., 0] + 10).sum() > 0.1 * covered.sum()
     points = np.array([[0, 0, 4], [1.2, 0.7, 6]], np.float32)
     two = Cloud(points, np.array([[200, 0, 0], [0, 0, 200]], np.uint8))
-    picture = plates.portrait(two, Camera("view", 480, 320, intrinsics(400, 400, 180, 200), np.eye(4))).astype(int)
+    ahead = Camera("view", 480, 320, intrinsics(400, 400, 180, 200), np.eye(4))
+    picture = plates.portraits([two], ahead)[0].astype(int)
     for channel, (x, y, z) in zip((0, 2), points, strict=True):
         others = [c for c in range(3) if c != channel]
         centre = np.argwhere(picture[..., channel] > picture[..., others].max(axis=-1) + 30).mean(axis=0)
         assert centre == pytest.approx([200 + 400 * y / z, 180 + 400 * x / z], abs=1.5)
     away = Camera("view", 20, 10, intrinsics(10, 10, 10, 5), np.diag([-1.0, 1, -1, 1]))
-    assert (plates.portrait(two, away) == 255).all()
+    assert (plates.portraits([two], away)[0] == 255).all()

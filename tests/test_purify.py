@@ -273,8 +273,8 @@ def broken(*_: object, **__: object) -> None:
 
 def test_a_figure_that_fails_is_a_warning_and_all_else_stays(command: list[str], draw, monkeypatch, capsys) -> None:
     monkeypatch.setattr("gspure.cli.purify._draw", draw)
-    monkeypatch.setattr("gspure.cli.purify.draw_before_after", broken)
-    monkeypatch.setattr("gspure.figures.gallery.portrait", broken)
+    monkeypatch.setattr("gspure.figures.panels.draw_before_after", broken)
+    monkeypatch.setattr("gspure.figures.gallery.portraits", broken)
     (OUT / "figures").mkdir(parents=True)
     older = [OUT / "figures" / f"{name}.png" for name in ("before_after", "kept")]
     for path in older:
@@ -287,3 +287,5 @@ def test_a_figure_that_fails_is_a_warning_and_all_else_stays(command: list[str],
         assert printed.out.count(str(path)) == 1
     for path in older:
         assert f"warning: {path}: not drawn: no ink" in printed.err
+    assert main([*command, "--no-figures"]) == 0
+    assert not [*(OUT / "figures").glob("*.png")], "of an earlier run"

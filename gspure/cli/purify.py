@@ -19,9 +19,6 @@ from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_
 from gspure.errors import InputError
 from gspure.evaluation import comparison
 from gspure.evaluation.comparison import ViewMetrics
-from gspure.figures.clouds import Purified
-from gspure.figures.gallery import draw_model
-from gspure.figures.panels import draw_before_after
 from gspure.files import filling, save_array, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
@@ -77,6 +74,7 @@ def add_arguments(parser: Parser) -> None:
         parser.number(name, "TAU", meaning, FACTOR)
     meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
+    parser.flag("--no-figures", "draw no figures")
     options.add_force(parser)
     options.add_device(parser)
 
@@ -114,7 +112,7 @@ def run(args: Arguments) -> None:
         _remove_older(args.out)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = _draw(args, public, purification, cameras, models, device)
+    captions = [] if args.no_figures else _draw(args, public, purification, cameras, models, device)
     print("\n".join([*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]))
     measures_rays = args.energy == "ray" and public.rows_are_gaussians
     if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
@@ -188,6 +186,10 @@ def _draw(
     device: Device,
 ) -> list[str]:
     """Draw some of the compared views before and after, and the model; return a line for each that succeeds."""
+    from gspure.figures.clouds import Purified
+    from gspure.figures.gallery import draw_model
+    from gspure.figures.panels import draw_before_after
+
     folder = args.out / "figures"
     model = Purified(public, purification.labels, purification.weights, tau_c=args.tau_c, tau_n=args.tau_n)
     captions = draw_model(folder, model, cameras, device, viewer=False)

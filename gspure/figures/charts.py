@@ -32,12 +32,19 @@ _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in i
 
 
 def write_weight_histogram(
-    path: Path, weights: Float32, pruned: Bools, tau_c: float, tau_n: float, rows: str = "Gaussians"
+    path: Path,
+    weights: Float32,
+    pruned: Bools,
+    tau_c: float,
+    tau_n: float,
+    rows: str = "Gaussians",
+    *,
+    vector: bool = True,
 ) -> None:
-    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau, as PNG and SVG.
+    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau.
 
-    The share of the `pruned` rows, bool [K], in every bar is coloured. The number of negative and non-finite weights is
-    a label. `rows` are Gaussians or anchors.
+    It is a PNG and, with `vector`, also an SVG. The share of the `pruned` rows, bool [K], in every bar is coloured. The
+    number of negative and non-finite weights is a label. `rows` are Gaussians or anchors.
     """
     zero, shown = weights == 0, np.isfinite(weights) & (weights > 0)
     decades = np.log10(weights, where=shown, out=np.zeros(len(weights)))
@@ -48,7 +55,7 @@ def write_weight_histogram(
     if zero.any():
         ticks[low - 3 * step] = "0"
 
-    with style.page(path, style.COLUMN, 2.0, vector=True) as figure:
+    with style.page(path, style.COLUMN, 2.0, vector=vector) as figure:
         axes = figure.add_subplot()
         keys: list[Artist] = []
         below, below_zero = np.zeros(_BINS), 0.0

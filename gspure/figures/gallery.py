@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,11 +16,11 @@ from gspure.figures import style
 from gspure.figures.charts import write_weight_histogram
 from gspure.figures.clouds import Cloud, Purified, cluster_cloud, kept_cloud, rank_cloud, share_cloud
 from gspure.figures.panels import show
-from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, portrait, write_plate
+from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, portraits, write_plate
 from gspure.figures.probe import gl_problem
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
-from gspure.files import Float32, Int32, filling, write_json
+from gspure.files import Float32, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import COLOUR, CORE
 from gspure.opencl.device import Device
@@ -57,17 +57,17 @@ def draw_model(
 ) -> dict[str, str]:
     """Draw all figures of a model, and return the caption of each by the name of its file.
 
-    These are ``splats``, if the model has colours and views; ``weights``, also as SVG; and the clouds ``clusters``,
-    ``ranks`` and ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their
-    captions stand in `CAPTIONS`, the data of the report's 3-D `viewer` in ``viewer.json``. What cannot be drawn is left
-    out with a warning.
+    These are ``splats``, if the model has colours and views; ``weights``; and the clouds ``clusters``, ``ranks`` and
+    ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their captions stand in
+    `CAPTIONS`. For a report, there are also the data of its 3-D `viewer` in ``viewer.json``, and ``weights.svg``. What
+    cannot be drawn is left out with a warning.
     """
     captions: dict[str, str] = {}
     with filling(folder) as place:
         if viewer:
             sh_dc = model.public.model.columns(*COLOUR) if model.public.model.sh_degree >= 0 else None
             write_viewer(place / "viewer.json", model, world_axes(model.means, cameras), sh_dc)
-        for name, caption, draw in _drawings(model, cameras, device):
+        for name, caption, draw in _drawings(model, cameras, device, vector=viewer):
             try:
                 draw(place / name)
                 captions[name] = caption
@@ -77,34 +77,39 @@ def draw_model(
     return captions
 
 
-def _drawings(model: Purified, cameras: Sequence[Camera], device: Device | None) -> Iterator[Drawing]:
+def _drawings(model: Purified, cameras: Sequence[Camera], device: Device | None, *, vector: bool) -> Iterator[Drawing]:
     is_visible = bool(cameras) and model.public.visible
     if is_visible:
         yield _splats(model, cameras, device)
-    yield _histogram(model)
+    yield _histogram(model, vector=vector)
     if problem := gl_problem():
         warn(f"point clouds are not drawn: {problem}")
         return
     eye = choose(model.means, cameras)
     thin = f" A random {MAX_POINTS:,} of them are drawn." if len(model.means) > MAX_POINTS else ""
+    listed = [*_clouds(model)]
 
-    def draw_cloud(cloud: Cloud, path: Path) -> None:
-        shown = cloud.subset(thinned(len(cloud)))
-        write_plate(path, [portrait(shown, fitted(eye, PICTURE_WIDTH))], [shown])
+    @cache
+    def pictures() -> list[UInt8]:
+        rows = thinned(len(model.means))
+        return portraits([cloud.subset(rows) for _, cloud, _ in listed], fitted(eye, PICTURE_WIDTH))
+
+    def draw_cloud(index: int, path: Path) -> None:
+        write_plate(path, [pictures()[index]], [listed[index][1]])
 
     def draw_purification(before: Cloud, path: Path) -> None:
         ranked = rank_cloud(model.means, model.ranks)
         clouds = [cloud.subset(thinned(len(cloud))) for cloud in (before, ranked, before.subset(~model.pruned))]
         camera = fitted(eye, PAGE_WIDTH // (len(clouds) + is_visible))
-        pictures = [portrait(cloud, camera) for cloud in clouds]
+        shown = [*portraits(clouds[:2], camera), *portraits(clouds[2:], camera)]
         if is_visible:
             render = model.public.scene(device, _WHITE)
-            pictures.insert(0, np.rint(255 * render(camera).clip(0, 1)).astype(np.uint8))
+            shown.insert(0, np.rint(255 * render(camera).clip(0, 1)).astype(np.uint8))
             clouds.insert(0, Cloud(model.means[:0], np.empty((0, 3), np.uint8)))
-        write_plate(path, pictures, clouds, _PLATE[-len(clouds) :])
+        write_plate(path, shown, clouds, _PLATE[-len(clouds) :])
 
-    for name, cloud, caption in _clouds(model):
-        yield Drawing(f"{name}.png", caption + thin, partial(draw_cloud, cloud))
+    for index, (name, _, caption) in enumerate(listed):
+        yield Drawing(f"{name}.png", caption + thin, partial(draw_cloud, index))
     if model.hidden is not None:
         before = share_cloud(model.means, model.weights, model.hidden)
         caption = " ".join([_message_caption(model, model.hidden), _RANKS, _pruned_weight(model, model.hidden)])
@@ -145,7 +150,7 @@ def _pruned_weight(model: Purified, hidden: Float32) -> str:
     return f"Pruning removes {percent(message)} of the weight in the message and {percent(scene)} of that in the scene."
 
 
-def _histogram(model: Purified) -> Drawing:
+def _histogram(model: Purified, *, vector: bool) -> Drawing:
     zero, rows = percent(float(np.mean(model.weights == 0))), model.rows
     caption = (
         f"Histogram of the weights ω, with mean ω̄. {zero} are 0: these {rows} contribute to no pixel. GSPure prunes "
@@ -153,7 +158,7 @@ def _histogram(model: Purified) -> Drawing:
         f"ω̄/{model.tau_n:g}."
     )
     values = (model.weights, model.pruned, model.tau_c, model.tau_n, rows)
-    return Drawing("weights.png", caption, lambda path: write_weight_histogram(path, *values))
+    return Drawing("weights.png", caption, lambda path: write_weight_histogram(path, *values, vector=vector))
 
 
 def _splats(model: Purified, cameras: Sequence[Camera], device: Device | None) -> Drawing:

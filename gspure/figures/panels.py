@@ -75,7 +75,7 @@ def common_views(folders: Iterable[Path]) -> list[str]:
 
 def show(axes: Axes, image: Image, label: str) -> None:
     """Draw an image [H,W,3] without axes, with a label below."""
-    axes.imshow(np.clip(image, 0, 1))
+    axes.imshow(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8))
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_visible(False)

@@ -30,22 +30,26 @@ _DARKEST: Final = 0.4
 _DIRECTIONS: Final = 8
 
 
-def portrait(cloud: Cloud, camera: Camera) -> UInt8:
-    """Return a picture of a cloud, uint8 [H,W,3] on white.
+def portraits(clouds: Sequence[Cloud], camera: Camera) -> list[UInt8]:
+    """Return pictures of clouds, uint8 [H,W,3] on white; all have the same points and differ in their colours.
 
     The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). Pyvista ends the
     process if OpenGL does not work (see `gspure.figures.probe.gl_problem`).
     """
-    cloud = cloud.subset(in_view(cloud.points, camera))
-    if len(cloud) == 0:
-        return np.full((camera.height, camera.width, 3), 255, np.uint8)
+    rows = in_view(clouds[0].points, camera)
+    if len(rows) == 0:
+        return [np.full((camera.height, camera.width, 3), 255, np.uint8)] * len(clouds)
     fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
-    size = dot_size(len(cloud), fine)
-    image, depth = _draw_balls(cloud, fine, size)
-    image = eye_dome(image, depth, radius=max(size, fine.width // 200))
-    blocks = image.reshape(camera.height, _SMOOTHING, camera.width, _SMOOTHING, 3)
-    smooth: UInt8 = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
-    return smooth
+    size = dot_size(len(rows), fine)
+    images, depth = _draw_balls(clouds[0].points[rows], [cloud.colours[rows] for cloud in clouds], fine, size)
+    shade = eye_dome(depth, radius=max(size, fine.width // 200))
+    return [_smooth(image * shade[..., None]) for image in images]
+
+
+def _smooth(image: Float32) -> UInt8:
+    """Return the mean of every `_SMOOTHING` x `_SMOOTHING` pixels."""
+    parts = [image[i::_SMOOTHING, j::_SMOOTHING] for i in range(_SMOOTHING) for j in range(_SMOOTHING)]
+    return np.asarray(np.rint(np.mean(parts, axis=0)), np.uint8)
 
 
 def dot_size(count: int, camera: Camera) -> int:
@@ -53,38 +57,42 @@ def dot_size(count: int, camera: Camera) -> int:
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
-def _draw_balls(cloud: Cloud, camera: Camera, size: int) -> tuple[UInt8, Float32]:
-    """Draw a cloud as balls with a diameter of `size` pixels on white.
+def _draw_balls(points: Float32, colourings: Sequence[UInt8], camera: Camera, size: int) -> tuple[list[UInt8], Float32]:
+    """Draw points in each of several colourings [N,3] as balls with a diameter of `size` pixels on white.
 
-    All points are in view (see `gspure.figures.viewpoint.in_view`). Return colour [H,W,3], and depth [H,W] along the
+    All points are in view (see `gspure.figures.viewpoint.in_view`). Return pictures [H,W,3], and depth [H,W] along the
     view, inf in the background.
     """
     prefer_egl()
     import pyvista as pv
+    from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
     plotter = pv.Plotter(off_screen=True, window_size=(camera.width, camera.height), lighting="light kit")
+    corners, shape = (0, 0, camera.width - 1, camera.height - 1), (camera.height, camera.width)
+    images: list[UInt8] = []
     try:
         plotter.set_background("white")
-        plotter.disable_anti_aliasing()  # `portrait` supersamples
-        plotter.add_mesh(
-            pv.PolyData(cloud.points.astype(np.float32)),
-            scalars=cloud.colours,
-            rgb=True,
-            style="points",
-            point_size=size,
-            render_points_as_spheres=True,
-            ambient=0.3,
-            diffuse=0.75,
-        )
+        plotter.disable_anti_aliasing()  # `portraits` supersamples
+        cloud = pv.PolyData(points.astype(np.float32))
+        cloud["colours"] = colourings[0]
+        look = {"style": "points", "point_size": size, "render_points_as_spheres": True}
+        plotter.add_mesh(cloud, scalars="colours", rgb=True, ambient=0.3, diffuse=0.75, **look)
         _aim(plotter.camera, camera)
-        depth = project(cloud.points, camera)[1]
-        plotter.camera.clipping_range = (depth.min() * 0.99, depth.max() * 1.01)
-        plotter.show(auto_close=False)
-        image: UInt8 = plotter.screenshot(return_img=True)
-        nearest = -plotter.get_image_depth(fill_value=-np.inf).astype(np.float32)
+        depth = project(points, camera)[1]
+        near, far = plotter.camera.clipping_range = (depth.min() * 0.99, depth.max() * 1.01)
+        # Screenshots of pyvista draw again, and its depth takes longer than the drawing: read what the window holds.
+        for colours in colourings:
+            cloud["colours"] = colours
+            plotter.render_window.Render()
+            pixels, buffer = vtkUnsignedCharArray(), vtkFloatArray()
+            plotter.render_window.GetPixelData(*corners, 0, pixels, 0)
+            images.append(pv.convert_array(pixels).reshape(*shape, 3)[::-1])
+        plotter.render_window.GetZbufferData(*corners, buffer)
+        z = pv.convert_array(buffer).reshape(shape)[::-1]
     finally:
         plotter.close()
-    return image, nearest
+    distance = near * far / (far - z.astype(np.float64) * (far - near))
+    return images, np.where(z < 1, distance, np.inf).astype(np.float32)
 
 
 def _aim(vtk_camera: Any, camera: Camera) -> None:
@@ -98,14 +106,14 @@ def _aim(vtk_camera: Any, camera: Camera) -> None:
     vtk_camera.SetWindowCenter(-offset[0], offset[1])
 
 
-def eye_dome(image: UInt8, depth: Float32, radius: int) -> UInt8:
-    """Return the image with eye-dome lighting: a pixel is darker, the nearer its neighbours are (Boucheny 2009).
+def eye_dome(depth: Float32, radius: int) -> Float32:
+    """Return the factors [H,W] of eye-dome lighting: a pixel is darker, the nearer its neighbours are (Boucheny 2009).
 
     It shows edges and depth of point clouds, which have no normals. VTK's filter has a fixed strength, at which the
     outlines of small dots hide their colours.
 
-    Neighbours are `radius` pixels away. `depth` [H,W] is the distance along the view; inf in the background, which is
-    left unchanged.
+    Neighbours are `radius` pixels away. `depth` [H,W] is the distance along the view; inf in the background, where the
+    factor is 1.
     """
     octaves = np.log2(depth)
     height, width = depth.shape
@@ -115,10 +123,9 @@ def eye_dome(image: UInt8, depth: Float32, radius: int) -> UInt8:
         y, x = radius + np.rint(radius * np.array([np.sin(angle), np.cos(angle)])).astype(int)
         with np.errstate(invalid="ignore"):  # inf - inf beside the cloud
             occlusion += np.fmax(octaves - padded[y : y + height, x : x + width], 0)
-    shade = _DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion)
+    shade: Float32 = _DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion)
     shade[np.isinf(depth)] = 1
-    shaded: UInt8 = np.rint(image * shade[..., None]).astype(np.uint8)
-    return shaded
+    return shade
 
 
 def write_plate(path: Path, pictures: Sequence[UInt8], clouds: Sequence[Cloud], titles: Sequence[str] = ()) -> None:
