@@ -18,6 +18,7 @@ report: "report/workflow.rst"
 
 
 include: "rules/common.smk"
+include: "rules/base.smk"
 include: "rules/models.smk"
 include: "rules/method.smk"
 include: "rules/evaluation.smk"

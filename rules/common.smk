@@ -11,24 +11,15 @@ from snakemake.utils import validate
 import gspure
 from gspure.attacks import find_attack
 from gspure.errors import InputError, printable
-from gspure.evaluation.names import CONTROLS
 from gspure.files import write_json
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
 from gspure.workflow.configuration import resolve
-from gspure.workflow.plan import (
-    METHOD,
-    VANILLA,
-    Model,
-    Plan,
-    Variant,
-    capture_files,
-    message_model,
-    pair_of,
-    pair_settings,
-    pair_files,
-)
+from gspure.workflow.decisions import METHOD
+from gspure.workflow.inputs import capture_files, is_small, message_model, pair_files, pair_of, pair_settings
+from gspure.workflow.plan import VANILLA, Model, Plan
 from gspure.workflow.sources import code_digest, files_digest
+from gspure.workflow.variants import Variant, evaluation, report_plan
 
 
 def refuse(reason):
@@ -57,10 +48,6 @@ PLAN = Plan(config)
 MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
 VARIANTS = config["variants"]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
-
-# Jobs on the OpenCL device use all cores, one job at a time; with `threads` set, as many run at once as there are cores.
-THREADS = config["threads"] or 16
-TURNS = 0 if config["threads"] else 1
 
 
 wildcard_constraints:
@@ -106,27 +93,25 @@ def logged(program):
     return f"POCL_MAX_PTHREAD_COUNT={{threads}} {program} > {{log:q}} 2>&1 || {failed}"
 
 
-def step(name):
-    """Return the shell command of a rule that runs rules/steps/NAME.py with the parameters `settings` and `files`.
+def step(name, *groups, version=None, **single):
+    """Return the parameters of a rule that runs rules/steps/NAME.py, beside `files`.
 
-    Not `script:`, which loads Snakemake in every job, at 0.25 CPU seconds.
-    """
-    return logged(f"python -P $GSPURE_STEPS/{name}.py {{params.settings:q}} {{params.files:q}}")
-
-
-def settings(*groups, **single):
-    """Return the function of a step's settings, as JSON; `groups` and `single` ones may be functions of wildcards.
-
-    Snakemake runs a job again when they change, but ignores parameters that it derives from files, such as `files`.
+    `groups` and `single` are settings, or functions of wildcards. Snakemake runs a job again when they change, or the
+    version: a digest of the step, the scheme and the user's model, so that a replaced file counts even if it is older.
+    It ignores parameters that it derives from files, as `files` is.
     """
 
-    def dumped(wildcards):
-        chosen = {name: value(wildcards) if callable(value) else value for name, value in single.items()}
+    def version_of(wildcards):
+        model = get_model(wildcards)
+        return f"{code_of(name, model.module)} {files_digest(model.users_files)}"
+
+    def settings(wildcards):
+        chosen = {key: value(wildcards) if callable(value) else value for key, value in single.items()}
         for group in groups:
             chosen |= group(wildcards)
         return json.dumps(chosen)
 
-    return dumped
+    return {"step": name, "version": version or version_of, "settings": settings}
 
 
 def files(wildcards, input, output):
@@ -145,18 +130,21 @@ def command(name, *words, **options):
     return shlex.join(map(str, words))
 
 
-def code(name, *modules):
+def code_of(name, *modules):
     """Return a digest of the code of a step, or of a command, and of further modules."""
     file = STEPS / f"{name}.py"
     return code_digest(file if file.is_file() else f"gspure.cli.{name}", *modules)
 
 
-def version(name):
-    """Return the function of what the results of a step depend on beside declared files and settings.
+def get_threads(wildcards):
+    """Return the threads of a job on an OpenCL CPU; jobs of small images, with one each, run side by side."""
+    pair = None if wildcards.get("scheme") == VANILLA else config["pairs"].get(pair_of(wildcards.get("scene", "")))
+    return config["threads"] or (1 if pair and is_small(pair) else 16)
 
-    That is its code and that of the scheme, and the user's model, so that a replaced file counts even if it is older.
-    """
-    return lambda w: f"{code(name, get_model(w).module)} {files_digest(get_model(w).users_files)}"
+
+def get_turn(wildcards, threads):
+    """Return whether a job waits until it has the OpenCL device for itself."""
+    return int(threads > 1 and not config["threads"])
 
 
 def get_model(wildcards):

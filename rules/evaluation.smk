@@ -3,7 +3,7 @@
 
 
 # An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.
-rule attack_model:
+use rule base_step as attack_model with:
     input:
         unpack(lambda wildcards: {**get_variant(wildcards).measured, **get_variant(wildcards).rendered}),
         model=get_public_model,
@@ -14,23 +14,15 @@ rule attack_model:
         "results/logs/{scheme}/{scene}/{variant}/attack.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/attack.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: lambda wildcards: THREADS if get_variant(wildcards).rendered else 1
-    resources:
-        opencl_device=lambda wildcards: TURNS if get_variant(wildcards).rendered else 0,
+    threads: lambda wildcards: get_threads(wildcards) if get_variant(wildcards).rendered else 1
     params:
-        version=version("attack"),
+        **step("attack", lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
         attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
-        settings=settings(lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
-        files=files,
     message:
         "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
-    shell:
-        step("attack")
 
 
-rule evaluate_variant:
+use rule base_step as evaluate_variant with:
     input:
         lambda wildcards: get_evaluated_files(get_model(wildcards), [wildcards.variant]),
         "results/{scheme}/{scene}/{variant}/public",
@@ -44,24 +36,15 @@ rule evaluate_variant:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/evaluate.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        version=version("evaluate"),
+        **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), [wildcards.variant])),
         read=lambda wildcards: files_digest(get_variant(wildcards).users_files),
-        settings=settings(lambda wildcards: get_model(wildcards).evaluation([wildcards.variant])),
-        files=files,
     message:
         "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        step("evaluate")
 
 
 # All negative controls of a model; the output lists them, and each has a folder of its own, as variants have.
-rule evaluate_controls:
+use rule base_step as evaluate_controls with:
     input:
         lambda wildcards: get_evaluated_files(get_model(wildcards), get_model(wildcards).controls),
     output:
@@ -70,25 +53,16 @@ rule evaluate_controls:
         "results/logs/{scheme}/{scene}/controls.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/controls.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        version=version("evaluate"),
+        **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), get_model(wildcards).controls)),
         read=lambda wildcards: files_digest(
             file for name in get_model(wildcards).controls for file in Variant(get_model(wildcards), name).users_files
         ),
-        settings=settings(lambda wildcards: get_model(wildcards).evaluation(get_model(wildcards).controls)),
-        files=files,
     message:
         "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        step("evaluate")
 
 
-rule trace_decoys:
+use rule base_step as trace_decoys with:
     output:
         directory(expand("results/decoys/{{width}}x{{height}}x{{views}}/{seed}", seed=DECOYS)),
     log:
@@ -99,22 +73,19 @@ rule trace_decoys:
         width="[0-9]+",
         height="[0-9]+",
         views="[0-9]+",
-    conda:
-        "../envs/gspure.yaml"
+    threads: 1
     params:
-        code=code("decoys"),
-        settings=settings(
+        **step(
+            "decoys",
+            version=code_of("decoys"),
             folder=lambda wildcards: "results/decoys/{width}x{height}x{views}".format(**wildcards),
             **{name: lambda wildcards, name=name: int(wildcards[name]) for name in ("views", "width", "height")},
         ),
-        files=files,
     message:
         "Ray-tracing random scenes as candidates of the retrieval"
-    shell:
-        step("decoys")
 
 
-REPORTED = [f"{variant.folder}/metrics.csv" for model in PLAN.models for variant in model.variants]
+REPORTED = [f"{model.folder}/{variant}/metrics.csv" for model in PLAN.models for variant in VARIANTS]
 REPORTED += [f"{model.folder}/controls.json" for model in PLAN.models if model.controls]
 REPORTED += expand("results/{model}/{made}", model=MODELS, made=["diagnosis.json", "figures/model"])
 
@@ -135,9 +106,9 @@ rule write_report:
     conda:
         "../envs/gspure.yaml"
     params:
-        code=code("report"),
+        code=code_of("report"),
         templates=files_digest(sorted(Path(gspure.__file__).parent.glob("report/templates/*"))),
-        plan=str(PLAN.report),
+        plan=str(report_plan(PLAN)),
     message:
         "Writing tables, figures and the report"
     shell:

@@ -4,7 +4,7 @@
 
 # One job per part of the views. Snakemake decides whether a model's contributions are stale; the keys in the names of the
 # cached views decide which of them are computed again.
-rule measure_contributions:
+use rule base_step as measure_contributions with:
     input:
         model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -14,27 +14,19 @@ rule measure_contributions:
         "results/logs/{scheme}/{scene}{decision}/contributions-{scatteritem}.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}{decision}/contributions-{scatteritem}.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        version=version("contributions"),
-        settings=settings(
+        **step(
+            "contributions",
             get_settings("energy"),
             cache=lambda wildcards: f"stages/{wildcards.scheme}/{wildcards.scene}/contributions",
             part=lambda wildcards: [*map(int, wildcards.scatteritem.split("-of-"))],
             scheme=get_scheme,
         ),
-        files=files,
     message:
         "Measuring contributions in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}, part {wildcards.scatteritem}"
-    shell:
-        step("contributions")
 
 
-rule accumulate_weights:
+use rule base_step as accumulate_weights with:
     input:
         indices=lambda wildcards: gather.views(
             "{folder}/{scatteritem}.tsv", folder=get_made("contributions")(wildcards)
@@ -48,19 +40,14 @@ rule accumulate_weights:
         "results/logs/{scheme}/{scene}{decision}/weights.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}{decision}/weights.tsv"
-    conda:
-        "../envs/gspure.yaml"
+    threads: 1
     params:
-        version=version("weights"),
-        settings=settings(get_settings("reduction", "views"), scheme=get_scheme),
-        files=files,
+        **step("weights", get_settings("reduction", "views"), scheme=get_scheme),
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
-    shell:
-        step("weights")
 
 
-rule span_tree:
+use rule base_step as span_tree with:
     input:
         model=get_public_model,
         weights=get_made("weights.npy"),
@@ -72,20 +59,13 @@ rule span_tree:
         "results/logs/{scheme}/{scene}{decision}/tree.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}{decision}/tree.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
     params:
-        version=version("tree"),
-        settings=settings(get_settings("cluster_on", "min_samples"), scheme=get_scheme),
-        files=files,
+        **step("tree", get_settings("cluster_on", "min_samples"), scheme=get_scheme),
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
-    shell:
-        step("tree")
 
 
-rule decide_pruning:
+use rule base_step as decide_pruning with:
     input:
         model=get_public_model,
         tree=get_made("tree.npy"),
@@ -98,20 +78,15 @@ rule decide_pruning:
         "results/logs/{scheme}/{scene}{decision}/prune_mask.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}{decision}/prune_mask.tsv"
-    conda:
-        "../envs/gspure.yaml"
+    threads: 1
     params:
-        version=version("decision"),
-        settings=settings(get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
-        files=files,
+        **step("decision", get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
-    shell:
-        step("decision")
 
 
 # Distances of rows from the visible surface, which the attack `gof` needs.
-rule measure_surface:
+use rule base_step as measure_surface with:
     input:
         model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -121,23 +96,14 @@ rule measure_surface:
         "results/logs/{scheme}/{scene}/surface.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/surface.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        version=version("surface"),
-        settings=settings(scheme=get_scheme),
-        files=files,
+        **step("surface", scheme=get_scheme),
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        step("surface")
 
 
 # With the owner's key, it also writes hidden.npy and hidden.json: which rows hold the message.
-rule draw_model:
+use rule base_step as draw_model with:
     input:
         unpack(lambda wildcards: get_model(wildcards).owned if get_model(wildcards).hides_picture else {}),
         model=get_public_model,
@@ -157,16 +123,7 @@ rule draw_model:
         "results/logs/{scheme}/{scene}/figures.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/figures.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        version=version("figures"),
-        settings=settings(lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
-        files=files,
+        **step("figures", lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        step("figures")

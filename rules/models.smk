@@ -2,7 +2,7 @@
 # person types, `gspure pair`, is a command here, too.
 
 
-rule make_pair:
+use rule base_command as make_pair with:
     input:
         lambda wildcards: pair_files(get_pair(wildcards)),
         message=lambda wildcards: [f for f in [message_model(get_pair(wildcards))] if f.startswith("results/messages/")],
@@ -15,13 +15,8 @@ rule make_pair:
         "results/logs/pairs/{scene}/pair.log",
     benchmark:
         "results/benchmarks/pairs/{scene}/pair.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        code=code("pair"),
+        code=code_of("pair"),
         read=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
         command=lambda wildcards: command(
             "pair",
@@ -32,11 +27,9 @@ rule make_pair:
         ),
     message:
         "Making pair {wildcards.scene}"
-    shell:
-        logged("python -m gspure {params.command}")
 
 
-rule train_message:
+use rule base_command as train_message with:
     input:
         get_message_files,
     output:
@@ -45,13 +38,8 @@ rule train_message:
         "results/logs/messages/{message}.log",
     benchmark:
         "results/benchmarks/messages/{message}.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        code=code("train"),
+        code=code_of("train"),
         read=lambda wildcards: files_digest(get_message_files(wildcards)),
         command=lambda wildcards: command(
             "train",
@@ -62,12 +50,10 @@ rule train_message:
         ),
     message:
         "Training a model of message {wildcards.message}"
-    shell:
-        logged("python -m gspure {params.command}")
 
 
 # A killed run continues from its last checkpoint, which is beside the outputs.
-rule train_model:
+use rule base_command as train_model with:
     input:
         get_training_files,
     output:
@@ -77,13 +63,8 @@ rule train_model:
         f"results/logs/{VANILLA}/{{scene}}/train.log",
     benchmark:
         f"results/benchmarks/{VANILLA}/{{scene}}/train.tsv"
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        code=code("train"),
+        code=code_of("train"),
         read=lambda wildcards: files_digest(get_training_files(wildcards)),
         command=lambda wildcards: command(
             "train",
@@ -95,11 +76,9 @@ rule train_model:
         ),
     message:
         "Training a model of {wildcards.scene}"
-    shell:
-        logged("python -m gspure {params.command}")
 
 
-rule embed_message:
+use rule base_command as embed_message with:
     input:
         cameras=lambda wildcards: f"{get_model(wildcards).pair}/cameras.json",
         points=lambda wildcards: f"{get_model(wildcards).pair}/points3D.ply",
@@ -114,18 +93,11 @@ rule embed_message:
         "results/benchmarks/{scheme}/{scene}/embed.tsv"
     wildcard_constraints:
         scheme=WATERMARKED,
-    conda:
-        "../envs/gspure.yaml"
-    threads: THREADS
-    resources:
-        opencl_device=TURNS,
     params:
-        code=lambda wildcards: code("embed", get_model(wildcards).module),
+        code=lambda wildcards: code_of("embed", get_model(wildcards).module),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
-    shell:
-        logged("python -m gspure {params.command}")
 
 
 # A clean model, trained without the message, is a control.
@@ -142,7 +114,7 @@ use rule embed_message as train_clean_model with:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
 
 
-rule prepare_cameras:
+use rule base_step as prepare_cameras with:
     input:
         lambda wildcards: get_model(wildcards).view_files,
         model=get_public_model,
@@ -154,17 +126,12 @@ rule prepare_cameras:
         "results/benchmarks/{scheme}/{scene}/cameras.tsv"
     wildcard_constraints:
         scheme=VANILLA,
-    conda:
-        "../envs/gspure.yaml"
+    threads: 1
     params:
-        version=version("cameras"),
+        **step("cameras", views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
         read=lambda wildcards: files_digest(get_model(wildcards).view_files),
-        settings=settings(views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
-        files=files,
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
-    shell:
-        step("cameras")
 
 
 # The views of the message are the owner's.

@@ -156,12 +156,11 @@ BUDGETS = {
     "schemes": (3800, 29),
     "surface": (280, 4),
     "training": (1200, 11),
-    "workflow": (900, 5),
+    "workflow": (900, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 
 MOST_LINES = 300  # of a module
-LONGER = {"plan.py"}  # the plan of the workflow: models and variants, which know each other
 
 PRIVATE = re.compile(
     r"workflow\._|\._build_dag|update_needrun|persistence\.|exit_gracefully|_user_kill|scheduler\.failed|"
@@ -182,7 +181,7 @@ def test_a_folder_keeps_to_its_budget(folder: str) -> None:
 
 def test_no_module_is_longer_than_a_reader_holds_in_mind() -> None:
     lengths = {source: len(source.read_text(encoding="utf-8").splitlines()) for source in TREES}
-    assert {source.name for source, length in lengths.items() if length > MOST_LINES} <= LONGER
+    assert [source.name for source, length in lengths.items() if length > MOST_LINES] == []
 
 
 def test_no_private_name_of_snakemake_is_used() -> None:

@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from gspure.attacks.attack import Attack
 from gspure.evaluation.names import BASELINES, CONTROLS, OTHER_SCENE
 from gspure.evaluation.paper import read_cells
-from gspure.workflow import plan as planning
-from gspure.workflow.plan import MADE, METHOD, Model, Plan, Variant, factors_of, first_alike, message_name, sweeps
+from gspure.workflow import variants
+from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike, sweeps
+from gspure.workflow.inputs import message_name
+from gspure.workflow.plan import Model, Plan
+from gspure.workflow.variants import Variant, evaluation, report_plan, reported
 from tests.workflow_cases import ROOT, plan_of, settled
 
 CONFIG = yaml.safe_load("""
@@ -76,16 +79,16 @@ def test_a_users_model_is_read_in_place_and_compared_with_its_renders(bot):
     assert bot.public == bot.users_files[0] == "README.md"
     assert (bot.view_files, bot.targets, bot.controls, bot.decoys) == ([], ["scene"], [], [])
     assert bot.view_settings["generated"]["count"] == 24
-    evaluation = bot.evaluation(["gspure"])
-    assert (evaluation["references"], evaluation["reference"]) == ("results/vanilla/bot/unattacked/renders", "render")
-    assert "key" not in evaluation
+    settings = evaluation(bot, ["gspure"])
+    assert (settings["references"], settings["reference"]) == ("results/vanilla/bot/unattacked/renders", "render")
+    assert "key" not in settings
 
 
 def test_chosen_extractions_are_those_that_are_compared(again):
     assert again.targets == ["scene", "message", "message_adaptive", "message_oracle"]
     chosen = changed(assets=None, extractions=["message", "message_oracle"])
     assert chosen.models[0].targets == ["scene", "message", "message_oracle"]
-    assert chosen.models[0].evaluation(["gspure"])["published"] is None
+    assert evaluation(chosen.models[0], ["gspure"])["published"] is None
 
 
 def test_candidates_of_the_retrieval_are_other_messages_and_random_scenes_of_the_same_size(again):
@@ -118,7 +121,7 @@ def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
         "other_scene": [],
     }
     assert all([*Variant(model, name).detectors] == ["bits"] for name in ("gspure", *model.controls))
-    assert model.reported.controls == ["clean"]
+    assert reported(model).controls == ["clean"]
 
 
 def test_detectors_read_variants_and_clean_models():
@@ -150,10 +153,10 @@ def test_only_a_search_for_a_damage_gets_photographs_of_the_scene(again, monkeyp
 
 
 def test_only_a_fitting_owner_gets_photographs_of_the_message(plan, again):
-    learned = Model(plan, "secure_gs", "raised").evaluation(["gspure"])
+    learned = evaluation(Model(plan, "secure_gs", "raised"), ["gspure"])
     assert learned["photographs"] == "results/pairs/raised/message"
-    assert again.evaluation(["gspure"])["photographs"] is None
-    assert again.evaluation(["gspure"])["published"] == again.public
+    assert evaluation(again, ["gspure"])["photographs"] is None
+    assert evaluation(again, ["gspure"])["published"] == again.public
 
 
 def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again, monkeypatch):
@@ -171,7 +174,7 @@ def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again,
 def test_only_built_in_attacks_get_the_factors_of_a_decision(again, monkeypatch):
     def temper(model, rng, *, tau: float = 0.5): ...
 
-    monkeypatch.setattr(planning, "find_attack", lambda name: Attack("temper", temper))
+    monkeypatch.setattr(variants, "find_attack", lambda name: Attack("temper", temper))
     assert Variant(again, "plain_weight").attacked_by["settings"] == {}
 
 
@@ -231,13 +234,13 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
     }
     own = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
     plan = changed(assets=None, decisions={**own, "ewa": {"energy": "ewa"}}, variants=variants)
-    assert plan.report.sweeps == {
+    assert report_plan(plan).sweeps == {
         "gspure": ["gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"],
         "gspure leaf": ["leaf", "gentle_leaf"],
         "random_pruning": ["half", "random_pruning"],
     }
-    assert plan.report.points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
-    assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == plan.report.points["secure_gs"]
+    assert report_plan(plan).points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
+    assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == report_plan(plan).points["secure_gs"]
 
 
 def test_a_sweep_is_not_named_after_a_variant_that_is_none_of_its_own():
@@ -247,7 +250,7 @@ def test_a_sweep_is_not_named_after_a_variant_that_is_none_of_its_own():
 
 
 def test_the_report_knows_variants_controls_and_photographs(plan):
-    models = plan.report.models
+    models = report_plan(plan).models
     assert [*models] == [f"{model.scheme}/{model.scene}" for model in plan.models]
     assert models["secure_gs/front"].photographs.name == "front"
     assert (models["secure_gs/front"].protocol, models["secure_gs/front"].initialization) == ("shared", "both")

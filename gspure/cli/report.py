@@ -7,6 +7,7 @@ from gspure.files import read_json
 from gspure.progress import tell
 from gspure.report.writing import write_report
 from gspure.workflow.plan import Plan
+from gspure.workflow.variants import report_plan
 
 EXAMPLES = """\
   gspure report results                  # results/report.html, also of a run that has failed or still goes on
@@ -21,7 +22,7 @@ def run(args: Arguments) -> None:
     file = args.results / "configuration.json"
     if not file.is_file():
         raise InputError(args.results, file.name, expected="the configuration of a run", found="no such file")
-    for outcome in write_report(args.results, Plan(read_json(file)).report):
+    for outcome in write_report(args.results, report_plan(Plan(read_json(file)))):
         if outcome.failure:
             name = model_name(outcome.scheme, outcome.folder)
             tell(f"gspure: {name}, {display_name(outcome.variant)}: no results: {outcome.failure}")

@@ -19,7 +19,7 @@ from gspure.scenes.staging import NAMES, scene_builder
 from gspure.schemes.registry import schemes
 from gspure.settings import require_settings
 from gspure.training.dataset import read_views
-from gspure.workflow.plan import METHOD
+from gspure.workflow.decisions import METHOD
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
