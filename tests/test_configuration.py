@@ -111,7 +111,6 @@ def variants(**changed):
             "schemes.splats: expected one of .*splats_in_splats.*, found 'splats'",
         ),
         ({**PLANTED, "schemes": {"planted": {"bits": 3}}}, "schemes.planted.bits: expected one of .*unknown key"),
-        ({**PLANTED, "schemes": {"planted": {"message_weight": 0}}}, "schemes.planted.message_weight: .* more than 0"),
         ({**PLANTED, "extractions": ["message", "message_x"]}, "extractions: expected one of message.*'message_x'"),
         ({**PLANTED, "decisions": {"method": {}}}, "decisions.method: "),
         ({**PLANTED, "detectors": {"scene": {"command": "ls"}}}, "detectors.scene: "),

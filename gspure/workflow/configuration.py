@@ -12,7 +12,7 @@ from gspure.cameras.photographs import require_present
 from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.detection import words_of
-from gspure.evaluation.names import CONTROLS, GSPURE, variant_at
+from gspure.evaluation.names import CONTROLS, variant_at
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.staging import NAMES, scene_builder
@@ -48,7 +48,6 @@ def resolve(config: Mapping[str, Any], source: str) -> dict[str, Any]:
         raise InputError(source, f"decisions.{METHOD}", expected="another name than that of the method", found=METHOD)
     for variant, settings in settled["variants"].items():
         _settle_variant(variant, settings, settled["decisions"], source)
-    _require_one_decision(settled["variants"], source)
     settled["variants"] = _at_damages(settled["variants"])
     _check_schemes(settled, source)
     return settled
@@ -137,19 +136,6 @@ def _check_settings(
     require_settings(source, known[name], own, f"{place}.")
 
 
-def _require_one_decision(variants: Mapping[str, Mapping[str, Any]], source: str) -> None:
-    """Refuse different decisions for variants that are named after their attacks: they are compared with gspure."""
-    masked = [
-        name for name, each in variants.items() if name == each["attack"] and "prune_mask" in find_attack(name).needs
-    ]
-    for name in masked:
-        decision, expected = (variants[each].get("decision", METHOD) for each in (name, GSPURE))
-        if decision != expected:
-            hint = f"rename the variant, and set `attack: {name}` in it"
-            expected = f"{expected}, the decision of {GSPURE}"
-            raise InputError(source, f"variants.{name}.decision", expected=expected, found=decision, hint=hint)
-
-
 def _at_damages(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the variants, with one for each damage in place of those that list several."""
     expanded: dict[str, dict[str, Any]] = {}
@@ -168,9 +154,6 @@ def _check_schemes(config: Mapping[str, Any], source: str) -> None:
     for name, settings in config["schemes"].items():
         place = f"schemes.{name}"
         _check_settings(settings, name, {each: scheme.embed for each, scheme in known.items()}, source, place)
-        if not settings.get("message_weight", 1):
-            hint = "clean models, without a message, are trained in any case"
-            raise InputError(source, f"{place}.message_weight", expected="more than 0", found="0", hint=hint)
     extractions = sorted({extraction for scheme in config["schemes"] for extraction in known[scheme].extractions})
     for name in config["extractions"] or ():
         _require(name, extractions, source, "extractions")
