@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Give a virtual environment an OpenCL device on which a program builds and runs. The first way that works is kept:
-# what is there already; PoCL from PyPI; PoCL from Debian, installed or else unpacked; Intel's runtime from PyPI.
+# what is there already; PoCL from Debian, installed or else unpacked; Intel's runtime from PyPI.
 # usage: setup/opencl.sh VENV
 set -eu
 cd "$(dirname "$0")/.."
@@ -30,14 +30,6 @@ pip() {
   "$venv/bin/pip" --quiet --disable-pip-version-check "$@" >>"$log" 2>&1
 }
 
-pocl_from_pypi() {
-  command -v ld >/dev/null || return 1 # it links its kernels with the system's linker
-  echo "setup: pip install pocl-binary-distribution"
-  pip install pocl-binary-distribution==3.0 && works && return
-  pip uninstall -y pocl-binary-distribution
-  return 1
-}
-
 pocl_from_debian() {
   setup/apt_install.sh pocl-opencl-icd 2>>"$log" && works
 }
@@ -55,15 +47,12 @@ pocl_unpacked() {
 
 intel_from_pypi() {
   echo "setup: pip install intel-opencl-rt intel-cmplr-lib-rt (Intel End User License Agreement)"
-  pip install intel-opencl-rt==2026.2.0 intel-cmplr-lib-rt==2026.2.0 || return 1
-  echo "$venv/lib/libintelocl.so" >"$icd/intel.icd"
-  works && return
+  pip install intel-opencl-rt==2026.2.0 intel-cmplr-lib-rt==2026.2.0 && works && return
   pip uninstall -y intel-opencl-rt intel-cmplr-lib-rt
-  rm "$icd/intel.icd"
   return 1
 }
 
-for way in works pocl_from_pypi pocl_from_debian pocl_unpacked intel_from_pypi; do
+for way in works pocl_from_debian pocl_unpacked intel_from_pypi; do
   if "$way"; then exit 0; fi
 done
 echo "setup: no OpenCL device works here, and none could be installed (what was tried: $log)." >&2

@@ -3,7 +3,7 @@
 import os
 import platform
 import shlex
-import shutil
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,6 +19,7 @@ from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
   gspure doctor
+  gspure doctor --fix            # install what is missing into this environment
   GSPURE_DEVICE=1 gspure doctor  # check one device
 """
 
@@ -36,11 +37,25 @@ class Finding:
 
 
 def add_arguments(parser: Parser) -> None:
-    """Add the options of this command: none."""
+    parser.flag("--fix", "install missing packages, and an OpenCL driver, with pip, into this environment")
 
 
-def run(args: Arguments) -> int:  # noqa: ARG001
+def run(args: Arguments) -> int:
     """Print the report; return 0 if gspure can run, else 1."""
+    fixes = examine()
+    pip = [fix for fix in fixes if fix and fix.startswith(shlex.quote(sys.executable))]
+    if args.fix and pip:
+        for fix in pip:
+            print(f"\n{fix}", flush=True)
+            subprocess.run(shlex.split(fix), check=False)
+        print(flush=True)
+        fixes = examine()
+    print(f"\n{'gspure cannot run yet: see the fixes above.' if fixes else 'gspure can run.'}")
+    return int(bool(fixes))
+
+
+def examine() -> list[str | None]:
+    """Print the findings; return the fix of each fault without which gspure cannot run."""
     checks = {
         "Packages: installed, required": packages,
         "OpenGL: a picture drawn off screen": opengl,
@@ -48,13 +63,12 @@ def run(args: Arguments) -> int:  # noqa: ARG001
     }
     system = f"{platform.system()} {platform.machine()}"
     print(f"gspure {gspure.__version__}, Python {platform.python_version()}, {system}", flush=True)
-    lacking = 0
+    faults: list[Finding] = []
     with ThreadPoolExecutor() as pool:  # each check waits for a subprocess
         for title, findings in zip(checks, pool.map(lambda check: check(), checks.values()), strict=True):
             print(*report(title, findings), sep="\n", flush=True)
-            lacking += sum(finding.needed and not finding.ok for finding in findings)
-    print(f"\n{'gspure cannot run yet: see the fixes above.' if lacking else 'gspure can run.'}")
-    return int(lacking > 0)
+            faults += [finding for finding in findings if finding.needed and not finding.ok]
+    return [finding.fix for finding in faults]
 
 
 def opencl() -> list[Finding]:
@@ -73,9 +87,8 @@ def opencl() -> list[Finding]:
         mismatch = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
         findings.append(Finding(ok=False, cells=(mismatch,), fix="unset GSPURE_DEVICE"))
     elif not usable:
-        # That of PyPI links kernels by the system's linker, and does not know the newest CPUs: then there are trials.
-        by_pip = not trials and platform.machine() == "x86_64" and shutil.which("ld")
-        driver = _pip("pocl-binary-distribution") if by_pip else "sudo apt-get install pocl-opencl-icd"
+        by_pip = (platform.system(), platform.machine()) == ("Linux", "x86_64")
+        driver = _pip("intel-opencl-rt", "intel-cmplr-lib-rt") if by_pip else "sudo apt-get install pocl-opencl-icd"
         fix = _make("opencl") or driver
         findings.append(Finding(ok=False, cells=("no working device",), fix=fix))
     return findings

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -18,7 +19,7 @@ import pyopencl as cl
 from gspure.errors import InputError
 
 DEVICE_VARIABLE: Final = "GSPURE_DEVICE"
-INSTALL_HINT: Final = "`make opencl` in a checkout of gspure, or `sudo apt-get install pocl-opencl-icd`"
+INSTALL_HINT: Final = "see `gspure doctor`, which installs a driver with --fix"
 
 _TRIVIAL_KERNEL = """
 kernel void scale(global const float16 *input, global float16 *output) {
@@ -152,11 +153,31 @@ def _platforms() -> list[cl.Platform]:
     if not _can_cache():
         os.environ["XDG_CACHE_HOME"] = folder = tempfile.mkdtemp(prefix="gspure-cache-")
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    _register_intel()
     try:
         platforms: list[cl.Platform] = cl.get_platforms()
     except cl.Error:  # the loader found no driver
         return []
-    return platforms
+    # PoCL 3.0, that of PyPI, hangs or ends the process on processors made since 2022.
+    return sorted(platforms, key=lambda platform: "PoCL 3.0" in platform.version)
+
+
+def _register_intel() -> None:
+    """Let the loader find Intel's runtime of PyPI, beside all other drivers; it registers itself nowhere."""
+    try:
+        files = metadata.files("intel-opencl-rt") or []
+    except metadata.PackageNotFoundError:
+        return
+    library = next((str(Path(file.locate()).resolve()) for file in files if file.name == "libintelocl.so"), None)
+    if not library or {"OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"} & os.environ.keys():
+        return
+    folder = Path(tempfile.mkdtemp(prefix="gspure-drivers-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    for place in (Path("/etc/OpenCL/vendors"), Path(cl.__file__).with_name(".libs")):
+        for file in place.glob("*.icd"):
+            (folder / file.name).symlink_to(file)
+    (folder / "intel-pypi.icd").write_text(library)
+    os.environ["OCL_ICD_VENDORS"] = str(folder)
 
 
 def _can_cache() -> bool:

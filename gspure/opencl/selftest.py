@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # imported in children only, so that `gspure doctor` reports 
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
 
-_SECONDS: Final = 120
+_SECONDS: Final = 20
 _REASON: Final = re.compile(r"^(?:error: *(.*)|(?:\w+\.)*(\w*Error: .*))", re.MULTILINE)
 
 
