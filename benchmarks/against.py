@@ -4,8 +4,6 @@
 of neighbouring measurements: of image and contributions of a view, or of an iteration of the schemes that need PyTorch.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

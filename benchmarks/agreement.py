@@ -3,8 +3,6 @@
 ``python -m benchmarks.agreement``, in a checkout.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The spanning tree and the selection, on features with the tails of a real scene."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

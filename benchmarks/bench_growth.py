@@ -1,7 +1,5 @@
 """How cost grows with Gaussians, pixels and views."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """A frame, and one with gradients, beside gsplat's CUDA rasterizer on the same GPU: see `make gpu`."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Reading and writing a model of a million Gaussians; the file lies in the system's cache."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

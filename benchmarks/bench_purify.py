@@ -1,7 +1,5 @@
 """`gspure purify` from file to file: CPU time and peak memory, against the memory that it announces."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

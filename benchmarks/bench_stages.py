@@ -1,7 +1,5 @@
 """The stages of a frame: image and contributions in one traversal, and what blending makes of the processor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

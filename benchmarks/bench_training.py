@@ -1,7 +1,5 @@
 """One iteration of training, whole and stage by stage, beside a frame that is only looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Whole views, as `gspure.renderer` is asked for them."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -6,8 +6,6 @@ pytest benchmarks --record gpu       # the same of another kind of processor: re
 With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2 on other processors too.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import re

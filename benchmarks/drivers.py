@@ -5,8 +5,6 @@ the rules, the worst of several awkward models. ``OCL_ICD_VENDORS`` may name a f
 drivers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

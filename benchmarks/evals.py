@@ -1,7 +1,5 @@
 """How much work compositing does: the pixel evaluations of a frame, counted by the kernel itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What one benchmark found: times of its variants, and figures with the goals set for them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any

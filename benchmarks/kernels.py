@@ -3,8 +3,6 @@
 ``python -m benchmarks.kernels [STYLE]``, in a checkout; the kernel style is by default that of the chosen device.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import Counter

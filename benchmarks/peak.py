@@ -1,7 +1,5 @@
 """How many fused multiply-adds this machine can do: compiled natively, and by its OpenCL driver."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

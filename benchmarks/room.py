@@ -4,8 +4,6 @@ At 960x540, 57 of 100 thousand Gaussians are visible and 0.40 M tile entries res
 million and 2.1 M.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """One frame, stage by stage: what `gspure.renderer` does, with an end after each stage."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Beside each error stands its condition: how far alpha moves when the row's own f
 float32 renderer can do much better. benchmarks/agreement.py prints the tables of docs/numerics.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """Small Scaffold-GS models, shared by the tests of SecureGS."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gspure.schemes.secure_gs.anchors import Anchors, table_of

@@ -1,7 +1,5 @@
 """A small ray-traced pair, made once per session, for the tests of schemes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from gspure.cli import main

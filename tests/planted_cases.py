@@ -1,7 +1,5 @@
 """Planted messages without the photographs of a pair, which planting does not look at."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What schemes embed in the shared pair, each trained once in a run of the tests."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from types import SimpleNamespace

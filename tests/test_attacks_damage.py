@@ -1,7 +1,5 @@
 """Attacks at a wanted damage to the scene: the search for a strength, and its measure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Annotated
 

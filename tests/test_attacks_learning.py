@@ -1,7 +1,5 @@
 """Attacks that learn from the public model's own renders: what they are given, change and keep."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Attacks that learn on models with networks: GS-Hider's decoder and SecureGS's networks stay, features change."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """``gspure audit``: the workflow on a model or a configuration, in the current folder."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Bad input: one line that names file and field, exit status 2, nothing half-written, before any work on a device."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Names of views: whatever a file calls a photograph, the name stays one visible file inside the output folder."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

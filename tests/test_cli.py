@@ -1,7 +1,5 @@
 """The command line: help, refusals in one line, exit statuses, interruptions."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

@@ -1,7 +1,5 @@
 """The files of the clustering: what damaged or foreign ones may not reach."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What commands write: each once on small inputs, with its provenance and the run ID of the embedding."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The configuration: its schema, its defaults, and what is refused before any job starts."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

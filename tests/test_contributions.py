@@ -1,7 +1,5 @@
 """The store of per-view contributions: what is computed again, and what is not."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

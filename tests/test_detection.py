@@ -1,7 +1,5 @@
 """Detection: thresholds, commands of detectors, and what they may answer; the place of marks beside pictures."""
 
-from __future__ import annotations
-
 import math
 import shlex
 import sys

@@ -1,7 +1,5 @@
 """`gspure doctor`: its findings, fixes and exit status."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from dataclasses import replace

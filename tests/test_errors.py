@@ -1,7 +1,5 @@
 """The message of an InputError: one printable line of bounded length, whatever the file holds."""
 
-from __future__ import annotations
-
 import lzma
 import os
 import struct

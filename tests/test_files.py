@@ -1,7 +1,5 @@
 """Files that are whole or absent, arrays without pickle, and the provenance of a folder."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

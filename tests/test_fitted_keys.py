@@ -1,7 +1,5 @@
 """Owners who fit their decoder to an attacked model: what it reads, changes and improves."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """KeySS: what the network adds, what the key is, and what the message may train."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Marked Clones: the decoder learns, the clones show its bits, and the owner reads them from renders."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels are found however gspure is installed (wheel, editable, checkout), and the set-up can ask it what works."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

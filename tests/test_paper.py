@@ -3,8 +3,6 @@
 They are references. Nothing here compares our own results with them.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import re

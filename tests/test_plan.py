@@ -1,7 +1,5 @@
 """The files and settings of jobs: of models, of their variants and controls, and of decisions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

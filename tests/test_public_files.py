@@ -1,7 +1,5 @@
 """Networks beside a public model: attacks copy them byte for byte, and ambiguous ones are warned of."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every device is tried on a frame, and a driver that ends its process affects only that device."""
 
-from __future__ import annotations
-
 import subprocess
 
 import numpy as np

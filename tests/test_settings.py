@@ -1,7 +1,5 @@
 """Settings: every number of an attack or a scheme has bounds, which admit its default."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Which edits of the package's code a stage notices."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The example of a detector: it reads what it embeds, and nothing else."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Configurations as the workflow resolves them, and a tiny project in which all of it has been run once."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

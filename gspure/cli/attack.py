@@ -1,7 +1,5 @@
 """``gspure attack``: one variant of a model."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``gspure cameras``: convert or generate cameras; write cameras.json."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

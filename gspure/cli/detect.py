@@ -1,7 +1,5 @@
 """``gspure detect``: read a mark from images."""
 
-from __future__ import annotations
-
 from argparse import ArgumentTypeError
 from pathlib import Path
 

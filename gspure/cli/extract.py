@@ -1,7 +1,5 @@
 """``gspure extract``: render the message with the owner's key."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

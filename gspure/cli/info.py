@@ -1,7 +1,5 @@
 """``gspure info``: statistics of a model file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path

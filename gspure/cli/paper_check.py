@@ -1,7 +1,5 @@
 """``gspure paper-check``: the paper's printed numbers against those that follow from its own tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from gspure.cli.parser import Arguments, Parser

@@ -1,7 +1,5 @@
 """``gspure purify``: the whole method on one model in one process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

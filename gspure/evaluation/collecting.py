@@ -1,7 +1,5 @@
 """Outcomes from a folder of results: what is there, and why the rest is missing; and their table, ``results.csv``."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The outcome of a variant: metrics of scene and message, and precision and recall of its pruning."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace

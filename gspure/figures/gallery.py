@@ -1,7 +1,5 @@
 """All figures of one model and its purification."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path

@@ -5,8 +5,6 @@ property order, any byte order and further scalar properties are read. Elements 
 header is checked before rows are read.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The owner's audit under one condition: whether the message survived, in one sentence, and what limits the answer."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf

@@ -1,7 +1,5 @@
 """All tables and figures of a run, and its report, from the folder of results as it is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

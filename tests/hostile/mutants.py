@@ -4,8 +4,6 @@ A process has numpy, pytest and the like imported; for every mutant it forks, an
 in place of the file and runs the tests of that module up to the first failure.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import copy

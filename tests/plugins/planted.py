@@ -9,8 +9,6 @@ of the message.
     <key>/message_rows.npy    the rows that carry the message
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
