@@ -33,50 +33,32 @@ def words(monkeypatch):
     return started
 
 
-def test_a_model_becomes_a_configuration_that_the_workflow_accepts(folder, words):
+def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(folder, words, capsys):
     assert main(["audit", "my model.ply", "--cameras", "orbit", "--up", "0", "0", "1", "--cores", "1"]) == 0
     file = Path(words[words.index("--configfile") + 1])
     (asset,) = settled(yaml.safe_load(file.read_text()))["assets"].values()
     assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
     assert words[words.index("--cores") + 1] == "1"
+    write_model(folder / "other.ply", blobs(30))
+    assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
+    assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
 
 
 def test_anchors_are_pruned_with_the_factors_of_purify(folder, words):
     anchors = np.zeros(3, [(name, "<f4") for name in (*blobs(1).table.dtype.names, "f_anchor_feat_0", "f_offset_0")])
     write_model(folder / "anchors.ply", Gaussians(anchors))
     assert main(["audit", "anchors.ply", "--cameras", "orbit"]) == 0
-    assert main(["audit", "anchors.ply", "--cameras", "orbit"]) == 0  # which finds its own configuration
     config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
     assert config["method"] == {"tau_c": ANCHOR_TAU_C, "tau_n": ANCHOR_TAU_N}
 
 
-def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words):
+def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):
     Path("mine.yaml").write_text("{}")
+    assert main(["audit", "mine.yaml", "--cameras", "orbit"]) == 2
+    assert "mine.yaml: --cameras: expected nothing beside a configuration" in capsys.readouterr().err
     assert main(["audit", "mine.yaml", "--", "--forcerun", "all"]) == 0
     assert words[words.index("--configfile") + 1 :] == ["mine.yaml", "--forcerun", "all"]
-
-
-def test_the_results_of_another_model_are_not_replaced(folder, words, capsys):
-    assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
-    write_model(folder / "other.ply", blobs(30))
-    assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
-    assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        (["no.ply", "--cameras", "orbit"], "no.ply: no such file"),
-        (["my model.ply"], "audit: --cameras: expected views of the model"),
-        (["mine.yaml", "--cameras", "orbit"], "mine.yaml: --cameras: expected nothing beside a configuration"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line_before_snakemake_starts(folder, words, capsys, command, reason):
-    Path("mine.yaml").write_text("{}")
-    assert main(["audit", *command]) == 2
-    assert reason in capsys.readouterr().err
-    assert not words
 
 
 def test_a_lock_is_removed_unless_a_run_holds_it(folder, words, monkeypatch, capsys):
@@ -108,13 +90,4 @@ def test_a_wrong_configuration_is_refused_in_one_line(folder):
     assert done.returncode == 2
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("gspure")]
     assert line.startswith("gspure: mine.yaml: assets.bot.resolution: 'half'")
-    assert not Path("results").exists()
-
-
-@pytest.mark.workflow
-def test_a_dry_run_lists_the_jobs_and_writes_no_configuration(folder):
-    command = [sys.executable, "-m", "gspure", "audit", "my model.ply", "--cameras", "orbit", "--dry-run"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "evaluate_variant" in done.stdout + done.stderr
     assert not Path("results").exists()

@@ -20,24 +20,12 @@ def source(tmp_path):
 
 
 def test_views_are_scaled_written_in_order_and_summarized(tmp_path, source, capsys):
+    Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
     assert main(["cameras", str(source), "--out", str(tmp_path / "out" / "cameras.json")]) == 0
     cameras = read_cameras(tmp_path / "out" / "cameras.json")
     assert [camera.name for camera in cameras] == ["c", "a", "b"]
     assert {(camera.width, camera.height, camera.K[0, 0]) for camera in cameras} == {(1600, 900, 1500.0)}
-    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "0"]
-
-
-def test_photographs_that_exist_are_counted(tmp_path, source, capsys):
-    Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
-    assert main(["cameras", str(source), "--out", str(tmp_path / "out.json")]) == 0
-    assert capsys.readouterr().out.splitlines()[1].split()[-1] == "1"
-
-
-def test_the_same_input_gives_the_same_bytes(tmp_path, source):
-    for name in ("one.json", "two.json"):
-        assert main(["cameras", str(source), "--out", str(tmp_path / name), "--resolution", "1/4"]) == 0
-    assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
-    assert read_cameras(tmp_path / "one.json")[0].width == 800
+    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "1"]
 
 
 @pytest.mark.parametrize("kind", ["orbit", "shells"])
@@ -55,19 +43,14 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
     ("options", "message"),
     [
         (["orbit"], "orbit: --model: expected the model to look at, found nothing"),
-        (["SOURCE", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
-        (
-            ["SOURCE", "--resolution", "4"],
-            "resolution: value: expected native, photographs, 1/N or Wpx (such as 1600px), found '4'",
-        ),
+        (["source.json", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
+        (["source.json", "--resolution", "4"], "resolution: value: expected native, photographs, 1/N or Wpx"),
         (["nowhere.json"], "nowhere.json: no such file"),
     ],
 )
-def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, source, capsys, options, message):
-    out = tmp_path / "out.json"
-    arguments = [str(source) if option == "SOURCE" else option for option in options]
-    assert main(["cameras", *arguments, "--out", str(out)]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1
-    assert message in lines[0]
-    assert not out.exists()
+def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, monkeypatch, source, capsys, options, message):
+    monkeypatch.chdir(tmp_path)
+    assert main(["cameras", *options, "--out", "out.json"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+    assert not (tmp_path / "out.json").exists()

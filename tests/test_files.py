@@ -2,8 +2,6 @@
 
 import io
 import json
-import os
-import signal
 import struct
 import subprocess
 import sys
@@ -24,7 +22,6 @@ from gspure.files import (
     filling,
     load_array,
     load_arrays,
-    read_json,
     replacing,
     run_of,
     save_array,
@@ -62,7 +59,7 @@ def test_the_files_of_a_folder_appear_together_beside_others(tmp_path: Path) -> 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "other", "sub"]
 
 
-@pytest.mark.parametrize("failure", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("failure", [ZeroDivisionError, KeyboardInterrupt])
 @pytest.mark.parametrize("writing", [replacing, filling])
 def test_work_that_fails_or_is_stopped_leaves_everything_as_it_was(tmp_path: Path, writing, failure) -> None:
     (tmp_path / "a").write_text("old")
@@ -93,14 +90,14 @@ raise SystemExit(__main__.main())
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_stopped_command_leaves_no_half_file_and_says_so_in_one_line(tmp_path: Path, number: int) -> None:
+def test_a_terminated_command_leaves_no_half_file_and_says_so_in_one_line(tmp_path: Path) -> None:
+    """By `timeout`, Slurm or `docker stop`."""
     process = subprocess.Popen([sys.executable, "-c", SLOW], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "ready").exists():
         time.sleep(0.05)
-    process.send_signal(number)
+    process.terminate()
     assert process.communicate()[1] == "gspure: interrupted\n"
-    assert process.returncode == 128 + number
+    assert process.returncode == 143
     assert content(tmp_path) == {"ready": ""}
     assert not [*(tmp_path / "folder").iterdir()]
 
@@ -113,28 +110,10 @@ def test_what_a_killed_process_left_is_removed_and_work_under_way_is_not(tmp_pat
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_device_or_a_pipe_is_not_replaced(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match="pipe: output: expected a file"):
-        save_array(tmp_path / "pipe", np.arange(3.0))
-    assert (tmp_path / "pipe").is_fifo()
-
-
-@pytest.mark.parametrize("writing", [replacing, filling])
-def test_an_error_names_the_output_not_the_temporary_name(tmp_path: Path, writing) -> None:
-    with pytest.raises(OSError, match="No space") as caught, writing(tmp_path / "out") as temporary:
-        raise OSError(28, "No space left on device", str(temporary))
-    assert caught.value.filename == str(tmp_path / "out")
-
-
-def with_header(header: str, data: bytes = bytes(24), version: tuple[int, int] = (1, 0)) -> bytes:
-    """Return an .npy file with this header, whatever it says."""
-    length = struct.pack("<H" if version == (1, 0) else "<I", len(header))
-    return b"\x93NUMPY" + bytes(version) + length + header.encode("latin1") + data
-
-
-def described(shape: str = "(3,)", descr: str = "'<f8'") -> str:
-    return f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}\n"
+def with_header(shape: str, descr: str = "'<f8'") -> bytes:
+    """Return an .npy file of 24 bytes with this shape and type in its header, whatever they are."""
+    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}\n"
+    return b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode("latin1") + bytes(24)
 
 
 def stored(array: np.ndarray) -> bytes:
@@ -146,25 +125,16 @@ def stored(array: np.ndarray) -> bytes:
 HOSTILE = {
     "empty": b"",
     "no array": b"text",
-    "unknown version": with_header(described(), version=(9, 0)),
-    "cut in its header": with_header(described())[:40],
     "longest header": b"\x93NUMPY\x02\x00\xff\xff\xff\xff",
     "deep nesting": with_header("(" * 9000),
-    "no dictionary": with_header("5"),
-    "no dtype": with_header(described(descr="'nonsense'")),
-    "a negative length": with_header(described("(-3,)")),
-    "a huge length": with_header(described(f"({10**15},)")),
-    "an endless length": with_header(described(f"({10**4000},)")),
-    "a product beyond int64": with_header(described(f"({2**40}, {2**40})")),
-    "objects": with_header(described(descr="'O'")),
+    "a huge length": with_header(f"({10**15},)"),
+    "a product beyond int64": with_header(f"({2**40}, {2**40})"),
+    "objects": with_header("(3,)", "'O'"),
     "shortened": stored(np.arange(3.0))[:-1],
     "longer": stored(np.arange(3.0)) + b"\0",
-    "another type": stored(np.arange(3)),
     "another precision": stored(np.zeros(3, np.float32)),
-    "another byte order": stored(np.arange(3.0).astype(">f8")),
     "another shape": stored(np.zeros((3, 1))),
     "NaN": stored(np.array([1, np.nan, 2])),
-    "infinity": stored(np.array([1, np.inf, 2])),
 }
 
 
@@ -195,18 +165,14 @@ def test_any_change_of_an_array_gives_an_array_or_one_line(tmp_path_factory, pat
         assert load_arrays(folder / "a.npz", NUMBERS, "numbers")["x"].dtype == np.float64
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -1])
+@pytest.mark.parametrize("value", [np.inf, -1])
 def test_numbers_in_fields_are_checked_too(tmp_path: Path, value: float) -> None:
     save_array(tmp_path / "a.npy", np.array([(1, 0.5), (2, value)], PAIRS))
     with pytest.raises(InputError, match=r"expected finite numbers of at least 0, found .* in row 1"):
         load_array(tmp_path / "a.npy", dtype=PAIRS, shape=(None,), least=0)
 
 
-@pytest.mark.parametrize(
-    "array",
-    [np.zeros((0, 3)), np.arange(12.0).reshape(3, 4), np.asfortranarray(np.arange(12.0).reshape(3, 4))],
-    ids=["empty", "by rows", "by columns"],
-)
+@pytest.mark.parametrize("array", [np.zeros((0, 3)), np.arange(12.0).reshape(3, 4), np.arange(12.0).reshape(4, 3).T])
 def test_arrays_are_read_as_by_numpy(tmp_path: Path, array: np.ndarray) -> None:
     save_array(tmp_path / "weights", array)
     np.save(tmp_path / "theirs.npy", array)
@@ -233,27 +199,11 @@ def test_nothing_is_pickled(tmp_path: Path) -> None:
 def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path: Path) -> None:
     bomb = zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED)
     with bomb, bomb.open("x.npy", "w") as member:
-        member.writelines([with_header(described(f"({10**7},)"), b""), *[bytes(10**6)] * 80])
+        member.writelines([with_header(f"({10**7},)")[:-24], *[bytes(10**6)] * 80])
     with pytest.raises(InputError, match=r"a\.npz: x: expected at most \d+ bytes, .* found 80000\d+ bytes"):
         load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
     save_arrays(tmp_path / "b.npz", {"x": np.zeros(10**6)})  # packs well, and is within the room for small files
     assert len(load_arrays(tmp_path / "b.npz", NUMBERS, "numbers")["x"]) == 10**6
-
-
-@pytest.mark.parametrize("packing", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_other_packings_are_refused(tmp_path: Path, packing: int) -> None:
-    with zipfile.ZipFile(tmp_path / "a.npz", "w", packing) as archive:
-        archive.writestr("x.npy", stored(np.zeros(3)))
-    with pytest.raises(InputError, match=r"a\.npz: x: expected .* stored or deflated"):
-        load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
-
-
-def test_json_is_read_with_a_byte_order_mark_and_refused_with_its_line(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text('{"a": 1}', encoding="utf-8-sig")
-    assert read_json(tmp_path / "a.json") == {"a": 1}
-    (tmp_path / "a.json").write_text('{"a":\n 1,}')
-    with pytest.raises(InputError, match=r"a\.json: file: expected JSON, found .* line 2"):
-        read_json(tmp_path / "a.json")
 
 
 def test_digests_depend_on_type_shape_and_boundaries() -> None:
