@@ -5,13 +5,11 @@ import io
 import json
 import struct
 import sys
-import zipfile
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from gspure.attacks import Measurements, find_attack
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
 from gspure.model.finite import undrawable_rows
@@ -37,6 +35,11 @@ PRECISION |= {".ply": (0.01, 0.01, 0.02, 0.02), ".sog": (0.03, 0.04, 0.05, 0.4),
 def covariances(of):
     turns = rotation_matrices(of.quats)
     return np.einsum("kij,kj,klj->kil", turns, of.scales**2, turns)
+
+
+def refused(path, match):
+    with pytest.raises(InputError, match=match):
+        read_model(path)
 
 
 def in_order(of, other):
@@ -68,14 +71,8 @@ def test_a_model_in_every_format_is_read_nearly_as_it_was(tmp_path, name):
     np.testing.assert_allclose(after.sh_coeffs[:, 0][visible], before.sh_coeffs[:, 0][visible], atol=0.05)
 
 
-def test_an_archive_holds_what_its_unpacked_files_do(tmp_path):
-    write_all(tmp_path)
-    packed, folder = read_model(tmp_path / "model.sog"), read_model(tmp_path / "version 2")
-    assert packed.table.tobytes() == folder.table.tobytes()
-
-
 @pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
-@pytest.mark.parametrize("degree", range(4))
+@pytest.mark.parametrize("degree", [0, 3])
 def test_a_written_model_is_read_nearly_as_it_was(tmp_path, suffix, degree):
     pytest.importorskip("gsply", reason="gspure[compression] is not installed")
     before = blobs(300, sh_degree=degree)
@@ -112,27 +109,17 @@ def test_spz_keeps_far_positions_in_coarser_steps_and_says_so(tmp_path, capsys):
     assert "2 of 60 rows" in line
 
 
-@pytest.mark.parametrize("write", ["model", "attack"])
 @pytest.mark.parametrize(("suffix", "columns"), [(".compressed.ply", 2), (".spz", 3)])
-def test_rows_whose_values_a_format_cannot_hold_are_counted(tmp_path, capsys, suffix, columns, write):
+def test_rows_whose_values_a_format_cannot_hold_are_counted(tmp_path, capsys, suffix, columns):
     pytest.importorskip("gsply", reason="gspure[compression] is not installed")
-
-    def warnings(model):
-        if write == "model":
-            write_model(tmp_path / f"m{suffix}", model)
-        else:
-            codec = suffix[1:].replace(".", "_")
-            find_attack("compression").apply(model, Measurements(), codec=codec)
-        return capsys.readouterr().err.splitlines()
-
     model = blobs(60, sh_degree=1)
     model = model.with_columns({f"f_dc_{i}": np.zeros(60) for i in range(3)})
-    assert warnings(model) == []
     for rows, (name, value) in enumerate([("f_rest_4", 4.1), ("scale_1", -21.0), ("f_dc_2", 3.4)], 1):
         model.table[name][:rows] = value
-    lines = warnings(model)
+    write_model(tmp_path / f"m{suffix}", model)
+    lines = capsys.readouterr().err.splitlines()
     assert len(lines) == columns
-    assert {f"{rows} of 60 rows" in "".join(lines) for rows in range(1, columns + 1)} == {True}
+    assert all(f"{rows} of 60 rows" in "".join(lines) for rows in range(1, columns + 1))
 
 
 @pytest.mark.filterwarnings("error")
@@ -167,10 +154,8 @@ def changed(image: bytes, mode: str, **settings) -> bytes:
     ("name", "mode", "lossless", "message"),
     [
         ("quats.webp", "RGB", True, "rotations without their largest component"),
-        ("quats.webp", "RGBA", False, "a lossy image"),
         ("means_l.webp", "RGB", False, "a lossy image"),
         ("means_l.webp", "RGB", True, None),
-        ("shN_centroids.webp", "RGB", True, None),
     ],
 )
 def test_images_of_a_sog_model_that_lost_numbers_are_refused(tmp_path, name, mode, lossless, message):
@@ -186,9 +171,7 @@ def test_images_of_a_sog_model_that_lost_numbers_are_refused(tmp_path, name, mod
 EXTENSIONS = {  # type and payload of an extension: whether the model is read
     "axes right, up, back": (0xADBE0003, 4, True),
     "axes of a PLY": (0xADBE0003, 6, False),
-    "no axes": (0xADBE0003, 0, True),
     "scaled harmonics": (0xADBE0001, 4, False),
-    "limits of an orbit": (0xADBE0002, 6, True),
 }
 
 
@@ -210,8 +193,7 @@ def test_an_spz_file_of_other_axes_or_scales_is_refused(tmp_path, version, kind,
         expected = read_model(SPLAT_TRANSFORM / f"v{version}.spz").table
         assert read_model(path).table.tobytes() == expected.tobytes()
     else:
-        with pytest.raises(InputError, match="extension: expected axes right, up, back"):
-            read_model(path)
+        refused(path, "other axes than right, up, back")
 
 
 @pytest.mark.parametrize(("scale", "kept"), [(0.0, True), (1e-42, True), (-1.0, False)])
@@ -222,7 +204,7 @@ def test_rows_with_negative_scales_are_not_finite(tmp_path, scale, kept):
     assert undrawable_rows(read_model(tmp_path / "m.splat")).tolist() == ([] if kept else [5])
 
 
-@pytest.mark.parametrize("suffix", [".sog", ".splat", ".ksplat", ".txt", ""])
+@pytest.mark.parametrize("suffix", [".sog", ".txt", ""])
 def test_names_of_other_formats_are_not_written(tmp_path, suffix):
     with pytest.raises(InputError, match=r"format: expected \.ply, \.compressed\.ply or \.spz"):
         write_model(tmp_path / f"m{suffix}", blobs(3))
@@ -235,14 +217,6 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, name, 
     write_all(tmp_path)
     with pytest.raises(InputError, match=rf"the package {package}.*pip install gspure\[compression\]"):
         read_model(tmp_path / name) if (tmp_path / name).exists() else write_model(tmp_path / name, blobs(3))
-
-
-# --- files that claim more than they hold -----------------------------------------------------------------------------
-
-
-def refused(path, match):
-    with pytest.raises(InputError, match=match):
-        read_model(path)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -266,35 +240,19 @@ def test_rows_that_would_unpack_to_too_much_are_refused_unread(tmp_path):
     refused(paths["version 2/meta.json"], "size: expected at most .* bytes unpacked")
 
 
-@pytest.mark.parametrize("count", [17, "16", 1.5])
-def test_more_rows_than_images_have_pixels_are_refused(tmp_path, count):
-    files = sog_of_version_1(model())
-    meta = json.loads(files["meta.json"])
-    meta["means"]["shape"][0] = count
-    _zip(tmp_path / "m.sog", files | {"meta.json": json.dumps(meta).encode()})
-    refused(tmp_path / "m.sog", "m.sog: count: expected")
+def test_more_rows_than_images_have_pixels_are_refused(tmp_path):
+    for name, data in sog_of_version_1(model()).items():
+        (tmp_path / name).write_bytes(data.replace(b'"shape": [12, 3]', b'"shape": [17, 3]', 1))
+    refused(tmp_path, "count: expected at most 16")
 
 
-def _zip(path, files):
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, data in files.items():
-            archive.writestr(name, data)
-
-
-@pytest.mark.parametrize("name", ["../means_l.webp", "/etc/passwd"])
-def test_images_elsewhere_are_not_read(tmp_path, name):
-    files = unpacked_sog()
-    for each, data in files.items():
-        (tmp_path / each).write_bytes(data.replace(b'"means_l.webp"', json.dumps(name).encode()))
+def test_images_elsewhere_are_not_read(tmp_path):
+    for name, data in unpacked_sog().items():
+        (tmp_path / name).write_bytes(data.replace(b'"means_l.webp"', b'"../means_l.webp"'))
     refused(tmp_path, "a file elsewhere")
 
 
-@pytest.mark.parametrize("by_folder", [True, False])
-def test_a_streamed_sog_model_is_refused_with_the_way_on(tmp_path, by_folder):
-    (tmp_path / "lod-meta.json").write_text("{}")
-    refused(tmp_path if by_folder else tmp_path / "lod-meta.json", "a streamed SOG model.*meta.json")
-
-
-def test_a_ksplat_model_is_refused_with_the_way_on(tmp_path):
-    (tmp_path / "m.ksplat").touch()
-    refused(tmp_path / "m.ksplat", "format: expected .ply, .spz, .sog or .splat, found .ksplat .*splat-transform")
+@pytest.mark.parametrize(("name", "hint"), [("lod-meta.json", "one level of detail"), ("m.ksplat", "splat-transform")])
+def test_a_format_that_is_not_read_is_refused_with_a_remedy(tmp_path, name, hint):
+    (tmp_path / name).touch()
+    refused(tmp_path / name, f"format: expected .ply, .spz, .sog or .splat, found {name} .*{hint}")

@@ -68,16 +68,6 @@ def test_a_vanilla_file_round_trips_byte_for_byte(tmp_path, degree):
     assert (tmp_path / "out.ply").read_bytes() == content
 
 
-@pytest.mark.parametrize("columns", [[*CORE, *(f"semantic_{i}" for i in range(16))], [*CORE, "filter_3D"]])
-def test_a_model_of_a_scheme_without_colour_round_trips_byte_for_byte(tmp_path, columns):
-    table = random_table(floats(columns), 4)
-    content = header(table.dtype, 4) + table.tobytes()
-    model = read_model(save(tmp_path / "in.ply", content))
-    assert model.sh_degree == -1
-    write_model(tmp_path / "out.ply", model)
-    assert (tmp_path / "out.ply").read_bytes() == content
-
-
 @given(dtype=dtypes(), count=st.integers(1, 5), big_endian=st.booleans(), seed=st.integers(0, 99))
 def test_any_layout_is_read_bit_for_bit_and_round_trips(folder, dtype, count, big_endian, seed):
     table = random_table(dtype, count, seed)
@@ -100,18 +90,9 @@ def test_ascii_holds_the_same_model_as_binary(folder, dtype, seed):
         np.testing.assert_array_equal(read[name], table[name])  # not-a-numbers are equal here, whatever their bits
 
 
-@given(keep=st.lists(st.booleans(), min_size=12, max_size=12).filter(any))
-def test_a_row_subset_written_and_read_is_bit_identical_to_its_rows(folder, keep):
-    table = random_table(floats(vanilla_columns(1)), 12)
-    model = read_model(save(folder / "all.ply", header(table.dtype, 12) + table.tobytes()))
-    write_model(folder / "some.ply", model[np.array(keep)])
-    assert (folder / "some.ply").read_bytes() == header(table.dtype, sum(keep)) + table[keep].tobytes()
-
-
-@pytest.mark.parametrize("newline", [b"\n", b"\r\n", b"\r"])
-def test_header_lines_may_end_in_any_way(tmp_path, newline):
+def test_header_lines_may_end_as_on_windows(tmp_path):
     table = random_table(floats(CORE), 2)
-    content = header(table.dtype, 2).replace(b"\n", newline) + table.tobytes()
+    content = header(table.dtype, 2).replace(b"\n", b"\r\n") + table.tobytes()
     assert read_model(save(tmp_path / "m.ply", content)).table.tobytes() == table.tobytes()
 
 
@@ -169,33 +150,24 @@ def of_kind(name, kind):
 WHOLE = of_columns(CORE, 3)
 FACES = b"element face 0\nproperty list uchar int vertex_indices\nend_header"
 REFUSED = {
-    **{f"no {name}": (of_columns([n for n in vanilla_columns(0) if n != name]), name) for name in [*CORE, "f_dc_2"]},
+    **{f"no {name}": (of_columns([n for n in vanilla_columns(0) if n != name]), name) for name in ("y", "f_dc_2")},
     **{f"{name} as {kind}": (of_kind(name, kind), name) for name in ("x", "f_rest_8") for kind in ("<f8", "|u1")},
     **{
         f"{n} f_rest": (of_columns(vanilla_columns(0) + [f"f_rest_{i}" for i in range(n)]), "f_rest_*") for n in (1, 72)
     },
-    "a gap": (of_columns([name.replace("f_rest_4", "f_rest_9") for name in vanilla_columns(1)]), "f_rest_4"),
     "no f_dc": (of_columns([*CORE, *(f"f_rest_{i}" for i in range(9))]), "f_dc_0"),
     "points": (of_columns(["x", "y", "z"]), "opacity"),
     "a mesh": (of_columns(["x", "y", "z"]).replace(b"end_header", FACES), "opacity"),
-    "a name that does not print": (of_columns([*CORE, "\x1b[2J"]), "property"),
-    "a colon": (of_columns([*CORE, "a:b"]), "property"),
     "a list": (of_columns(CORE).replace(b"end_header", b"property list uchar float sh\nend_header"), "sh"),
     "a row less": (WHOLE[:-44], "element vertex"),
-    "a byte less": (WHOLE[:-1], "element vertex"),
     "a byte more": (WHOLE + b"\0", "file"),
     "no rows": (of_columns(CORE, 0), "element vertex"),
     **{f"too many rows, {e}": (of_columns(CORE, 10**15, e, b"1 " * 11), "element vertex") for e in ENCODINGS},
-    **{
-        f"ascii {b!r}": (of_columns(CORE, 1, "ascii", b), "element vertex")
-        for b in (b"", b"1 2\n", b"1 " * 10 + b"x\n")
-    },
-    "an ascii row more": (of_columns(CORE, 2, "ascii", b"1 2 3 4 5 6 7 8 9 10 11\n" * 3), "element vertex"),
+    "a word in ascii": (of_columns(CORE, 1, "ascii", b"1 " * 10 + b"x\n"), "element vertex"),
+    "a row more in ascii": (of_columns(CORE, 1, "ascii", b"1 " * 11 + b"\n" + b"1 " * 11), "element vertex"),
     "faces first": (b"ply\nformat ascii 1.0\n" + FACES + b"\n", "element vertex"),
     "nothing": (b"", "file"),
-    "no end": (b"ply\nformat binary_little_endian 1.0\n", "file"),
     "another format": (b"ply\nformat binary_middle_endian 1.0\nelement vertex 1\nend_header\n", "file"),
-    "a word for a count": (b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "file"),
     "bytes": (b"ply\n" + bytes(3_000_000), "file"),
     "a comment in another encoding": (WHOLE.replace(b"end_header", b"comment \xff\nend_header"), "file"),
 }
@@ -210,34 +182,6 @@ def test_a_missing_file_and_a_model_without_rows_are_refused(tmp_path):
     assert str(refusal(tmp_path / "absent.ply")).endswith("absent.ply: no such file")
     with pytest.raises(InputError, match=r"m\.ply: element vertex: expected at least one row"):
         write_model(tmp_path / "m.ply", blobs(1)[np.zeros(1, np.bool_)])
-
-
-@pytest.mark.parametrize("number", ["9" * 5000, "007"])
-def test_columns_with_unusual_numbers_are_not_coefficients(tmp_path, number):
-    columns = [*vanilla_columns(0), f"f_rest_{number}"]
-    model = read_model(save(tmp_path / "m.ply", of_columns(columns)))
-    assert model.sh_degree == 0
-    assert model.table.dtype.names[-1] == columns[-1]
-
-
-def test_a_comment_that_would_break_the_header_is_not_written(tmp_path):
-    with pytest.raises(ValueError, match="newline"):
-        write_model(tmp_path / "m.ply", blobs(1).with_comment("two\nlines"))
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("shades", ["1 1 1", "1.0 1.0", "2.0 0.0 0.0", "1.5 0.0 0.0", "white"])
-def test_a_comment_that_names_no_background_is_refused(tmp_path, shades):
-    write_model(tmp_path / "m.ply", blobs(1).with_comment(f"gspure background {shades}"))
-    assert refusal(tmp_path / "m.ply").field == "comment"
-
-
-def test_two_backgrounds_are_refused(tmp_path):
-    model = blobs(1).with_comment("gspure background 1.0000 1.0000 1.0000")
-    write_model(tmp_path / "m.ply", model.with_comment("gspure background 1.0000 1.0000 1.0000"))
-    assert read_model(tmp_path / "m.ply").background == (1, 1, 1)
-    write_model(tmp_path / "m.ply", model.with_comment("gspure background 0.0000 0.5000 0.0000"))
-    assert refusal(tmp_path / "m.ply").expected == "one background"
 
 
 def test_released_pages_are_read_again_as_they_were(tmp_path):

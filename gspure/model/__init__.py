@@ -5,7 +5,7 @@ from pathlib import Path
 from gspure import files
 from gspure.errors import InputError
 from gspure.model.compressed import read_splat
-from gspure.model.compression import PACKED_PLY, write_compressed, writer
+from gspure.model.compression import is_plain, write_compressed, writer
 from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
@@ -18,6 +18,8 @@ __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_w
 _READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog}
 """By suffix, or by name; all others are PLY files, of which compressed ones are recognized by their header."""
 
+_NOT_READ = {STREAMED: "name the meta.json of one level of detail", ".ksplat": "convert it with splat-transform"}
+
 
 def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
@@ -26,15 +28,10 @@ def read_model(path: str | Path) -> Gaussians:
     model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
     """
     file = model_file(Path(path))
-    if file.name == STREAMED:
-        hint = "name the meta.json of one level of detail"
-        raise InputError(file, "format", expected="a model", found="several, a streamed SOG model", hint=hint)
-    if file.suffix.lower() == ".ksplat":
-        hint = "convert it to .spz or .ply, for example with splat-transform"
-        raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=".ksplat", hint=hint)
-    model = _READERS.get(file.name, _READERS.get(file.suffix.lower(), read_ply))(file)
-    model.require_background(file)
-    return model.with_background(trained_background(file))
+    if hint := _NOT_READ.get(file.name) or _NOT_READ.get(file.suffix.lower()):
+        raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=file.name, hint=hint)
+    read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
+    return read(file).with_background(trained_background(file))
 
 
 def model_file(path: Path) -> Path:
@@ -48,19 +45,12 @@ def write_model(path: str | Path, model: Gaussians) -> None:
     A name that ends with ``.compressed.ply`` or ``.spz`` selects that format, which rounds all values. Raise
     `InputError` for the name of a format that is only read.
     """
-    path = Path(path)
-    if _is_plain(path):
-        write_ply(path, model)
-    else:
-        write_compressed(path, model)
+    write = write_ply if is_plain(Path(path)) else write_compressed
+    write(Path(path), model)
 
 
 def require_writable(path: Path) -> None:
     """Refuse a file to which `write_model` cannot write a model, before any work is done."""
-    if not _is_plain(path):
+    if not is_plain(path):
         writer(path)
     files.require_writable(path.parent)
-
-
-def _is_plain(path: Path) -> bool:
-    return path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY)

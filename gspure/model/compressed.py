@@ -20,11 +20,10 @@ from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import COEFFICIENTS, Gaussians
 
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
-COEFFICIENTS: Final = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
 _COLUMNS: Final = 17  # columns of a model without spherical harmonics beyond the zeroth
 
 _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
@@ -44,12 +43,11 @@ def read_splat(path: Path) -> Gaussians:
     with reading(path, "a .splat model"):
         size = path.stat().st_size
         if not size or size % _ROW.itemsize:
-            raise InputError(path, "file", expected=f"rows of {_ROW.itemsize} bytes", found=f"{size} bytes")
+            raise ValueError(f"{size} bytes, no rows of {_ROW.itemsize}")
         rows = np.fromfile(path, _ROW)
         quats = (rows["quat"].astype(np.float32) - 128) / 128
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
-            hint = "is this a .splat file?"
-            raise InputError(path, "rotations", expected="unit quaternions", found="other lengths", hint=hint)
+            raise ValueError("rotations that are no unit quaternions")
         return Gaussians.from_stored(
             means=rows["mean"],
             quats=quats,
@@ -67,23 +65,20 @@ def is_packed(header: PlyData) -> bool:
 def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
     """Read a compressed ``.ply``, whose elements begin after `offset` bytes."""
     with reading(path, "a compressed .ply"):
-        size = path.stat().st_size
-        rows = int(header["vertex"].count)
-        require_room(path, size, rows, COEFFICIENTS[-1] if "sh" in header else 0)
+        require_room(path, path.stat().st_size, header["vertex"].count, COEFFICIENTS[-1] if "sh" in header else 0)
         tables = _tables(path, header, offset)
-        chunks, packed = tables["chunk"], tables["vertex"]
-        if len(chunks) != -(-rows // CHUNK):
-            raise InputError(path, "element chunk", expected=f"{-(-rows // CHUNK)} rows", found=f"{len(chunks)} rows")
+        chunks, packed = tables["chunk"][np.arange(header["vertex"].count) // CHUNK], tables["vertex"]
         colours = _numbers(packed["packed_color"], _COLOUR)
         if "min_r" in header["chunk"]:
             colours = _placed(chunks, ("r", "g", "b"), colours)
         three = (_numbers(packed["packed_rotation"], _ROTATION) - 0.5) * np.float32(np.sqrt(2))
+        coeffs = colour_coeffs(colours)[:, None]
         model = Gaussians.from_stored(
             means=_placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE)),
             quats=smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
             log_scales=_placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
             opacity_logits=byte_logits((packed["packed_color"] & 255).astype(np.uint8)),
-            sh_coeffs=np.concatenate([colour_coeffs(colours)[:, None], _harmonics(path, rows, tables.get("sh"))], 1),
+            sh_coeffs=np.concatenate([coeffs, _harmonics(tables["sh"])], 1) if "sh" in tables else coeffs,
         )
         return Gaussians(model.table, (*header.comments, *header.obj_info))
 
@@ -124,12 +119,10 @@ def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
 
 def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.void]]:
     """Return the rows of each element."""
-    if header.text or header.byte_order != "<":
-        raise InputError(path, "format", expected="binary_little_endian", found="another")
     dtypes = {element.name: np.dtype(element.dtype("<")) for element in header.elements}
     size = sum(element.count * dtypes[element.name].itemsize for element in header.elements)
-    if any(dtype.hasobject for dtype in dtypes.values()) or size != path.stat().st_size - offset:
-        raise InputError(path, "file", expected=f"{size} bytes after the header", found="others")
+    if header.text or header.byte_order != "<" or size != path.stat().st_size - offset:
+        raise ValueError(f"other than {size} bytes after a header that says binary_little_endian")
     tables = {}
     for element in header.elements:
         tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)
@@ -144,21 +137,16 @@ def _numbers(packed: UInt32, bits: Bits) -> Float32:
     return np.stack([(packed >> at & (1 << count) - 1) / np.float32((1 << count) - 1) for at, count in bits], 1)
 
 
-def _harmonics(path: Path, rows: int, stored: NDArray[np.void] | None) -> Float32:
+def _harmonics(stored: NDArray[np.void]) -> Float32:
     """Return coefficients [K,S,3]: the ends of their range for levels 0 and 255, else the centre of the level."""
-    if stored is None:
-        return np.empty((rows, 0, 3), np.float32)
-    names = [f"f_rest_{i}" for i in range(len(stored.dtype.names or ()))]
-    if len(stored) != rows or stored.dtype.names != tuple(names) or len(names) // 3 not in COEFFICIENTS:
-        expected = f"{rows} rows of f_rest_0 to f_rest_8, 23 or 44"
-        raise InputError(path, "element sh", expected=expected, found=f"{len(stored)} rows of {len(names)} properties")
-    levels = np.stack([stored[name] for name in names], 1).reshape(rows, 3, -1).transpose(0, 2, 1)
+    levels = np.stack([stored[f"f_rest_{i}"] for i in range(len(stored.dtype.names or ()))], 1)
+    degree = COEFFICIENTS.index(levels.shape[1] // 3)
+    levels = levels.reshape(len(stored), 3, COEFFICIENTS[degree]).transpose(0, 2, 1)
     shares = np.where(levels == 0, 0, np.where(levels == 255, 1, (levels + np.float32(0.5)) / 256))
     return np.asarray((shares - 0.5) * _HARMONICS, np.float32)
 
 
 def _placed(chunks: NDArray[np.void], names: tuple[str, ...], shares: Float32) -> Float32:
     """Return the values that shares from 0 to 1 stand for, in the range of each row's chunk."""
-    chunk = np.arange(len(shares)) // CHUNK
-    least, largest = (np.stack([chunks[f"{end}_{name}"] for name in names], 1)[chunk] for end in ("min", "max"))
+    least, largest = (np.stack([chunks[f"{end}_{name}"] for name in names], 1) for end in ("min", "max"))
     return np.asarray(least * (1 - shares) + largest * shares, np.float32)

@@ -26,6 +26,11 @@ _CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # of a coordinate in a chunk
 _FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
 
 
+def is_plain(path: Path) -> bool:
+    """Return whether a name is that of a ``.ply`` that is not compressed."""
+    return path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY)
+
+
 def write_compressed(path: Path, model: Gaussians) -> None:
     """Write a model with colours as compressed ``.ply`` or as SPZ 3, whole or not at all, as `writer` chooses.
 
@@ -44,21 +49,21 @@ def write_compressed(path: Path, model: Gaussians) -> None:
 
 def writer(path: Path) -> Callable[[Path, Gaussians], None]:
     """Return the function that writes the format of a name; refuse other names, and a missing package gsply."""
-    write = _WRITERS.get(PACKED_PLY if path.name.endswith(PACKED_PLY) else path.suffix.lower())
-    if write is None:
+    is_spz = path.suffix.lower() == SPZ
+    if not (is_spz or path.name.endswith(PACKED_PLY)):
         raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or {SPZ}", found=path.suffix or "no suffix")
     try:
         import gsply
     except ImportError as error:
         hint = f"pip install {PACKAGES['gsply']}"
         raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
-    return partial(write, gsply)
+    return partial(_write_spz if is_spz else _write_packed_ply, gsply)
 
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
     _warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
     _warn_of_coarse_chunks(model)
-    data = gsply.compress_to_bytes(_parts(gsply, model.means, model.quats, model.sh_coeffs, model))
+    data = gsply.compress_to_bytes(_parts(gsply, model, model.means, model.quats, model.sh_coeffs))
     magic, encoding, rest = data.split(b"\n", 2)
     path.write_bytes(b"\n".join([magic, encoding, *(b"comment " + line for line in _comments(model)), rest]))
 
@@ -67,7 +72,7 @@ def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
     _warn_of_clipping(model, f_dc_=(-10 / 3, 10 / 3), f_rest_=(-1, 1), scale_=(-10, 6))
     coeffs = model.sh_coeffs.copy()
     coeffs[:, 1:] *= TURNED_HARMONICS[: coeffs.shape[1] - 1]
-    parts = _parts(gsply, model.means * TURNED, model.quats * TURNED_QUATS, coeffs, model)
+    parts = _parts(gsply, model, model.means * TURNED, model.quats * TURNED_QUATS, coeffs)
     gsply.write_spz(path, parts, fractional_bits=_fraction_bits(path, model))
     path.write_bytes(with_comments(path.read_bytes(), _comments(model)))
 
@@ -87,9 +92,8 @@ def _warn_of_coarse_chunks(model: Gaussians) -> None:
     spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
     steps = (spans / _CHUNK_STEPS).max(axis=1)
     if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
-        larger = f"larger than the median Gaussian ({size:.3g}), up to {steps.max():.3g}"
-        reason = f"the format stores them relative to the boxes of {CHUNK} consecutive rows, which are too large"
-        warn(f"positions of {rows} of {len(model)} rows are rounded to steps {larger}: {reason}")
+        larger = f"steps of up to {steps.max():.3g}, larger than the median Gaussian ({size:.3g})"
+        warn(f"positions of {rows} of {len(model)} rows are rounded to {larger}: {CHUNK} consecutive rows share a box")
 
 
 def _fraction_bits(path: Path, model: Gaussians) -> int:
@@ -112,17 +116,8 @@ def _comments(model: Gaussians) -> list[bytes]:
     return [line.encode("ascii", "replace") for comment in model.comments for line in comment.splitlines()]
 
 
-def _parts(gsply: Any, means: Any, quats: Any, coeffs: Any, model: Gaussians) -> Any:
-    norms = np.linalg.norm(quats, axis=1, keepdims=True)
-    return gsply.GSData.from_arrays(
-        means,
-        model.log_scales,
-        quats / np.maximum(norms, np.finfo(np.float32).tiny),
-        np.clip(model.table["opacity"], -_CERTAIN, _CERTAIN),
-        coeffs[:, 0],
-        coeffs[:, 1:],
-        format="ply",
-    )
-
-
-_WRITERS: Final[dict[str, Callable[[Any, Path, Gaussians], None]]] = {PACKED_PLY: _write_packed_ply, SPZ: _write_spz}
+def _parts(gsply: Any, model: Gaussians, means: Any, quats: Any, coeffs: Any) -> Any:
+    quats = quats / np.maximum(np.linalg.norm(quats, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    opacities = np.clip(model.table["opacity"], -_CERTAIN, _CERTAIN)
+    parts = means, model.log_scales, quats, opacities, coeffs[:, 0], coeffs[:, 1:]
+    return gsply.GSData.from_arrays(*parts, format="ply")

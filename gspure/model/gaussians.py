@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from mmap import MADV_DONTNEED, mmap
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.constants import MAX_SH_DEGREE
-from gspure.errors import InputError
 from gspure.files import Float32, digest
 from gspure.model.activations import logit, sigmoid
 from gspure.progress import Described
 
 Table = NDArray[np.void]
+Values = NDArray[Any]
 
 SCALES = ("scale_0", "scale_1", "scale_2")
 
@@ -32,11 +30,14 @@ COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
 NORMALS = ("nx", "ny", "nz")
 """Columns that trainers write, with zeros, and nobody uses."""
 
+COEFFICIENTS = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
+
 _COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
 
 _BACKGROUND = re.compile("gspure background" + 3 * r" (0\.\d+|1\.0+)")
 """The comment that names the colour behind a model."""
 
+RENDER_MODE = "SplatRenderMode: "
 _RENDER_MODE = re.compile(
     r"splatrendermode:? *(default|mip|2dgs)|(postshot\.anti_aliasing=|antialiased )[01]", re.IGNORECASE
 )
@@ -141,7 +142,9 @@ class Gaussians(Described):
 
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""
-        return columns_named(self.names, prefix)
+        pattern = re.compile(re.escape(prefix) + r"(0|[1-9][0-9]{0,8})")
+        numbered = [(int(m[1]), name) for name in self.names if (m := pattern.fullmatch(name))]
+        return tuple(name for _, name in sorted(numbered))
 
     def columns(self, *names: str) -> Float32:
         """Return the named columns as one float32 array [K, len(names)]."""
@@ -176,20 +179,16 @@ class Gaussians(Described):
         if base is not None:
             base.madvise(MADV_DONTNEED)
 
-    def with_columns(self, values: Mapping[str, NDArray[Any]]) -> Gaussians:
+    def with_columns(self, values: Mapping[str, Values]) -> Gaussians:
         """Return a copy in which the named columns hold `values` (each [K])."""
         table = self.table.copy()
         for name, column in values.items():
             table[name] = column
         return Gaussians(table, self.comments)
 
-    def with_appearance(self, opacity_logits: NDArray[Any], sh_coeffs: NDArray[Any]) -> Gaussians:
+    def with_appearance(self, opacity_logits: Values, sh_coeffs: Values) -> Gaussians:
         """Return a copy with other opacities, raw [K], and colours [K,S,3], S as stored."""
-        rest = self.columns_named("f_rest_")
-        stored = len(rest) // 3  # per channel, channel-major
-        values = {name: sh_coeffs[:, 0, channel] for channel, name in enumerate(COLOUR)}
-        values |= {name: sh_coeffs[:, 1 + i % stored, i // stored] for i, name in enumerate(rest)}
-        return self.with_columns(values | {"opacity": opacity_logits})
+        return self.with_columns({"opacity": opacity_logits} | _colour_columns(sh_coeffs))
 
     def with_comment(self, comment: str) -> Gaussians:
         """Return the same rows with one more comment line."""
@@ -201,26 +200,12 @@ class Gaussians(Described):
         shades = (_BACKGROUND.fullmatch(comment) for comment in self.comments)
         return next((tuple(map(float, shade.groups())) for shade in shades if shade), (0.0, 0.0, 0.0))
 
-    def require_background(self, source: Path) -> None:
-        """Raise `InputError` for a comment that should name a background, but does not, and for two backgrounds."""
-        named = [comment for comment in self.comments if comment.startswith("gspure background")]
-        for comment in named:
-            if not _BACKGROUND.fullmatch(comment):
-                expected = "gspure background R G B, each from 0.0000 to 1.0000"
-                raise InputError(source, "comment", expected=expected, found=comment)
-        if len(different := dict.fromkeys(named)) > 1:
-            raise InputError(source, "comment", expected="one background", found=" and ".join(different))
-
     @property
     def render_mode(self) -> str:
         """The render mode that comments name: mip (antialiased), 2dgs, or none; the last comment applies."""
         named = [comment.strip().lower() for comment in self.comments if _RENDER_MODE.fullmatch(comment.strip())]
         last = named[-1] if named else ""
         return "2dgs" if last.endswith("2dgs") else "mip" if last.endswith(("mip", "1")) else ""
-
-    def with_render_mode(self, mode: str) -> Gaussians:
-        """Return the same rows with a comment that names the render mode."""
-        return self.with_comment(f"SplatRenderMode: {mode}")
 
     def with_background(self, background: Sequence[float]) -> Gaussians:
         """Return the same rows with a comment that names the background, unless it is black or a comment names one."""
@@ -230,60 +215,33 @@ class Gaussians(Described):
 
     @staticmethod
     def from_parameters(
-        *,
-        means: NDArray[Any],
-        quats: NDArray[Any],
-        scales: NDArray[Any],
-        opacities: NDArray[Any],
-        sh_coeffs: NDArray[Any],
+        *, means: Values, quats: Values, scales: Values, opacities: Values, sh_coeffs: Values
     ) -> Gaussians:
         """Build a vanilla table from activated parameters [K,...] (the shapes and units of the properties above).
 
         `scales` are above 0, `opacities` between 0 and 1; `sh_coeffs` [K,S,3] have 1, 4, 9 or 16 bands S.
         """
-        return Gaussians.from_stored(
-            means=means,
-            quats=quats,
-            log_scales=np.log(np.asarray(scales)),
-            opacity_logits=logit(opacities),
-            sh_coeffs=sh_coeffs,
-        )
+        stored = {"log_scales": np.log(np.asarray(scales)), "opacity_logits": logit(opacities)}
+        return Gaussians.from_stored(means=means, quats=quats, sh_coeffs=sh_coeffs, **stored)
 
     @staticmethod
     def from_stored(
-        *,
-        means: NDArray[Any],
-        quats: NDArray[Any],
-        log_scales: NDArray[Any],
-        opacity_logits: NDArray[Any],
-        sh_coeffs: NDArray[Any],
+        *, means: Values, quats: Values, log_scales: Values, opacity_logits: Values, sh_coeffs: Values
     ) -> Gaussians:
         """Build a vanilla table like `from_parameters`, but from raw scales and opacities."""
-        sh_coeffs = np.asarray(sh_coeffs)
-        count, bands = sh_coeffs.shape[:2]
-        rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (bands - 1))
-        named: dict[str, NDArray[Any]] = dict(zip("xyz", np.asarray(means).T, strict=True))
-        named |= {name: np.zeros(count) for name in NORMALS}
-        named |= {f"f_dc_{i}": sh_coeffs[:, 0, i] for i in range(3)}
-        named |= {f"f_rest_{i}": rest[:, i] for i in range(3 * (bands - 1))}
-        named["opacity"] = opacity_logits
-        named |= {f"scale_{i}": log_scales[:, i] for i in range(3)}
-        named |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
-        table = np.empty(count, dtype=[(name, "<f4") for name in named])
-        for name, column in named.items():
+        columns: dict[str, Values] = dict(zip("xyz", np.asarray(means).T, strict=True))
+        columns |= {name: np.zeros(len(means)) for name in NORMALS}
+        columns |= _colour_columns(np.asarray(sh_coeffs))
+        columns["opacity"] = opacity_logits
+        columns |= {f"scale_{i}": log_scales[:, i] for i in range(3)}
+        columns |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
+        table = np.empty(len(means), dtype=[(name, "<f4") for name in columns])
+        for name, column in columns.items():
             table[name] = column
         return Gaussians(table)
 
 
-def columns_named(names: Iterable[str], prefix: str) -> tuple[str, ...]:
-    """Return those of `names` that are ``<prefix><number>``, ordered by number."""
-    pattern = re.compile(re.escape(prefix) + r"(0|[1-9][0-9]{0,8})")
-    numbered = [(int(m[1]), name) for name in names if (m := pattern.fullmatch(name))]
-    return tuple(name for _, name in sorted(numbered))
-
-
-def sh_columns(degree: int) -> int:
-    """Return the number of ``f_rest_*`` columns of a model of this degree: 3 ((degree + 1)^2 - 1)."""
-    if not 0 <= degree <= MAX_SH_DEGREE:
-        raise ValueError(f"SH degree must be 0 to {MAX_SH_DEGREE}, not {degree}")
-    return 3 * ((degree + 1) ** 2 - 1)
+def _colour_columns(sh_coeffs: Values) -> dict[str, Values]:
+    """Return the columns of coefficients [K,S,3] by name, channel-major."""
+    rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(len(sh_coeffs), 3 * (sh_coeffs.shape[1] - 1))
+    return dict(zip(COLOUR, sh_coeffs[:, 0].T, strict=True)) | {f"f_rest_{i}": rest[:, i] for i in range(rest.shape[1])}

@@ -6,7 +6,6 @@ header is checked before rows are read.
 """
 
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement, PlyListProperty
 
-from gspure.constants import LARGEST, MAX_SH_DEGREE
+from gspure.constants import LARGEST
 from gspure.errors import InputError, reading
 from gspure.files import Float64, Indices, UInt8, replacing
 from gspure.model.compressed import is_packed, read_packed
-from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians, columns_named, sh_columns
+from gspure.model.gaussians import COEFFICIENTS, COLOUR, CORE, NORMALS, Gaussians
 
 _HEADER_LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
 
@@ -54,16 +53,11 @@ def read_ply(path: Path) -> Gaussians:
     header, offset = _read_header(path, "a 3DGS .ply")
     if is_packed(header):
         return read_packed(path, header, offset)
-    vertices = _Vertices(path, header, offset)
-    _require_rows(path, vertices.count)
-    for name in _required(path, vertices.dtypes):
-        if (found := vertices.dtypes.get(name)) is None:
-            content = "a mesh" if "face" in header else "a plain point cloud"
-            hint = f"{content}, not a 3DGS model" if not vertices.dtypes.keys() & {*CORE[3:]} else None
-            raise InputError(path, name, expected="a float32 property", found="no such property", hint=hint)
-        if found != np.float32:
-            raise InputError(path, name, expected="a float32 property", found=str(found))
-    return Gaussians(vertices.rows(), (*header.comments, *header.obj_info, *header["vertex"].comments))
+    dtype = _row_type(path, header)
+    _require_rows(path, header["vertex"].count)
+    _require_columns(path, dtype, "a mesh" if "face" in header else "a plain point cloud")
+    comments = (*header.comments, *header.obj_info, *header["vertex"].comments)
+    return Gaussians(_rows(path, header, offset, dtype), comments)
 
 
 def write_ply(path: Path, model: Gaussians) -> None:
@@ -72,9 +66,7 @@ def write_ply(path: Path, model: Gaussians) -> None:
     A vanilla model comes out byte for byte as its trainer wrote it. A model without rows is refused, as in `read_ply`.
     """
     _require_rows(path, len(model))
-    vertex = PlyElement.describe(np.ascontiguousarray(model.table), "vertex")
-    with replacing(path) as temporary:
-        PlyData([vertex], byte_order="<", comments=model.comments).write(str(temporary))
+    _write(path, np.ascontiguousarray(model.table), model.comments)
 
 
 def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
@@ -83,21 +75,18 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
     or a coordinate is not finite or above `LARGEST`.
     """
-    vertices = _Vertices(path, *_read_header(path, "a PLY of points"))
-    for name in _POSITION:
-        if name not in vertices.dtypes:
-            raise InputError(path, name, expected="a coordinate of every point", found="no such property")
-    coloured = vertices.dtypes.keys() >= {*_RGB}
-    for name in _RGB if coloured else ():
-        if vertices.dtypes[name] != np.uint8:
-            raise InputError(path, name, expected="8 bits", found=str(vertices.dtypes[name]))
-    rows = vertices.rows()
+    header, offset = _read_header(path, "a PLY of points")
+    dtype = _row_type(path, header)
+    is_coloured = {*_RGB} <= {*(dtype.names or ())}
+    for name in (*_POSITION, *(_RGB if is_coloured else ())):
+        if name not in (dtype.names or ()) or (name in _RGB and dtype[name] != np.uint8):
+            expected = "8 bits" if name in _RGB else "a coordinate of every point"
+            raise InputError(path, name, expected=expected, found="another property")
+    rows = _rows(path, header, offset, dtype)
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
         xyz = np.column_stack([rows[name].astype(np.float64) for name in _POSITION])
     require_coordinates(path, xyz)
-    if not coloured:
-        return xyz, np.full(xyz.shape, _GREY, np.uint8)
-    return xyz, np.column_stack([rows[name] for name in _RGB])
+    return xyz, np.column_stack([rows[name] for name in _RGB]) if is_coloured else np.full(xyz.shape, _GREY, np.uint8)
 
 
 def require_coordinates(path: Path, xyz: Float64) -> None:
@@ -113,8 +102,32 @@ def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
     for names, values in ((_POSITION, xyz), (_RGB, rgb)):
         for name, column in zip(names, values.T, strict=True):
             table[name] = column
+    _write(path, table)
+
+
+def _write(path: Path, table: NDArray[np.void], comments: tuple[str, ...] = ()) -> None:
     with replacing(path) as temporary:
-        PlyData([PlyElement.describe(table, "vertex")], byte_order="<").write(str(temporary))
+        PlyData([PlyElement.describe(table, "vertex")], byte_order="<", comments=comments).write(str(temporary))
+
+
+def _read_header(path: Path, content: str) -> tuple[PlyData, int]:
+    """Return the header of a PLY that should hold `content`, and its size in bytes."""
+    with reading(path, content), path.open("rb") as stream:
+        head = io.BytesIO(stream.read(_HEADER_LIMIT))
+        # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
+        return PlyData._parse_header(head), head.tell()  # noqa: SLF001
+
+
+def _row_type(path: Path, header: PlyData) -> np.dtype[np.void]:
+    """Return the little-endian type of the rows of ``vertex``, which comes first and has no lists."""
+    names = [element.name for element in header.elements]
+    if names[:1] != ["vertex"]:
+        raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
+    for stored in header["vertex"].properties:
+        if isinstance(stored, PlyListProperty):
+            raise InputError(path, stored.name, expected="one value per row", found="a list property")
+    dtype: np.dtype[np.void] = np.dtype(header["vertex"].dtype("<"))
+    return dtype
 
 
 def _require_rows(path: Path, count: int) -> None:
@@ -122,93 +135,52 @@ def _require_rows(path: Path, count: int) -> None:
         raise InputError(path, "element vertex", expected="at least one row", found=f"{count} rows")
 
 
-def _required(path: Path, names: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the required properties, given all `names`: the core, and all colour columns if there are any."""
-    count = len(columns_named(names, "f_rest_"))
-    counts = [sh_columns(degree) for degree in range(MAX_SH_DEGREE + 1)]
-    if count not in counts:
-        expected = f"{', '.join(map(str, counts[:-1]))} or {counts[-1]} properties (SH degree 0 to {MAX_SH_DEGREE})"
-        raise InputError(path, "f_rest_*", expected=expected, found=f"{count} properties")
-    has_colour = count or columns_named(names, "f_dc_")
-    return (*CORE, *(COLOUR if has_colour else ()), *(f"f_rest_{i}" for i in range(count)))
+def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
+    """Refuse rows that lack a float32 property of 3DGS: the core, and all colour columns if there are any."""
+    names = Gaussians(np.empty(0, dtype)).columns_named("f_rest_")
+    if len(names) not in [3 * count for count in COEFFICIENTS]:
+        found = f"{len(names)} properties"
+        raise InputError(path, "f_rest_*", expected="0, 9, 24 or 45 properties (SH degree 0 to 3)", found=found)
+    rest = [f"f_rest_{i}" for i in range(len(names))]
+    has_colour = rest or not {*COLOUR}.isdisjoint(dtype.names or ())
+    for name in (*CORE, *(COLOUR if has_colour else ()), *rest):
+        if name not in (dtype.names or ()):
+            hint = f"{other}, not a 3DGS model" if {*CORE[3:]}.isdisjoint(dtype.names or ()) else None
+            raise InputError(path, name, expected="a float32 property", found="no such property", hint=hint)
+        if dtype[name] != np.float32:
+            raise InputError(path, name, expected="a float32 property", found=str(dtype[name]))
 
 
-class _Vertices:
-    """The element ``vertex``, the first one of a PLY; rows are not allocated before they are read.
+def _rows(path: Path, header: PlyData, offset: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return the rows; those of a little-endian binary file are mapped and read-only.
 
-    `offset` is the size of the header in bytes. Raise `InputError` if another element comes first, or a property is a
-    list or has a name that does not print or holds a colon.
+    Raise `InputError` if there are fewer rows than the header claims, something follows the last element, or a row of
+    an ASCII file is malformed.
     """
+    count, rest = header["vertex"].count, path.stat().st_size - offset
+    row_bytes = (
+        2 * len(dtype.names or ()) if header.text else dtype.itemsize
+    )  # a digit and a separator, the last of which may lack
+    if not 0 <= count <= (room := (rest + header.text) // row_bytes):
+        raise InputError(path, "element vertex", expected=f"{count} rows", found=f"room for {room}")
+    if header.text:
+        return _parsed(path, header, offset, dtype)
+    stored = [(element.count, np.dtype(element.dtype(header.byte_order))) for element in header.elements]
+    size = sum(rows * each.itemsize for rows, each in stored)
+    if rest != size and not any(each.hasobject for _, each in stored):  # lists make the size of an element unknown
+        raise InputError(path, "file", expected=f"{offset + size} bytes", found=f"{offset + rest} bytes")
+    if not count:
+        return np.empty(0, dtype)
+    return np.memmap(path, stored[0][1], "r", offset, count).view(np.ndarray).astype(dtype, copy=False)
 
-    def __init__(self, path: Path, header: PlyData, offset: int) -> None:
-        self.path, self.header, self.offset = path, header, offset
-        names = [element.name for element in header.elements]
-        if names[:1] != ["vertex"]:
-            raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
-        self.count = int(header["vertex"].count)
-        if self.count < 0:
-            raise InputError(path, "element vertex", expected="0 rows or more", found=f"{self.count} rows")
-        for stored in header["vertex"].properties:
-            if isinstance(stored, PlyListProperty):
-                raise InputError(path, stored.name, expected="one value per row", found="a list property")
-            if not stored.name.isprintable() or ":" in stored.name:  # numpy writes no columns with colons
-                raise InputError(path, "property", expected="a printable name without colons", found=repr(stored.name))
-        self.dtypes = {stored.name: np.dtype(stored.dtype()) for stored in header["vertex"].properties}
 
-    def rows(self) -> NDArray[np.void]:
-        """Return the rows, little-endian; those of a little-endian binary file are mapped and read-only.
-
-        Raise `InputError` if there are fewer rows than the header claims, something follows the last element,
-        or a row of an ASCII file is malformed.
-        """
-        if self.header.text:
-            return self._parsed()
-        stored = self.header["vertex"].dtype(self.header.byte_order)
-        self._require_room(self.offset, stored.itemsize)
-        self._require_end()
-        if not self.count:
-            return np.empty(0, self.header["vertex"].dtype("<"))
-        rows = np.memmap(self.path, stored, "r", self.offset, self.count).view(np.ndarray)
-        return rows.astype(self.header["vertex"].dtype("<"), copy=False)
-
-    def _parsed(self) -> NDArray[np.void]:
-        self._require_room(self.offset - 1, 2 * len(self.dtypes))  # a digit and a separator, but the last
-        with (
-            reading(self.path, "one number per property, in its range", "element vertex"),
-            self.path.open("rb") as stream,
-        ):
-            stream.seek(self.offset)
-            text = io.TextIOWrapper(stream, encoding="ascii")
-            # numpy's parser is several times faster than plyfile's.
-            most = self.count + (len(self.header.elements) == 1)
-            rows = np.loadtxt(text, self.header["vertex"].dtype("<"), comments=None, max_rows=most, ndmin=1)
-        if len(rows) != self.count:
-            raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"{len(rows)} rows")
+def _parsed(path: Path, header: PlyData, offset: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return the rows of an ASCII file; numpy's parser is several times faster than plyfile's."""
+    count = header["vertex"].count
+    with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
+        stream.seek(offset)
+        text = io.TextIOWrapper(stream, encoding="ascii")
+        rows = np.loadtxt(text, dtype, comments=None, max_rows=count + (len(header.elements) == 1), ndmin=1)
+        if len(rows) != count:
+            raise ValueError(f"{len(rows)} rows, not {count}")
         return rows
-
-    def _require_room(self, offset: int, row_bytes: int) -> None:
-        """Refuse a file that is too short for the rows that its header claims."""
-        room = (self.path.stat().st_size - offset) // row_bytes
-        if room < self.count:
-            raise InputError(self.path, "element vertex", expected=f"{self.count} rows", found=f"room for {room}")
-
-    def _require_end(self) -> None:
-        """Refuse a binary file that goes on after its last element; lists make an element's size unknown."""
-        stored = [(element.count, element.dtype(self.header.byte_order)) for element in self.header.elements]
-        if any(dtype.hasobject for _, dtype in stored):
-            return
-        expected = self.offset + sum(count * dtype.itemsize for count, dtype in stored)
-        if (size := self.path.stat().st_size) != expected:
-            raise InputError(self.path, "file", expected=f"{expected} bytes", found=f"{size} bytes")
-
-
-def _read_header(path: Path, content: str) -> tuple[PlyData, int]:
-    """Return the header of a PLY that should hold `content`, and its size in bytes."""
-    with reading(path, content), path.open("rb") as stream:
-        head = io.BytesIO(stream.read(_HEADER_LIMIT))
-        for number, line in enumerate(head.getvalue().partition(b"end_header")[0].splitlines(), start=1):
-            if not line.isascii() and line.startswith((b"comment", b"obj_info")):
-                found = line.decode(errors="replace")
-                raise InputError(path, "file", expected=f"a comment in ASCII in line {number}", found=found)
-        # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
-        return PlyData._parse_header(head), head.tell()  # noqa: SLF001

@@ -18,8 +18,8 @@ import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
-from gspure.model.compressed import COEFFICIENTS, byte_logits, require_room, smallest_three
-from gspure.model.gaussians import Gaussians
+from gspure.model.compressed import byte_logits, require_room, smallest_three
+from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 
 TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
 TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs by which this multiplies (w, x, y, z)
@@ -62,25 +62,21 @@ class _Header(NamedTuple):
 
 def read_spz(path: Path) -> Gaussians:
     """Read an ``.spz`` file; one of version 4 needs the package zstandard."""
-    with reading(path, "an SPZ model"):
+    with reading(path, "an SPZ model of version 2 to 4"):
         data = path.read_bytes()
         gzipped = data[:2] == _GZIP
         unpack = zlib.decompressobj(31)
-        head = unpack.decompress(data, _HEADER.size) if gzipped else data[: _HEADER.size]
-        header = _Header(*_HEADER.unpack(head))
-        if header.magic != b"NGSP" or header.version not in ((2, 3) if gzipped else (4,)):
-            found = f"{header.magic!r}, version {header.version}"
-            raise InputError(path, "version", expected="NGSP, version 2 to 4", found=found)
-        if header.degree >= len(COEFFICIENTS) or header.fraction_bits > 24:
-            found = f"degree {header.degree}, {header.fraction_bits} bits"
-            raise InputError(path, "header", expected="degree 0 to 3, at most 24 fractional bits", found=found)
+        header = _Header(*_HEADER.unpack(unpack.decompress(data, _HEADER.size) if gzipped else data[: _HEADER.size]))
+        is_known = header.magic == b"NGSP" and header.version in ((2, 3) if gzipped else (4,))
+        if not is_known or header.degree >= len(COEFFICIENTS) or header.fraction_bits > 24:
+            raise ValueError(str(header))
         require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
         body, extensions = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
         if header.flags & _EXTENDED:
-            _require_usual_values(path, extensions)
+            _require_usual_values(extensions)
         model = _model(header, np.frombuffer(body, np.uint8))
         commented = Gaussians(model.table, _comments(data) if gzipped else ())
-        return commented.with_render_mode("mip") if header.flags & _ANTIALIASED else commented
+        return commented.with_comment(RENDER_MODE + "mip") if header.flags & _ANTIALIASED else commented
 
 
 def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
@@ -97,14 +93,13 @@ def _comments(data: bytes) -> tuple[str, ...]:
     return tuple(data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].decode("ascii").splitlines())
 
 
-def _require_usual_values(path: Path, extensions: bytes) -> None:
+def _require_usual_values(extensions: bytes) -> None:
     """Refuse extensions after which values have other axes or another scale; all others are skipped."""
     while len(extensions) >= _EXTENSION.size:
         kind, length = _EXTENSION.unpack_from(extensions)
         payload, extensions = extensions[_EXTENSION.size :][:length], extensions[_EXTENSION.size + length :]
         if kind == _SCALED or (kind == _AXES and payload not in _OWN_AXES):
-            found = f"extension {kind:#x} with {payload.hex() or 'nothing'}"
-            raise InputError(path, "extension", expected="axes right, up, back, and unscaled colours", found=found)
+            raise ValueError(f"other axes than right, up, back, or scaled colours: extension {kind:#x}")
 
 
 def _unzipped(unpack: zlib._Decompress, header: _Header) -> tuple[bytes, bytes]:
