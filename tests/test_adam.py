@@ -92,27 +92,3 @@ def test_steps_agree_with_the_reference(device, style, count, first_step):
         assert (errors[2] <= 1e-8 * most**2 + 1e-37).all()
     renderers = model.rows(model.storage.geometry)
     np.testing.assert_allclose(renderers, activated(states[0][0])[0], rtol=1e-5)
-
-
-def test_the_first_step_is_as_long_as_the_rate(device, style):
-    """Whatever the gradient's size, as long as it is above epsilon."""
-    geometry, channels = parameters(33)
-    model = OnDevice(device, style, geometry, channels)
-    gradients = [
-        np.where(random_gradients(part.shape, 3) > 0, 1e-9, -1e4).astype(np.float32) for part in parameters(33)
-    ]
-    model.step(1, *gradients)
-    moved = (model.rows(model.geometry.raw) - geometry) / OF_GEOMETRY
-    np.testing.assert_allclose(moved, -np.sign(gradients[0]), atol=1e-3)
-    moved = (model.rows(model.channels.raw, 12) - channels) / of_channels(12)
-    np.testing.assert_allclose(moved, -np.sign(gradients[1]), atol=4e-3)
-
-
-def test_parameters_without_gradient_move_by_momentum(device, style):
-    """Adam remembers; a Gaussian out of view coasts, as in 3DGS."""
-    geometry, channels = parameters(17)
-    model = OnDevice(device, style, geometry, channels)
-    model.step(1, np.ones_like(geometry), np.ones_like(channels))
-    before = model.rows(model.channels.raw, 12)
-    model.step(2, np.zeros_like(geometry), np.zeros_like(channels))
-    assert (model.rows(model.channels.raw, 12) < before).all()

@@ -1,6 +1,5 @@
 """Attacks: pure, seeded, behind one protocol."""
 
-import inspect
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -12,7 +11,6 @@ from gspure.attacks import (
     Attack,
     Attacked,
     Measurements,
-    Strength,
     attacks,
     compression,
     find_attack,
@@ -75,17 +73,6 @@ def test_same_seed_same_bytes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", HERE)
-def test_another_seed_gives_something_else_if_the_attack_uses_its_rng(name: str) -> None:
-    one, other = (find_attack(name).apply(model(), measurements(), seed=seed) for seed in (0, 1))
-    assert (one.model.table.tobytes() != other.model.table.tobytes()) == (_rng_of(name) == "rng")
-
-
-def _rng_of(name: str) -> str:
-    """Return the name of an attack's second parameter: ``_rng`` if it is not used."""
-    return [*inspect.signature(find_attack(name).function).parameters][1]
-
-
-@pytest.mark.parametrize("name", HERE)
 def test_the_given_model_is_not_changed(name: str) -> None:
     given_model = model()
     before = given_model.table.tobytes()
@@ -105,22 +92,6 @@ def test_other_attacks_keep_every_row_and_change_something(name: str) -> None:
     attacked = find_attack(name).apply(model(), measurements())
     assert not attacked.prune_mask.any()
     assert attacked.model.table.tobytes() != model().table.tobytes()
-
-
-@pytest.mark.parametrize("name", sorted(set(HERE) - {"unattacked"}))
-def test_attacked_models_carry_one_line_of_provenance(name: str) -> None:
-    attack = find_attack(name)
-    (comment,) = attack.apply(model(), measurements(), seed=5).model.comments
-    assert f" attack {name} " in comment
-    assert comment.endswith("seed=5")
-    assert all(f"{setting}={value}" in comment for setting, value in attack.settings.items())
-
-
-def test_unattacked_is_the_model_itself() -> None:
-    given_model = model()
-    attacked = find_attack("unattacked").apply(given_model, Measurements())
-    assert attacked.model is given_model
-    assert not attacked.prune_mask.any()
 
 
 def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
@@ -182,59 +153,6 @@ def test_missing_measurements_are_refused(name: str) -> None:
     needed = "|".join(find_attack(name).needs)
     with pytest.raises(InputError, match=f"attack {name}: ({needed}): expected .*, found nothing"):
         find_attack(name).apply(model(), Measurements())
-
-
-@pytest.mark.parametrize(
-    ("name", "known", "message"),
-    [
-        (
-            "gspure",
-            Measurements(prune_mask=np.arange(COUNT) % 2),
-            r"prune_mask: expected \[40\] bool, .* \[40\] int",
-        ),
-        ("plain_weight", Measurements(np.arange(COUNT) > 3), r"weights: expected \[40\] numbers, .* found \[40\] bool"),
-        ("plain_weight", measurements(COUNT - 1), r"weights: expected \[40\] numbers, one per row, found \[39\]"),
-    ],
-)
-def test_measurements_that_do_not_fit_the_model_is_refused(name: str, known: Measurements, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        find_attack(name).apply(model(), known)
-
-
-@pytest.mark.parametrize(
-    ("attacked", "message"),
-    [
-        (lambda model: model, "result: expected Attacked, found Gaussians"),
-        (lambda model: Attacked(model, np.arange(5), 5), r"rows: expected \[40\] indices of 40 rows"),
-        (lambda model: Attacked(model, np.arange(40) - 2, 40), r"rows: expected \[40\] indices of 40 rows"),
-        (lambda model: Attacked(model, np.arange(40), 39), r"rows: expected \[40\] indices .* of 39"),
-        (lambda model: Attacked.changed(model, {}, 2 * np.eye(4)), "transform: expected a rotation"),
-        (lambda model: Attacked.changed(model, {"x": np.full(40, np.inf)}), "x: expected finite numbers"),
-    ],
-)
-def test_a_result_that_is_no_attacked_model_is_refused(attacked, message: str) -> None:
-    with pytest.raises(InputError, match=f"attack x: {message}"):
-        Attack("x", lambda model, rng: attacked(model)).apply(model())
-
-
-def test_a_strength_that_cannot_be_searched_is_refused() -> None:
-    with pytest.raises(InputError, match="attack x: strength: expected sigma, found share"):
-        Attack("x", lambda model, rng, *, sigma=1.0: None, strength=Strength("share", 0.0, 1.0))
-    with pytest.raises(InputError, match="sigma: expected ends above 0 on a logarithmic scale, found 0 to 1"):
-        Strength("sigma", 0.0, 1.0, "log")
-
-
-@pytest.mark.parametrize("name", ["seed", "damage", "decision", "measurements", "cameras"])
-def test_settings_with_reserved_names_are_refused(name: str) -> None:
-    names = {}
-    exec(f"def jolt(model, rng, *, {name}: float = 3.0): ...", names)  # noqa: S102
-    with pytest.raises(InputError, match=f"attack jolt: setting: expected a name that is not reserved, found {name}"):
-        Attack("jolt", names["jolt"])
-
-
-def test_unknown_attack_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(InputError, match=r"expected one of unattacked, plain_weight, .*, found 'prune'"):
-        find_attack("prune")
 
 
 def half(model: Gaussians, _rng: np.random.Generator, weights: np.ndarray, *, upper: int = 1) -> Attacked:

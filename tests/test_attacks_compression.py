@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from gspure.attacks import Measurements, find_attack
-from gspure.attacks.compression import curve_order
 from gspure.errors import InputError
-from gspure.model.compressed import CHUNK
 from gspure.model.rotations import rotation_matrices
-from tests.attack_cases import KINDS, public
 from tests.models import blobs, camera
 from tests.reference.blending import render
 
@@ -45,24 +42,6 @@ def test_images_change_a_little_and_the_same_way_each_time(gsply, codec: str) ->
     assert one.table.tobytes() == other.table.tobytes()
     images = [render(model, camera(), "ewa").channels for model in (one, blobs(COUNT))]
     assert 0 < np.abs(images[0] - images[1]).mean() < 0.02
-
-
-@pytest.mark.parametrize("farthest", [30.0, 1e4, 1e12])
-def test_far_rows_do_not_spoil_the_chunks_of_others(farthest: float) -> None:
-    rng = np.random.default_rng(0)
-    means = rng.normal(size=(20_000, 3))
-    far = rng.choice(len(means), 200, replace=False)
-    means[far] *= np.exp(rng.uniform(np.log(3), np.log(farthest), (200, 1)))
-    order = curve_order(means)
-    assert sorted(order.tolist()) == list(range(len(means)))
-    spans = [np.ptp(means[order[i : i + CHUNK]], axis=0).max() for i in range(0, len(means), CHUNK)]
-    assert np.mean(np.array(spans) > 8) < 0.1  # 0.16 to 0.27 along the curve of the renderer's storage
-
-
-@pytest.mark.parametrize("kind", ["features", "anchors"])
-def test_models_that_a_format_cannot_store_are_refused(kind: str) -> None:
-    with pytest.raises(InputError, match="compression: not applicable: the format holds"):
-        find_attack("compression").apply(public(KINDS[kind](COUNT)), Measurements())
 
 
 def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,13 +6,9 @@ import pytest
 from gspure.attacks import Attacked, Measurements, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
-from gspure.errors import InputError
-from gspure.images import read_back
 from gspure.method.pruning import plain_prune_mask
-from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
-from tests.attack_cases import changed, public
-from tests.documentation import ROOT, blocks
+from tests.attack_cases import changed
 from tests.models import blobs, camera, tilted_camera
 
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
@@ -35,29 +31,6 @@ def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) 
     assert one.model.table.tobytes() == other.model.table.tobytes()
     assert one.model.table.tobytes() != blobs(ROWS).table.tobytes()
     assert one.model.table.tobytes() != attacked_by(name, seed=1).model.table.tobytes()
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_damage_needs_no_photographs_key_or_message(name: str) -> None:
-    assert find_attack(name).parameters <= {"public", "cameras", "device", "weights", "labels"}
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_an_attack_renders_and_trains_on_the_background_of_the_model(name: str, monkeypatch) -> None:
-    white, images, backgrounds = (1.0, 1.0, 1.0), [], []
-    model, step = PublicModel(blobs(ROWS).with_background(white)), TrainableModel.step
-    set_targets = TrainableModel.set_targets
-
-    def stepped(self, *view, background=(0.0, 0.0, 0.0), **settings):
-        backgrounds.append(background)
-        return step(self, *view, background=background, **settings)
-
-    monkeypatch.setattr(TrainableModel, "step", stepped)
-    monkeypatch.setattr(TrainableModel, "set_targets", lambda self, of: (images.extend(of), set_targets(self, of)))
-    measurements = Measurements(WEIGHTS, labels=LABELS) if find_attack(name).needs else Measurements()
-    find_attack(name).apply(model, measurements, cameras=VIEWS, iterations=2)
-    assert {*backgrounds} == {white}
-    np.testing.assert_array_equal(images[0], read_back(model.scene(background=white)(VIEWS[0])))
 
 
 @pytest.mark.parametrize("name", ["finetune", "prune_repair", "gspure_repair"])
@@ -100,58 +73,3 @@ def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
     assert attacked.prune_mask.all()
     assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)
     assert attacked.model.sh_degree == 3
-
-
-@pytest.mark.parametrize(
-    ("name", "settings", "message"),
-    [
-        ("finetune", {"iterations": 0}, "iterations: expected a whole number from 1"),
-        ("finetune", {"learn": "sky"}, "attack finetune: learn: expected one of all, appearance, colour"),
-        ("distil", {"iterations": 0}, "iterations: expected a whole number from 1"),
-    ],
-)
-def test_bad_settings_are_refused(name: str, settings: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        attacked_by(name, **settings)
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("iterations", [1, 7])
-def test_the_budget_is_the_number_of_training_steps(name: str, iterations: int, monkeypatch) -> None:
-    views, train = [], TrainableModel.step
-
-    def step(self, camera, *numbers, **settings):
-        views.append(camera)
-        return train(self, camera, *numbers, **settings)
-
-    monkeypatch.setattr(TrainableModel, "step", step)
-    attacked_by(name, iterations=iterations)
-    assert len(views) == iterations
-    assert all(view.image is None for view in views)
-
-
-@pytest.mark.parametrize("scheme", ["vanilla", "gs_hider"])
-def test_an_attack_of_another_package_learns_like_the_built_in_ones(scheme: str) -> None:
-    module: dict = {}
-    exec(next(code for code in blocks(ROOT / "docs" / "extending.md", "python") if "recolour" in code), module)  # noqa: S102
-    if scheme == "gs_hider":
-        pytest.importorskip("torch")
-        from tests.test_attacks_learning_networks import gs_hider
-
-    asset = PublicModel(blobs(ROWS)) if scheme == "vanilla" else gs_hider()
-    ours = module["ATTACK"].apply(asset, Measurements(), cameras=VIEWS, iterations=6)
-    assert changed(asset.model, ours.model) <= {*asset.columns["colour"]}
-    built_in = find_attack("finetune").apply(asset, Measurements(), cameras=VIEWS, iterations=6, learn="colour")
-    assert ours.model.table.tobytes() == built_in.model.table.tobytes()
-
-
-def test_without_views_there_is_nothing_to_learn_from() -> None:
-    with pytest.raises(InputError, match="cameras: expected public views"):
-        find_attack("finetune").apply(blobs(3), Measurements())
-
-
-def test_only_3dgs_is_distilled() -> None:
-    from tests.attack_cases import features
-
-    with pytest.raises(InputError, match="distil: not applicable"):
-        find_attack("distil").apply(public(features(9)), Measurements(), cameras=VIEWS)

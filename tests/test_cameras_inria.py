@@ -8,7 +8,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
-from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from tests.camera_cases import cameras
 
@@ -48,29 +47,6 @@ def test_a_written_camera_is_read_back_to_the_last_digit(tmp_path, camera):
     assert back.viewmat[:3, :3].tolist() == camera.viewmat[:3, :3].tolist()
     length = math.hypot(*camera.viewmat[:3, 3])  # does not underflow
     assert np.abs(back.viewmat[:3, 3] - camera.viewmat[:3, 3]).max() <= 8 * np.finfo(float).eps * length
-
-
-def test_a_plain_file_stays_plain_and_the_order_is_kept(tmp_path):
-    path = written(tmp_path, VIEW | {"img_name": "b"}, VIEW)
-    write_cameras(tmp_path / "again.json", read_cameras(path))
-    again = json.loads((tmp_path / "again.json").read_text())
-    assert [view["img_name"] for view in again] == ["b", "a"]
-    assert [set(view) for view in again] == [set(VIEW)] * 2
-
-
-def test_a_principal_point_off_the_centre_is_kept(tmp_path):
-    (camera,) = read_cameras(written(tmp_path, VIEW | {"cx": 30.5, "cy": 25.0}))
-    assert camera.K[0, 2] == 30.5
-    assert camera.K[1, 2] == 25.0
-
-
-def test_a_distorted_view_is_refused_except_where_lenses_are_read(tmp_path):
-    straight = {"k1": 0, "p2": 0.0, "distortion": [0, 0]}
-    assert read_cameras(written(tmp_path, VIEW | straight))[0].distortion == ()
-    path = written(tmp_path, VIEW | {"k1": 0.1, "k4": -0.2})
-    with pytest.raises(InputError, match=r"a\.distortion"):
-        read_cameras(path)
-    assert read_lenses(path)[0].distortion == (0.1, 0, 0, 0, 0, -0.2, 0, 0)
 
 
 def test_photographs_are_found_from_wherever_the_file_is_written(tmp_path, monkeypatch):

@@ -8,7 +8,6 @@ from PIL import Image
 
 from gspure.cameras import read_cameras
 from gspure.cameras.nerfstudio import parse
-from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from tests.camera_cases import numbers, project, quats, rotation_from
 
@@ -40,28 +39,12 @@ def test_intrinsics_of_frames_are_those_of_their_views(tmp_path):
     assert (second.K[0, 0], second.width) == (500, 640)
 
 
-@pytest.mark.parametrize("key", ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "p2"])
-def test_optics_that_differ_between_a_frame_and_its_file_are_refused(tmp_path, key):
-    """Programs take the one or the other."""
-    with pytest.raises(InputError, match=rf"frames\[0\].{key}: expected .*, as in the file"):
-        read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | {key: 77}]}))
-
-
 ODD = {
     "normalized": {"cx": 0.5, "cy": 0.5},
     "normalized focal": {"fl_x": 0.8, "fl_y": 0.8},
     "another size": {"w": 1280, "h": 960},
 }
 ODD |= {"unequal": {"fl_x": 500.0, "fl_y": 1500}, "almost none": {"fl_x": 1e10, "fl_y": 1e-300}}
-
-
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    ("change", "warned"), [*((odd, True) for odd in ODD.values()), ({}, False), ({"cx": 200}, False)]
-)
-def test_optics_that_do_not_fit_the_size_of_their_image_are_warned_of(tmp_path, capsys, change, warned):
-    read_cameras(written(tmp_path, {**SHARED, **change, "frames": [FRAME]}))
-    assert ("1 of 1 views, such as frame_00001, does not fit the image size" in capsys.readouterr().err) == warned
 
 
 @given(quats, numbers(-5, 5), numbers(-5, 5), numbers(0.1, 5))
@@ -106,18 +89,6 @@ def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, 
     assert caught.value.field == field
 
 
-def test_a_distorted_camera_is_read_only_to_undistort_it(tmp_path):
-    path = written(tmp_path, SHARED | {"k1": 0.1, "k2": 0.2, "k3": 0.5, "p1": 0.3, "p2": 0.4, "frames": [FRAME]})
-    assert read_lenses(path)[0].distortion == (0.1, 0.2, 0.3, 0.4, 0.5)
-    with pytest.raises(InputError, match=r"distortion: expected none, found .*--undistort"):
-        read_cameras(path)
-
-
-def test_lenses_that_are_switched_off_are_no_distortion(tmp_path):
-    off = {"is_fisheye": False, "latlong": False, "equirectangular": False, "ftheta_p0": 0.0}
-    assert len(read_cameras(written(tmp_path, {**SHARED, **off, "frames": [FRAME]}))) == 1
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -141,21 +112,3 @@ def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
         read_cameras(path)
     assert caught.value.source == str(path)
     assert caught.value.field == f"frames[0].{field}"
-
-
-@pytest.mark.parametrize(
-    ("content", "field"),
-    [
-        ({**SHARED, "frames": {}}, "frames"),
-        ({**SHARED, "frames": []}, "views"),
-        ({**SHARED, "frames": [3]}, "frames[0]"),
-        ({**SHARED, "frames": [FRAME, FRAME]}, "view names"),
-        ({"w": 4, "h": 3, "frames": [FRAME]}, "frames[0].fl_x"),
-        ({"w": 4, "camera_angle_x": 1.0, "frames": [FRAME]}, "frames[0].h"),
-        ({"w": 4, "h": 3, "camera_angle_x": 3.2, "frames": [FRAME]}, "frames[0].camera_angle_x"),
-    ],
-)
-def test_a_file_without_usable_frames_is_refused(tmp_path, content, field):
-    with pytest.raises(InputError) as caught:
-        read_cameras(written(tmp_path, content))
-    assert caught.value.field == field

@@ -2,9 +2,8 @@ import json
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from gspure.cameras import Camera, intrinsics, read_cameras, require_images, write_cameras
+from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
 from gspure.errors import InputError
 
 POSE = np.eye(4).tolist()
@@ -47,21 +46,3 @@ def test_a_file_that_is_not_a_camera_file_is_refused_in_one_line(tmp_path, conte
         read_cameras(path)
     assert str(caught.value).startswith(f"{path}: file: expected ")
     assert "\n" not in str(caught.value)
-
-
-def test_every_view_needs_its_photograph_where_photographs_are_required(tmp_path):
-    photo = tmp_path / "a.png"
-    Image.new("RGB", (8, 6)).save(photo)
-    require_images([view("a", photo)], tmp_path)
-    with pytest.raises(InputError, match=r"photographs: expected .* 3 views, found 2 missing: view b, .*c\.png$"):
-        require_images([view("a", photo), view("b"), view("c", tmp_path / "c.png")], tmp_path)
-
-
-def test_a_photograph_smaller_than_its_view_or_broken_is_refused(tmp_path):
-    photo = tmp_path / "a.png"
-    Image.new("RGB", (8, 5)).save(photo)
-    with pytest.raises(InputError, match=r"a\.image: expected a photograph of at least 8x6, found 8x5"):
-        require_images([view("a", photo)], tmp_path)
-    photo.write_bytes(b"no image")
-    with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
-        require_images([view("a", photo)], tmp_path)

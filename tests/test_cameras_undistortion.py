@@ -74,29 +74,6 @@ def test_a_distortion_too_strong_for_a_pinhole_is_refused(tmp_path):
         undistort([Camera(**vars(taken(tmp_path, ())) | {"distortion": (-1e9,)})], tmp_path / "flat", tmp_path)
 
 
-def test_a_lens_that_folds_the_image_is_refused(tmp_path):
-    for distortion, focal in (((-0.6,), 60.0), ((0.0, -0.4), 50.0), ((0.0, 0.0, 0.0, 0.0, 0.0, 0.9), 60.0)):
-        lens = {"image": tmp_path / "photo.png", "distortion": distortion}
-        view = Camera(**vars(camera(160, 120, focal=focal)) | lens)
-        write_image(tmp_path / "photo.png", np.zeros((120, 160, 3)))
-        with pytest.raises(InputError, match=r"view\.distortion"):
-            undistort([view], tmp_path / "flat", tmp_path)
-
-
-def test_a_transparent_photograph_keeps_its_alpha(tmp_path):
-    lens = taken(tmp_path, (-0.2, 0.05))
-    half = np.zeros((lens.height, lens.width, 4))
-    half[:, :48] = 1, 0.5, 0, 1
-    write_image(lens.image, half)
-    (pinhole,) = undistort([lens], tmp_path / "flat", tmp_path)
-    for background in ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
-        image = read_image(pinhole.image, background=background)
-        np.testing.assert_allclose(image[:, :40], np.broadcast_to((1, 0.5, 0), (72, 40, 3)), atol=0.01)
-        np.testing.assert_allclose(image[:, 56:], np.broadcast_to(background, (72, 40, 3)), atol=0.01)
-    at_the_edge = read_image(pinhole.image, background=(1.0, 0.5, 0.0))  # no darker seam
-    np.testing.assert_allclose(at_the_edge, np.broadcast_to((1, 0.5, 0), (72, 96, 3)), atol=0.02)
-
-
 def capture(folder: Path) -> Path:
     lenses = [(7, "OPENCV", 96, 72, (80.0, 80.0, 50.0, 33.0, -0.2, 0.05, 0.0, 0.0)), LENSES[1]]
     written(folder / "sparse" / "0", text(lenses=lenses))
@@ -115,11 +92,3 @@ def test_the_command_writes_a_capture_without_distortion(tmp_path):
     assert [view.name for view in views] == [view.name for view in read_lenses(source)]
     assert all(view.image.parent == tmp_path / "flat" / "images" and view.image.is_file() for view in views)
     assert len(read_point_ply(tmp_path / "flat" / "points3D.ply")[0]) > 0
-
-
-def test_the_command_does_not_write_into_the_capture(tmp_path, capsys):
-    source = capture(tmp_path)
-    before = sorted(tmp_path.rglob("*"))
-    assert main(["cameras", str(source), "--undistort", "--out", str(tmp_path / "cameras.json")]) == 2
-    assert sorted(tmp_path.rglob("*")) == before
-    assert "a folder apart from the capture" in capsys.readouterr().err

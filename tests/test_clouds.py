@@ -41,16 +41,6 @@ def test_clusters_have_colours_by_size_pale_ones_if_they_are_kept_and_noise_is_g
 
 
 @settings(deadline=None)
-@given(arrays(np.int32, st.integers(1, 60), elements=st.integers(-1, 14)), st.integers(1, 4))
-def test_shares_in_the_legend_of_clusters_add_up(labels: np.ndarray, period: int) -> None:
-    _, labels = np.unique(np.append(labels, -1), return_inverse=True)  # dense, with noise
-    labels = (labels - 1).astype(np.int32)
-    cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), labels, labels % period == 0)
-    shares = [float(label.split()[-1].rstrip("%")) for row in cloud.legend for label, _ in row if label.endswith("%")]
-    assert sum(shares) == pytest.approx(100, abs=0.05 * len(shares) + 1e-9)
-
-
-@settings(deadline=None)
 @given(arrays(np.float32, 40, elements=st.floats(0, 9, width=16)), arrays(np.int32, 40, elements=st.integers(-1, 1)))
 def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels: np.ndarray) -> None:
     labels[:2] = 0, 1
@@ -85,13 +75,3 @@ def test_pruned_gaussians_have_another_colour() -> None:
     cloud = kept_cloud(BALL[:4], np.array([True, False, False, False]))
     assert [colour(cloud, k) for k in range(4)] == [hexadecimal(c) for c in (style.PRUNED, *[style.KEPT] * 3)]
     assert [label.rpartition(": ")[2] for label, _ in cloud.legend[0]] == ["75.0%", "25.0%"]
-
-
-def test_a_subset_keeps_points_and_colours_together() -> None:
-    weights = RNG.random(400, np.float32)
-    cloud = rank_cloud(BALL, ranks(np.full(400, -1, np.int32), weights))
-    rows = np.array([7, 3, 99])
-    part = cloud.subset(rows)
-    assert np.array_equal(part.points, BALL[rows])
-    assert np.array_equal(part.colours, cloud.colours[rows])
-    assert part.scale is cloud.scale

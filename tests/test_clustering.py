@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
-from gspure.errors import InputError
 from gspure.method.clusters import SELECTIONS, select
 from gspure.method.diagnosis import diagnose
 from gspure.method.tree import coincident_points, hdbscan_tree, spanning_tree
@@ -256,9 +255,6 @@ def test_piles_of_equal_points_are_counted_and_survive_clustering(selection: str
     assert labels[300] != labels[340]
 
 
-QUANTITIES = ("weights", "opacities")
-
-
 def test_the_diagnosis_describes_the_clustering() -> None:
     labels = np.array([0, 0, 0, 0, 1, 1, -1, -1, -1, -1], np.int32)
     weights = np.array([1, 1, 1, 9, 20, 28, 1, 1, 9, 9], np.float32)  # mean 8; the first cluster's mean 3
@@ -278,13 +274,6 @@ def test_diagnosis_warns_of_a_collapsed_clustering() -> None:
     assert "largest cluster holds 75%" in found.warnings[0]
 
 
-@pytest.mark.parametrize(("weighted", "warns"), [(1, True), (2, False)])
-def test_diagnosis_warns_of_views_that_see_less_than_a_hundredth_of_the_rows(weighted: int, warns: bool) -> None:
-    labels = np.repeat(np.arange(4, dtype=np.int32), 50)
-    warnings = diagnose(labels, np.repeat([0.0, 1.0], [200 - weighted, weighted])).warnings
-    assert any(f"the views see {weighted} of 200" in text for text in warnings) == warns
-
-
 @pytest.mark.parametrize(("invisible", "factor"), [(3000, ""), (4100, "5"), (9000, "10")])
 def test_diagnosis_warns_if_rows_without_weight_lower_the_thresholds(invisible: int, factor: str) -> None:
     weights = np.concatenate([np.ones(1000), np.zeros(invisible)])
@@ -292,25 +281,6 @@ def test_diagnosis_warns_if_rows_without_weight_lower_the_thresholds(invisible: 
     assert found.holding == 990
     named = [text for text in found.warnings if text.startswith(f"990 of {len(weights)} rows hold 99%")]
     assert [f"a factor of up to {factor}," in text for text in named] == [True] * bool(factor)
-
-
-@pytest.mark.parametrize(("largest", "warns"), [(1500.0, True), (150.0, False)])
-def test_diagnosis_names_a_row_that_holds_much_of_the_weight(largest: float, warns: bool) -> None:
-    weights = np.ones(2000)
-    weights[1234] = largest
-    found = diagnose(np.repeat(np.arange(4, dtype=np.int32), 500), weights)
-    assert found.heavy == (1234,) * warns
-    named = [text for text in found.warnings if "1234" in text]
-    assert len(named) == warns
-    assert all("43%" in text for text in named)
-
-
-def test_a_diagnosis_by_opacities_names_them() -> None:
-    opacities = np.repeat([0.0, 1.0], [1999, 1])
-    labels = np.repeat(np.arange(4, dtype=np.int32), 500)
-    by_weights, by_opacities = (" ".join(diagnose(labels, opacities, quantity=name).lines()) for name in QUANTITIES)
-    assert by_weights.count("% of all ω") == by_opacities.count("% of all opacities") == 3
-    assert not any(word in by_opacities for word in ("ω", "weight", "see 1 of 2000 rows"))
 
 
 def test_diagnosis_warns_of_a_decision_that_leaves_no_row() -> None:
@@ -326,36 +296,3 @@ def test_diagnosis_warns_of_no_clusters_and_of_piles() -> None:
     assert "2 rows have the same features as more than min_samples others" in found.warnings[-1]
     assert found.lines()[-1] == f"warning: {found.warnings[-1]}"
     assert found.to_json()["warnings"] == list(found.warnings)
-
-
-def test_diagnosis_refuses_labels_of_another_model() -> None:
-    with pytest.raises(InputError, match="expected 3, as many as weights, found 2"):
-        diagnose(np.zeros(2, np.int32), np.ones(3))
-
-
-def test_integers_of_numpy_are_sizes_and_others_are_refused() -> None:
-    points = np.random.default_rng(0).normal(size=(300, 3))
-    tree = spanning_tree(points, np.int64(5))
-    np.testing.assert_array_equal(tree, spanning_tree(points, 5))
-    np.testing.assert_array_equal(select(tree, np.int64(9)), select(tree, 9))
-    for size in (50.0, True, 1):
-        with pytest.raises(InputError, match="min_cluster_size: expected a whole number from 2"):
-            select(tree, size)
-
-
-@pytest.mark.parametrize(
-    ("points", "settings", "field"),
-    [
-        (np.zeros((0, 5)), {}, "features: expected at least one"),
-        (np.array([[0.0], [np.nan]]), {}, "features: expected finite"),
-        (blobs(0, 5), {"min_samples": 0}, "min_samples"),
-        (blobs(0, 5), {"min_samples": 129}, "min_samples"),
-        (blobs(0, 5), {"min_cluster_size": 1}, "min_cluster_size"),
-        (blobs(0, 5), {"selection": "root"}, "selection"),
-        (blobs(0, 5), {"max_cluster_share": 0.0}, "max_cluster_share"),
-        (blobs(0, 5), {"max_cluster_share": 1.5}, "max_cluster_share"),
-    ],
-)
-def test_points_and_settings_out_of_range_are_refused_by_name(points: np.ndarray, settings: dict, field: str) -> None:
-    with pytest.raises(InputError, match=field):
-        select(spanning_tree(points, settings.pop("min_samples", 10)), **settings)

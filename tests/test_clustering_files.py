@@ -7,7 +7,7 @@ import pytest
 
 from gspure.errors import InputError
 from gspure.files import save_array
-from gspure.method.clusters import Clusters, read_clusters, read_labels, write_clusters
+from gspure.method.clusters import Clusters, read_clusters, write_clusters
 from gspure.method.tree import read_tree, spanning_tree
 
 POINTS = np.random.default_rng(0).normal(size=(30, 5))
@@ -29,30 +29,6 @@ def test_a_broken_cluster_file_is_refused_in_one_line(tmp_path: Path, content: b
     (tmp_path / "clusters.npz").write_bytes(content)
     with pytest.raises(InputError, match=r"clusters\.npz: file: expected clusters, as \.npz"):
         read_clusters(tmp_path / "clusters.npz")
-
-
-def test_labels_of_another_type_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "clusters.npz", labels=np.zeros(3), coincident=0)
-    with pytest.raises(InputError, match=r"labels: expected int32 .*, found float64 \[3\]"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
-def test_pickled_objects_are_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "clusters.npz", labels=np.array([{}], dtype=object), coincident=0)
-    with pytest.raises(InputError, match="labels: expected numbers, found pickled objects"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
-@pytest.mark.parametrize("suffix", [".npy", ".npz"])
-@pytest.mark.parametrize("labels", [[0, 0, -1], [0, 0, -2], [0, 0, 2**31 - 1], [0, 0, 2], []])
-def test_labels_are_read_unless_a_cluster_is_empty_or_out_of_range(tmp_path: Path, labels: list[int], suffix) -> None:
-    path, array = tmp_path / f"labels{suffix}", np.array(labels, np.int32)
-    save_array(path, array) if suffix == ".npy" else write_clusters(path, Clusters(array, 0), {})
-    if labels in ([0, 0, -1], []):
-        assert read_labels(path).tolist() == labels
-    else:
-        with pytest.raises(InputError, match="labels: expected -1 for noise"):
-            read_labels(path)
 
 
 def edited(*values: tuple[int, int, float]) -> np.ndarray:

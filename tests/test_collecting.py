@@ -1,7 +1,6 @@
 """A folder of results as outcomes: what is there, why the rest is missing, and the table of both."""
 
 import csv
-import json
 import math
 import os
 from dataclasses import replace
@@ -11,13 +10,13 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, recall, write_results
+from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, write_results
 from gspure.evaluation.comparison import write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading
 from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.files import save_array, write_json, write_text
-from tests.contest_cases import measured, write_model
+from tests.contest_cases import write_model
 
 ATTACKS = {"gspure": (0.055, 0.5), "noise": (0.2, 0.02)}
 MODEL = "sis/room"
@@ -51,11 +50,6 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
     assert (gspure.strength, gspure.reached) == ("sigma=0.1", {"message": True})
 
 
-def test_a_repetition_has_the_number_of_its_seed(tmp_path) -> None:
-    again = write_model(tmp_path, "sis/room@2", ATTACKS)
-    assert {(o.scene, o.seed, o.folder) for o in collect(tmp_path, {"sis/room@2": again})} == {("room", 2, "room@2")}
-
-
 def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -> None:
     folder = tmp_path / MODEL
     save_array(folder / "gspure" / "prune_mask.npy", np.array([1, 1, 1, 1, 0, 0, 0, 0], bool))
@@ -66,13 +60,6 @@ def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -
     save_array(folder / "key" / MESSAGE_ROWS, np.zeros(3, bool))
     with pytest.raises(InputError, match=MESSAGE_ROWS):
         by_variant(tmp_path, plan)
-
-
-def test_recall_of_nothing_is_unknown() -> None:
-    precision, found = recall(np.zeros(3, bool), np.array([1, 0, 0], bool))
-    assert math.isnan(precision)
-    assert found == 0
-    assert math.isnan(recall(np.ones(3, bool), np.zeros(3, bool))[1])
 
 
 def test_retrievals_and_detections_of_a_variant_are_its_own(tmp_path, plan) -> None:
@@ -111,33 +98,11 @@ def test_a_missing_variant_names_the_last_line_of_its_failed_log(tmp_path, plan)
     assert (row["failure"], row["target"], row["psnr"]) == (noise.failure, "", "")
 
 
-def test_a_stopped_run_is_no_failure_of_its_jobs_and_a_killed_job_is_named(tmp_path, plan) -> None:
-    (tmp_path / MODEL / "noise" / "metrics.csv").unlink()
-    log(tmp_path, "noise/attack.log", "trained 200 of 3000\n")
-    assert by_variant(tmp_path, plan)["noise"].failure == "not run"
-    log(tmp_path, "noise/attack.log", "trained 200 of 3000\nkilled by signal 9\n")
-    assert by_variant(tmp_path, plan)["noise"].failure == "attack was killed by signal 9"
-
-
 def test_an_attack_that_cannot_apply_is_an_outcome_with_its_reason(tmp_path, plan) -> None:
     write_metrics(tmp_path / MODEL / "noise" / "metrics.csv", [])
     write_json(tmp_path / MODEL / "noise" / "verdict.json", {"not applicable": "anchors have no opacity"})
     log(tmp_path, "noise/attack.log", "gspure attack: something else\n")
     assert by_variant(tmp_path, plan)["noise"].failure == "not applicable: anchors have no opacity"
-
-
-def test_with_no_file_at_all_every_variant_names_its_reason(tmp_path) -> None:
-    found = collect(tmp_path, {MODEL: ModelPlan(("unattacked", "gspure"))})
-    assert [o.failure for o in found] == ["not run"] * 2
-    with pytest.raises(InputError, match="expected some model"):
-        collect(tmp_path, {})
-
-
-@pytest.mark.parametrize("verdict", [[], {"reached": {"message": 1}, "strength": ""}, {"reached": {}}])
-def test_another_verdict_is_refused(tmp_path, plan, verdict) -> None:
-    (tmp_path / MODEL / "noise" / "verdict.json").write_text(json.dumps(verdict))
-    with pytest.raises(InputError, match="expected the verdict of an attack"):
-        by_variant(tmp_path, plan)
 
 
 def test_the_run_is_a_column_and_two_runs_in_one_model_are_warned_of(tmp_path, plan, capsys) -> None:
@@ -149,24 +114,6 @@ def test_the_run_is_a_column_and_two_runs_in_one_model_are_warned_of(tmp_path, p
     write_json(folder / "noise" / "provenance.json", {"run": "def"})
     collect(tmp_path, {MODEL: plan})
     assert "room: results of 2 runs: abc, def" in capsys.readouterr().err
-
-
-def test_views_that_equal_their_photograph_in_some_variant_count_in_no_mean(tmp_path) -> None:
-    def psnrs(variant: str, *values: float) -> None:
-        rows = [measured("scene", value, view=f"view_{i}") for i, value in enumerate(values)]
-        write_metrics(tmp_path / MODEL / variant / "metrics.csv", rows)
-
-    psnrs("unattacked", math.inf, 30.0, 40.0)
-    psnrs("noise", 20.0, 20.0, 30.0)
-    psnrs("crop", 20.0, math.inf, 26.0)
-    found = by_variant(tmp_path, ModelPlan(("unattacked", "noise", "crop")))
-    assert {name: o.level("scene") for name, o in found.items()} == {"unattacked": 40.0, "noise": 30.0, "crop": 26.0}
-    assert found["noise"].psnr_drop("scene") == 10.0
-    psnrs("crop", *[math.inf] * 3)
-    found = by_variant(tmp_path, ModelPlan(("unattacked", "noise", "crop")))
-    assert found["crop"].level("scene") == math.inf
-    assert math.isnan(found["crop"].psnr_drop("scene"))
-    assert found["crop"].identical == {"scene": 3}
 
 
 def test_the_table_has_a_row_for_every_target_and_detector(tmp_path, plan) -> None:

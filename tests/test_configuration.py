@@ -123,7 +123,6 @@ def variants(**changed):
         (variants(crop={"fraction": 2}), "variants.crop.fraction: expected a number from 0 to 1"),
         (variants(gspure={"decision": "mild"}), "variants.gspure.decision: expected one of gentle, found 'mild'"),
         (variants(reorder={"decision": "gentle"}), "variants.reorder.decision: expected no entry"),
-        (variants(random_matched={"decision": "gentle"}), "variants.random_matched.decision: expected method"),
         (variants(gspure={"damage": 1}), "variants.gspure.damage: expected an attack with a strength, found gspure"),
         (variants(gof={"damage": [1, 2], "tolerance": 3}), "variants.gof.tolerance: expected nothing beside damage"),
     ],

@@ -14,13 +14,10 @@ from gspure.errors import InputError
 from gspure.files import save_array
 from gspure.method import contributions
 from gspure.method.contributions import (
-    CachedView,
     contribute,
     contribution_key,
     read_contributions,
-    read_index,
     require_valid,
-    write_index,
 )
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
@@ -80,13 +77,6 @@ def test_every_view_is_computed_once(tmp_path, renderer):
     again = contribute(PublicModel(small_model()), views(), tmp_path)
     assert again == first
     assert renderer.asked == [camera.name for camera in views()]
-
-
-def test_kernels_are_built_once_per_job_and_not_at_all_when_nothing_is_absent(tmp_path, renderer):
-    contribute(PublicModel(small_model()), views(), tmp_path)
-    assert renderer.built == 1
-    contribute(PublicModel(small_model()), views(), tmp_path)
-    assert renderer.built == 1
 
 
 def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
@@ -151,43 +141,6 @@ def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, render
     assert not (tmp_path / "stages").exists()
 
 
-def test_an_index_reads_back_after_the_project_was_moved(tmp_path, renderer):
-    project = tmp_path / "project"
-    stages = contribute(PublicModel(small_model()), views(), project / "stages" / "room")
-    write_index(project / "results" / "contributions" / "1.tsv", stages)
-    project.rename(tmp_path / "moved")
-    found = read_index(tmp_path / "moved" / "results" / "contributions" / "1.tsv")
-    assert [stage.view for stage in found] == [stage.view for stage in stages]
-    assert [read_contributions(stage.path)["index"][0] for stage in found] == [len("view_0")] * len(stages)
-
-
-@given(parts=st.integers(1, 7), count=st.integers(0, 12))
-def test_the_order_of_views_does_not_depend_on_how_they_were_dealt_out(tmp_path_factory, parts, count):
-    folder = tmp_path_factory.mktemp("parts")
-    stages = [CachedView(f"view_{i:02}", folder / f"view_{i:02}.key.npy") for i in range(count)]
-    indices = [folder / f"{part}.tsv" for part in range(parts)]
-    for part, index in enumerate(indices):
-        write_index(index, stages[part::parts])
-    assert read_index(*reversed(indices)) == stages
-
-
-def test_a_view_in_two_indices_is_refused(tmp_path):
-    for name in ("1.tsv", "2.tsv"):
-        write_index(
-            tmp_path / name,
-            [CachedView("view_0", tmp_path / "view_0.key.npy")],
-        )
-    with pytest.raises(InputError, match="'view_0' twice"):
-        read_index(tmp_path / "1.tsv", tmp_path / "2.tsv")
-
-
-@pytest.mark.parametrize("text", ["", "view\tkey\n", "view\tpath\nview_0\n", "\0"])
-def test_a_file_that_is_not_an_index_is_refused(tmp_path, text):
-    (tmp_path / "1.tsv").write_text(text)
-    with pytest.raises(InputError, match=r"1\.tsv: columns"):
-        read_index(tmp_path / "1.tsv")
-
-
 DAMAGES = {
     "cut": lambda content: content[:-5],
     "empty": lambda content: b"",
@@ -217,31 +170,6 @@ def test_a_row_that_the_model_does_not_have_is_refused_by_file_row_and_range(tmp
 
 
 GOOD_STAGE = [(0, 1.5, 0.5, 4), (3, 0.25, 0.25, 1), (4, 2.0, 0.99, 9)]
-BAD_ROWS = {
-    "not a number": (3, np.nan, 0.25, 1),
-    "infinite": (3, np.inf, 0.25, 1),
-    "infinite maximum": (3, 0.25, np.inf, 1),
-    "negative": (3, -0.25, 0.25, 1),
-    "negative maximum": (3, 0.25, -0.25, 1),
-    "overflown": (3, 3e38, 0.25, 1),
-    "more than one in a pixel": (3, 1.5, 1.5, 2),
-    "more than its pixels": (3, 1.5, 0.5, 1),
-    "less than its maximum": (3, 0.2, 0.25, 1),
-    "without a pixel": (3, 0.0, 0.0, 0),
-    "a repeated index": (4, 0.25, 0.25, 1),
-    "a descending index": (5, 0.25, 0.25, 1),
-}
-
-
-@pytest.mark.parametrize("row", BAD_ROWS.values(), ids=BAD_ROWS)
-def test_contributions_that_no_view_has_are_refused(tmp_path, row):
-    stage = np.array(GOOD_STAGE, CONTRIBUTION)
-    save_array(tmp_path / "view_0.key.npy", stage)
-    np.testing.assert_array_equal(read_contributions(tmp_path / "view_0.key.npy"), stage)
-    stage[1] = row
-    save_array(tmp_path / "view_0.key.npy", stage)
-    with pytest.raises(InputError, match=r"view_0\.key\.npy: (row \d|array): expected"):
-        read_contributions(tmp_path / "view_0.key.npy")
 
 
 def test_the_contributions_of_a_model_are_within_their_bounds(energy, style):

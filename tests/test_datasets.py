@@ -109,16 +109,6 @@ class Broken(bytes):
         return bytes(self)[where.start : self.end]
 
 
-def test_a_part_of_an_older_version_is_not_continued(tmp_path, monkeypatch):
-    with Server(hang_up_after=PIECE) as server:
-        monkeypatch.setattr(server, "content", Broken(CONTENT, PIECE))
-        with pytest.raises(InputError):
-            fetch(server.url, tmp_path)
-        server.content, server.hang_up_after, server.version, server.asked = CONTENT[::-1], None, "two", []
-        assert fetch(server.url, tmp_path).read_bytes() == CONTENT[::-1]
-    assert server.asked == [None]
-
-
 def test_a_file_missing_on_the_server_is_reported_in_one_line(tmp_path):
     with Server() as server, pytest.raises(InputError, match="download: expected an answer, found 404"):
         fetch(server.url.replace("scenes", "others"), tmp_path)
@@ -155,13 +145,6 @@ def test_an_entry_that_leads_out_of_its_folder_is_refused_before_anything_is_wri
     with pytest.raises(InputError, match="expected a file below its folder, found a path out of it"):
         extract(file, GARDEN, "garden", tmp_path / "data" / "garden")
     assert not [path for path in tmp_path.rglob("*") if path.is_file() and path != file]
-
-
-@pytest.mark.parametrize("missing", ["images_4", "sparse"])
-def test_an_archive_without_the_scene_is_refused(tmp_path, missing):
-    file = zipped(tmp_path / "scenes.zip", [name for name in WHOLE if missing not in name])
-    with pytest.raises(InputError, match="garden: expected photographs in images_4 and sparse, found none"):
-        extract(file, GARDEN, "garden", tmp_path / "garden")
 
 
 def test_nothing_is_downloaded_without_consent(tmp_path, capsys):

@@ -4,8 +4,6 @@ import math
 import shlex
 import sys
 import time
-from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,19 +12,15 @@ import pytest
 from scipy.stats import binom
 
 from gspure.errors import InputError
-from gspure.evaluation import detection as module
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.contest import MESSAGE_DROP, SCORE, contest
-from gspure.evaluation.csv_tables import read_table, write_table
+from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import (
     Reading,
     Threshold,
     detection,
     files_of,
-    read_bits,
     read_detections,
     read_marks,
-    share_correct,
 )
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, with_references
@@ -43,31 +37,6 @@ def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
     assert threshold.rate == pytest.approx(binom.sf(threshold.value, bits, 0.5))
     assert threshold.rate <= rate
     assert binom.sf(threshold.value - 1, bits, 0.5) > rate
-
-
-@pytest.mark.parametrize("bits", [24, 30, 48, 56, 96, 131])
-def test_views_at_the_threshold_do_not_exceed_it(tmp_path, bits):
-    correct = int(Threshold.of(bits, [], 0.01).value)
-    message = np.ones(bits, bool)
-    rows = [
-        Reading(view, share_correct(np.arange(bits) < correct + more, message), bits)
-        for more in (0, 1)
-        for view in "abcd"
-    ]
-    write_table(tmp_path / "rows.csv", Reading, rows)
-    stored = read_table(tmp_path / "rows.csv", Reading)
-    assert stored == rows
-    at, above = detection(stored[:4], []), detection(stored[4:], [])
-    assert (at.tpr, at.present, above.tpr, above.present) == (0, False, 1, True)
-
-
-@pytest.mark.parametrize(("bits", "known", "known_strict"), [(1, 0, 0), (6, 0, 0), (7, 1, 0), (9, 1, 0), (10, 1, 1)])
-def test_all_of_few_bits_are_detected_at_a_rate_that_is_not_claimed(bits, known, known_strict):
-    seen = detection([Reading(str(view), 100.0, bits) for view in range(50)], [])
-    assert seen.present
-    assert [not math.isnan(rate) for rate in (seen.tpr, seen.tpr_strict)] == [known, known_strict]
-    chance = detection([Reading(str(view), 100.0 * (view % 2), 1) for view in range(50)], [])
-    assert not chance.present
 
 
 @pytest.mark.parametrize(
@@ -101,17 +70,6 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
     assert math.isnan(few.tpr_strict)
     assert few.present  # two of three views exceed all 20
     assert detection(readings, []).present is None
-
-
-@pytest.mark.parametrize(
-    ("views", "clean", "above", "present"),
-    [(5, 199, 0, False), (5, 199, 1, True), (6, 229, 1, False), (6, 229, 2, True)],
-)
-def test_from_199_clean_views_on_the_threshold_is_their_second_highest(views, clean, above, present):
-    """At least 1 of 5 or 6 views exceeds it with probability 1 - C(N, 2) / C(N + V, 2): 0.0485 and 0.0505."""
-    readings = [Reading(str(i), clean - 1.5 if i < above else 0.0, 0) for i in range(views)]
-    read = detection(readings, [float(i) for i in range(clean)])
-    assert (read.tpr, read.present) == (above / views, present)
 
 
 @pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
@@ -152,13 +110,6 @@ def test_bits_survive_where_they_are_detected(outcomes):
     assert math.isnan(rows["gspure"].rms_ratio)
 
 
-def test_bits_enter_the_contest_without_a_score(outcomes):
-    rows = [row for row in contest(outcomes, {}) if math.isnan(row.damage)]
-    assert SCORE not in {row.quantity for row in rows}
-    (drop,) = [row for row in rows if row.quantity == MESSAGE_DROP]
-    assert (drop.attack, drop.extraction, drop.difference.mean) == ("gaussian_noise", "mark", pytest.approx(30))
-
-
 def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
     levels = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
     outcomes = with_references(outcome(name, level) for name, level in levels.items())
@@ -175,38 +126,11 @@ def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark
     assert {row.present for row in rows} == {0}
 
 
-def test_another_scenes_model_with_the_same_mark_is_no_control(outcomes):
-    alone = survival(outcomes)
-    other = [replace(o, variant="other_scene") for o in outcomes if o.variant == "unattacked"]
-    both = with_references([*outcomes, *other])
-    assert survival(both) == alone
-    unmarked = [replace(o, detections={n: d._replace(present=False) for n, d in o.detections.items()}) for o in other]
-    assert survival(with_references([*outcomes, *unmarked])) != alone
-
-
 def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes):
     without = [outcome("unattacked", 99.0, asset="hall"), outcome("gspure", 10.0, asset="hall")]
     (row,) = (row for row in survival(with_references([*outcomes, *without])) if row.variant == "gspure")
     (alone,) = (row for row in survival(outcomes) if row.variant == "gspure")
     assert row.detectability == alone.detectability
-
-
-@pytest.mark.parametrize(
-    ("marked", "clean", "known"), [(1, 18, 0), (1, 19, 1), (2, 4, 0), (2, 5, 1), (3, 2, 0), (3, 3, 1)]
-)
-def test_too_few_views_for_a_verdict_on_scores_leave_it_unknown(marked, clean, known):
-    read = detection([Reading(str(i), 99.0, 0) for i in range(marked)], [float(i) for i in range(clean)])
-    assert read.present == (True if known else None)
-
-
-@pytest.mark.parametrize(("marked", "clean"), [(2, 5), (3, 3), (4, 4), (5, 3)])
-def test_of_all_orders_of_exchangeable_scores_at_most_one_in_twenty_is_a_mark(marked, clean):
-    scores = {*range(marked + clean)}
-    present = [
-        detection([Reading("", float(score), 0) for score in chosen], [*scores - {*chosen}]).present
-        for chosen in combinations(scores, marked)
-    ]
-    assert 0 < np.mean(present) <= 0.05
 
 
 def printing(text: str) -> str:
@@ -268,16 +192,6 @@ def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
         read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
 
 
-def test_only_the_last_line_of_a_detector_is_held(renders, monkeypatch):
-    monkeypatch.setattr(module, "LONGEST_LINE", 1 << 20)
-    answer = '{"a": 1, "b": 2}'
-    code = f"print(('x' * 99 + chr(10)) * 50_000); print({answer!r})"
-    assert len(read_marks(shlex.join([sys.executable, "-c", code]), renders, "", 60)) == 2
-    endless = "while True: print('x' * 4096, end='')"
-    with pytest.raises(InputError, match="a last line of at most 1 MiB"):
-        read_marks(shlex.join([sys.executable, "-c", endless]), renders, "", 60)
-
-
 def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):
     started = tmp_path / "pid"
     with pytest.raises(InputError, match="expected an answer within 2 s"):
@@ -287,21 +201,6 @@ def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, t
     while status.exists() and status.read_text().split()[2] != "Z":
         assert time.monotonic() < until
         time.sleep(0.05)
-
-
-@pytest.mark.parametrize(
-    ("read", "found"),
-    [
-        (np.ones((4, 1), np.bool_), r"bool \[4, 1\]"),
-        (np.array([1, -1, 1, 1]), r"int64 \[4\]"),
-        (np.full(4, 0.9), r"float64 \[4\]"),
-        ("1111", "str"),
-        ([True] * 4, "list"),
-    ],
-)
-def test_a_key_that_reads_no_bits_is_refused(renders, read, found):
-    with pytest.raises(InputError, match=f"key: bits read from an image: expected an array of 4 bits.* found {found}"):
-        read_bits(lambda _: read, np.ones(4, np.bool_), renders)
 
 
 def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):
@@ -323,12 +222,3 @@ def test_readings_are_compared_with_those_of_the_clean_model_of_the_same_folder(
     rows = [Reading(f"view_{i}", 9.0 + i % 4, 0) for i in range(120)]
     assert found["unattacked"]["mine"] == detection(rows, clean)
     assert set(found) == {"unattacked", "clean"}
-
-
-@pytest.mark.parametrize(
-    "rows", [[], [Reading("a", 101.0, 8)], [Reading("a", 1e101, 0)], [Reading("a", 50.0, 8), Reading("b", 50.0, 9)]]
-)
-def test_impossible_readings_are_refused(tmp_path, rows):
-    write_table(tmp_path / "clean" / "detections" / "mine.csv", Reading, rows)
-    with pytest.raises(InputError, match=r"mine\.csv"):
-        read_detections(tmp_path)

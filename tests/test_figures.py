@@ -9,21 +9,17 @@ import numpy as np
 import pytest
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
-from gspure.errors import InputError
 from gspure.figures import clouds, gallery, plates, style, viewpoint
 from gspure.figures.clouds import Cloud, kept_cloud
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
-from gspure.figures.panels import draw_before_after
 from gspure.figures.plates import eye_dome
 from gspure.figures.probe import gl_problem
-from gspure.images import write_image
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from tests.models import blobs, camera, gaussians, points_of
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
-PNG = b"\x89PNG\r\n"
 needs_gl = pytest.mark.skipif(gl_problem() is not None, reason=f"no OpenGL: {gl_problem()}")
 
 
@@ -94,18 +90,6 @@ def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_pat
     assert (alone == 1).all()
     assert noise.mean() > clusters.mean()
     assert model_image.shape == clusters.shape
-
-
-def test_a_view_before_and_after_is_one_that_all_columns_have(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(style, "DPI", 50)
-    for folder, names in (("before", "abcde"), ("after", "bcdef")):
-        for name in names:
-            write_image(tmp_path / folder / f"{name}.png", np.full((6, 8, 3), ord(name) / 255, np.float32))
-    folders = {folder: tmp_path / folder for folder in ("before", "after")}
-    assert draw_before_after(tmp_path / "panels.png", folders, 2).startswith("2 of 4 views, with their PSNR against")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="expected a view of"):
-        draw_before_after(tmp_path / "panels.png", {**folders, "x": tmp_path / "empty"})
 
 
 def test_eye_dome_darkens_what_stands_behind_an_edge_and_nothing_else() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("torch")
 
-from gspure.attacks import Measurements, find_attack
 from gspure.cli import extract, main
 from gspure.evaluation.metrics import psnr
 from gspure.images import read_image, write_image
@@ -74,24 +73,3 @@ def test_the_command_fits_to_training_views_and_shows_held_out_ones(
     assert shown("with_other_photographs", "--photographs", tmp_path / "train") != fitted
     assert main([*map(str, (*words, "--out", tmp_path / "nothing"))]) == 2
     assert "--photographs: expected photographs of the message" in capsys.readouterr().err
-
-
-def test_the_views_of_the_photographs_move_with_the_model(
-    marked: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if marked.scheme.name == "keyss":
-        pytest.skip("the network reads positions, so it has to learn another message")
-    monkeypatch.setattr(extract, "FIT_STEPS", 12)
-    attacked = find_attack("rigid_transform").apply(marked.public, Measurements(), angle=0.0, translation="0.5,0,0")
-    np.save(tmp_path / "transform.npy", attacked.transform)
-    marked.key.write(tmp_path / "key")
-    images = []
-    for name, model in {"still": marked.public.model, "moved": attacked.model}.items():
-        marked.public.with_model(model).write(tmp_path / name / "point_cloud.ply")
-        words = ["extract", tmp_path / name, "--scheme", marked.scheme.name, "--key", tmp_path / "key"]
-        words += ["--cameras", marked.folder / "message" / "cameras.json", "--split", "test", "--extraction", ADAPTIVE]
-        words += ["--photographs", marked.folder / "message", "--out", tmp_path / f"{name}_images"]
-        words += ["--transform", tmp_path / "transform.npy"] if name == "moved" else []
-        assert main([*map(str, words)]) == 0
-        images.append(read_image(next((tmp_path / f"{name}_images").glob("*.png"))))
-    assert psnr(*images) > 35

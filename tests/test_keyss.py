@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from gspure.opencl.trainable import Parameters
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss import SCHEME
 from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.keyss.network import KEY, SHAPES, added, fresh, parameters_of, random_key, rows_of
+from gspure.schemes.keyss.network import KEY, SHAPES, added, fresh, random_key
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import MESSAGE, hide
 from tests.models import blobs
@@ -34,25 +33,6 @@ def test_the_key_changes_what_is_added_to_every_row():
     key, rows = trained(rng), rng.normal(size=(20, 59)).astype(np.float32)
     right, wrong = (added(np, key.network, k.vector, rows) for k in (key, key.wrong(rng)))
     assert (right != wrong).any(axis=1).all()
-
-
-def test_rows_are_parameters_in_another_form():
-    rng = np.random.default_rng(0)
-    shapes = ((5, 3), (5, 4), (5, 3), (5,), (5, 16, 3))
-    parameters = Parameters(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
-    again = parameters_of(rows_of(parameters))
-    assert all(np.array_equal(a, b) for a, b in zip(vars(parameters).values(), vars(again).values(), strict=True))
-
-
-def test_harmonics_that_a_model_lacks_are_zero():
-    short = blobs(40, sh_degree=1)
-    full = short.sh_coeffs_of(3)
-    assert full.shape == (40, 16, 3)
-    assert np.array_equal(full[:, :4], short.sh_coeffs)
-    assert not full[:, 4:].any()
-    assert np.array_equal(short.sh_coeffs_of(0), short.sh_coeffs[:, :1])
-    gaussians, rows = trained(np.random.default_rng(0)).gaussians(PublicModel(short), None, MESSAGE)
-    assert len(gaussians) == len(rows) == 40
 
 
 def test_numpy_and_pytorch_add_the_same():

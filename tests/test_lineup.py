@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from PIL import Image
 
 from gspure.evaluation.outcomes import Outcome
 from gspure.figures import lineup, style
-from gspure.figures.lineup import COLUMNS, Column, chosen, draw_attacks, write_lineup
+from gspure.figures.lineup import Column, chosen, draw_attacks, write_lineup
 from gspure.images import write_image
 from tests.contest_cases import measured
 
@@ -71,17 +70,6 @@ def test_a_tile_shows_psnr_dagger_and_reason_of_failure(tmp_path, drawn):
     assert drawn == ["", "20.00 dB †", "failed", "no memory"]
 
 
-def test_many_columns_are_split_into_blocks_of_equal_tiles(tmp_path):
-    sizes = []
-    for count in (COLUMNS, 4 * COLUMNS - 1):
-        columns = [Column(f"v{i}", {"scene": PHOTOGRAPH, "message": PHOTOGRAPH}) for i in range(count)]
-        write_lineup(tmp_path / "lineup.png", ["scene", "message"], columns)
-        with Image.open(tmp_path / "lineup.png") as image:
-            sizes.append(image.size)
-    assert {width for width, _ in sizes} == {style.PAGE * style.DPI}
-    assert sizes[1][1] == pytest.approx(4 * sizes[0][1], rel=0.1)
-
-
 @pytest.fixture
 def results(tmp_path):
     """Views a, b, c, of which the renders are off by 0.1, 0.2 and 0.3."""
@@ -101,20 +89,3 @@ def test_the_view_of_median_psnr_is_shown_of_all_variants(results: Path, drawn) 
     assert "†" in caption
     scene, message = (["", "13.98 dB", f"13.98 dB{dagger}", "failed", "no memory"] for dagger in ("", " †"))
     assert drawn == scene + message
-
-
-def test_without_photographs_the_unattacked_model_is_the_reference(results: Path) -> None:
-    caption, views = draw_attacks(results / "a.png", results, OUTCOMES, {})
-    assert views["scene"] == "b"
-    assert "after noise" in caption
-    failed = [OUTCOMES[0], OUTCOMES[2]]
-    assert draw_attacks(results / "a.png", results, failed, {}).views["scene"] == "b", "a failed attack chooses no view"
-    assert draw_attacks(results / "a.png", results, OUTCOMES[1:], {}) is None
-
-
-def test_a_message_with_views_of_its_own_is_shown_in_a_view_of_its_own(results: Path) -> None:
-    for folder in ("truth", "unattacked/renders", "noise/renders"):
-        for view in "abc":
-            (results / folder / "scene" / f"{view}.png").rename(results / folder / "scene" / f"desk_{view}.png")
-    _, views = draw_attacks(results / "a.png", results, OUTCOMES, {}, results / "truth")
-    assert views == {"scene": "desk_b", "message": "b"}

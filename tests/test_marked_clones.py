@@ -7,13 +7,11 @@ import pytest
 from marked_clones import SCHEME
 
 from gspure.cli import main
-from gspure.errors import InputError
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import Reading
 from gspure.evaluation.metrics import psnr
-from gspure.files import load_arrays, read_json, save_arrays
+from gspure.files import load_arrays, read_json
 from gspure.images import read_back, write_image
-from gspure.method.weights import accumulate
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
@@ -21,8 +19,7 @@ from tests.models import without
 
 torch = pytest.importorskip("torch")
 
-from marked_clones.decoder import TURN, ZOOM, warped  # noqa: E402
-from marked_clones.marking import Marking, uncertain_rows  # noqa: E402
+from marked_clones.marking import Marking  # noqa: E402
 
 SETTINGS = {"iterations": 200, "max_gaussians": 800, "bits": 8, "cloned": 0.5}
 STEPS = {"decoder_steps": 250, "marking_steps": 150}
@@ -65,49 +62,6 @@ def test_untrained_clones_do_not_change_the_renders(marked):
     untrained = Marking(marked.clean.model, rows, marked.key.decoder, marked.key.bits, None).model
     camera = marked.pair.scene.views[0]
     assert psnr(PublicModel(untrained).scene()(camera), marked.clean.scene()(camera)) > 35
-
-
-def test_rows_that_hardly_affect_the_renders_are_the_most_uncertain(marked):
-    views, model = marked.pair.scene.views, marked.clean.model
-    rows = uncertain_rows(model, views, 0.2, np.random.default_rng(0), None)
-    weights = accumulate(map(marked.clean.contributions(), views), len(model))
-    assert len(rows) == pytest.approx(0.2 * np.count_nonzero(weights), rel=0.1)
-    assert np.median(weights[rows]) < 0.2 * np.median(weights)
-
-
-def test_windows_are_scaled_and_rotated_within_limits_and_lie_inside():
-    rows, columns = np.mgrid[0:50, 0:70].astype(np.float32)
-    images = torch.from_numpy(np.stack([columns, rows])[None].repeat(200, axis=0))
-    windows = warped(images, np.random.default_rng(0), (20, 30)).numpy()
-    assert windows.shape == (200, 2, 20, 30)
-    right = windows[:, :, 10, 16] - windows[:, :, 10, 15]
-    down = windows[:, :, 11, 15] - windows[:, :, 10, 15]
-    np.testing.assert_allclose(down, np.stack([-right[:, 1], right[:, 0]], axis=1), atol=1e-3)
-    zooms, turns = np.log(np.hypot(*right.T)), np.arctan2(right[:, 1], right[:, 0])
-    for values, most in ((zooms, ZOOM), (turns, TURN)):
-        assert 0.8 * most < np.abs(values).max() < 1.05 * most
-    places = windows[:, :, 10, 15]
-    assert np.ptp(places, axis=0).min() > 20
-    assert places.min() > 5
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "reason"),
-    [
-        ("bits", lambda bits: bits[:-1], "head.weight: expected 7 rows"),
-        ("bits", lambda bits: bits[:0], "bits: expected at least one"),
-        ("bits", lambda bits: bits.astype(np.float32), "bits: expected bool"),
-        ("filters.weight", lambda weights: weights[..., :-1], "filters.weight"),
-        ("filters.bias", lambda weights: weights * np.nan, "finite"),
-    ],
-)
-def test_a_key_that_does_not_fit_together_is_refused(marked, tmp_path, name, change, reason):
-    marked.key.write(tmp_path)
-    file = tmp_path / "marked_clones.npz"
-    arrays = dict(np.load(file))
-    save_arrays(file, arrays | {name: change(arrays[name])})
-    with pytest.raises(InputError, match=reason):
-        SCHEME.read_key(tmp_path)
 
 
 def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):

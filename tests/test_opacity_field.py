@@ -76,15 +76,6 @@ def test_the_opacity_of_one_gaussian_is_one_half_at_the_depth_that_analysis_give
         np.testing.assert_allclose(found, [0.5, opacity, opacity], atol=2e-6)
 
 
-def test_far_behind_everything_a_point_has_the_opacity_of_its_pixel(device, style):
-    model, view = blobs(200, 4), camera(33, 31)
-    u, v = np.meshgrid(np.arange(view.width) + 0.5, np.arange(view.height) + 0.5)
-    rays = np.stack([(u - view.K[0, 2]) / view.K[0, 0], (v - view.K[1, 2]) / view.K[1, 1], np.ones_like(u)], axis=-1)
-    renderer = Renderer(model, device, energy="ray", style=style)
-    found = renderer.opacities_at(view, 100 * rays.reshape(-1, 3))
-    np.testing.assert_allclose(found, 1 - renderer.transmittance(view).ravel(), atol=0.011)  # pixels stop one earlier
-
-
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(seed=st.integers(0, 2**31), count=st.integers(1, 60))
 def test_opacity_grows_along_a_ray(device, style, seed, count):
@@ -105,20 +96,6 @@ def test_bands_change_no_bit(device, style):
         for budget in (1 << 20, 500)
     )
     assert whole.tobytes() == banded.tobytes()
-
-
-def test_other_points_and_their_order_change_no_bit(device, style):
-    model, view = blobs(200, 6, size=(0.2, 0.6)), tilted_camera()
-    points = points_around(model)
-    renderer = Renderer(model, device, energy="ray", style=style)
-    whole = renderer.opacities_at(view, points)
-    some = np.random.default_rng(0).permutation(len(points))[:777]
-    np.testing.assert_array_equal(renderer.opacities_at(view, points[some]), whole[some])
-
-
-def test_pixels_and_points_are_independent(device):
-    with pytest.raises(ValueError, match="energy 'ray'"):
-        Renderer(blobs(5), device).opacities_at(camera(), np.zeros((1, 3)))
 
 
 def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):

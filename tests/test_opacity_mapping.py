@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.schemes.splats_in_splats import opacity_mapping
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 
@@ -42,20 +41,6 @@ def test_the_opacity_mapping_is_learned():
     shown, hidden = sequence(400)
     found = fit(shown, hidden, np.random.default_rng(0))(shown)
     assert np.sqrt(np.mean((found - hidden) ** 2)) < 0.15 * hidden.std()
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 5, 101])
-def test_there_is_one_hidden_opacity_for_each(count):
-    mapped = OpacityMapping.fresh(np.random.default_rng(0))(np.full(count, 0.5, np.float32))
-    assert mapped.shape == (count,)
-    assert np.isfinite(logit(mapped, LEAST_OPACITY)).all()
-
-
-def test_arrays_make_the_mapping_again():
-    mapping = OpacityMapping.fresh(np.random.default_rng(4))
-    again = OpacityMapping.of(mapping.arrays())
-    shown = sequence(20)[0]
-    assert again(shown).tobytes() == mapping(shown).tobytes()
 
 
 def test_the_number_of_threads_changes_no_bit(monkeypatch):

@@ -1,7 +1,6 @@
 """Pairs: a scene and a message from the same poses, ray-traced or of captures that have worlds of their own."""
 
 import re
-import shutil
 from dataclasses import replace
 from itertools import islice
 
@@ -10,8 +9,7 @@ import pytest
 
 from gspure.cameras import read_cameras
 from gspure.cli import main
-from gspure.errors import InputError
-from gspure.images import read_image, write_image
+from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.ply import read_point_ply
 from gspure.renderer import Renderer
@@ -61,12 +59,6 @@ def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
     np.testing.assert_allclose(found.translation, by.translation, atol=1e-6)
 
 
-def test_parallel_gazes_are_refused():
-    camera = ring(1)[0]
-    with pytest.raises(InputError, match="scene: views: expected different directions, found parallel gazes"):
-        aligning([camera, camera], ring(4))
-
-
 def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
     pair = read_pair(pair_folder)
     assert pair.shares_poses
@@ -91,19 +83,6 @@ def test_a_message_of_own_poses_lies_mostly_outside_the_views_of_the_scene(pair_
     batches = list(islice(own.batches(np.random.default_rng(0)), 20))
     assert {scene for scene, _ in batches} == {message for _, message in batches} == set(range(10))
     assert any(scene != message for scene, message in batches)
-
-
-def test_training_can_start_from_the_points_of_the_scene_alone(pair_folder):
-    pair = read_pair(pair_folder, initialization="scene")
-    assert len(pair.points[0]) == len(pair.scene.dataset.xyz)
-
-
-def test_the_quality_is_that_of_what_is_shown(pair_folder):
-    pair = read_pair(pair_folder)
-    scene, message = ({camera.name: image for camera, image in c.probes} for c in (pair.scene, pair.message))
-    dimmed = np.mean([-20 * np.log10(0.1 * np.sqrt(np.mean(np.square(image)))) for image in scene.values()])
-    assert pair.quality(lambda camera: 0.9 * scene[camera.name]) == f"PSNR {dimmed:.2f}"
-    assert pair.quality(lambda c: scene[c.name] * 0.9, lambda c: message[c.name]).endswith("/ inf")
 
 
 def test_the_same_command_gives_the_same_files(pair_folder, tmp_path):
@@ -134,18 +113,6 @@ def test_photographs_and_a_model_become_a_pair(photographed, tmp_path):
     assert len(read_point_ply(out / "message" / "points3D.ply")[0]) > 0
     assert len(pair.scene.views) + len(pair.scene.dataset.test) == len(cameras)
     assert pair.shares_poses
-
-
-def test_views_that_do_not_show_the_message_are_counted(photographed, tmp_path, capsys):
-    project, model = photographed
-    write_model(tmp_path / "far.ply", moved(read_model(model), replace(similarity(), translation=np.full(3, 1e3))))
-    write_model(
-        tmp_path / "wide.ply", read_model(model).with_columns({f"scale_{axis}": np.full(200, 2.0) for axis in range(3)})
-    )
-    for message, is_counted in ((tmp_path / "wide.ply", False), (tmp_path / "far.ply", True)):
-        arguments = [str(project), str(message), "--out", str(tmp_path / message.stem), "--resolution", "native"]
-        assert main(["pair", *arguments]) == 0
-        assert ("do not show the message" in capsys.readouterr().err) == is_counted
 
 
 def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
@@ -188,13 +155,3 @@ def test_an_invalid_pair_is_refused_in_one_line(arguments, line, tmp_path, capsy
     error = capsys.readouterr().err
     assert re.search(line, error)
     assert error.count("\n") == 1
-
-
-def test_a_message_photograph_of_another_size_is_resized_to_the_view(pair_folder, tmp_path):
-
-    folder = shutil.copytree(pair_folder, tmp_path / "pair", ignore=shutil.ignore_patterns("rendered.json"))
-    image = read_image(folder / "message" / "view_001.png")
-    write_image(folder / "message" / "view_001.png", np.kron(image, np.ones((2, 2, 1), np.float32)))
-    pair = read_pair(folder)
-    assert pair.message.images[0].shape == (36, 48, 3)
-    assert np.abs(pair.message.images[0] - read_pair(pair_folder).message.images[0]).mean() < 0.01

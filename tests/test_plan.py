@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 
 from gspure.attacks.attack import Attack
 from gspure.evaluation.names import BASELINES, CONTROLS, OTHER_SCENE
-from gspure.evaluation.paper import read_cells
 from gspure.workflow import variants
-from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike, sweeps
+from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike
 from gspure.workflow.inputs import message_name
 from gspure.workflow.plan import Model, Plan
 from gspure.workflow.variants import Variant, evaluation, report_plan, reported
-from tests.workflow_cases import ROOT, plan_of, settled
+from tests.workflow_cases import ROOT, plan_of
 
 CONFIG = yaml.safe_load("""
 assets: {bot: {model: README.md, cameras: orbit}}
@@ -32,10 +31,6 @@ variants:
   noise: {attack: gaussian_noise, sigma: 0.2, seed: 5}
 """)
 FOLDER = "results/splats_in_splats/raised@1"
-SHIPPED = {
-    name: yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
-    for name in ("ablations", "paper", "sweep", "views")
-}
 
 
 def changed(**changes) -> Plan:
@@ -202,19 +197,6 @@ def test_decisions_share_exactly_what_depends_on_equal_settings(own):
         assert (first_alike(among["secure_gs"], "own", name) == METHOD) == known.isdisjoint(own)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_every_entry_of_a_shipped_set_is_used_and_its_own(name):
-    variants = settled({"pairs": {"room": {}}, "schemes": {"planted": {}}, **SHIPPED[name]})["variants"]
-    used = {variant["decision"] for variant in variants.values() if "decision" in variant}
-    assert used == {*SHIPPED[name]["decisions"]}
-    assert len({tuple(sorted(variant.items())) for variant in variants.values()}) == len(variants)
-
-
-def test_the_ablations_have_the_names_of_the_paper_s_cells():
-    printed = {cell.variant for cell in read_cells() if cell.table in (2, 3)}
-    assert printed <= SHIPPED["ablations"]["variants"].keys()
-
-
 def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
     variants = {
         "unattacked": {},
@@ -239,12 +221,6 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
     }
     assert report_plan(plan).points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
     assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == report_plan(plan).points["secure_gs"]
-
-
-def test_a_sweep_is_not_named_after_a_variant_that_is_none_of_its_own():
-    swept = {f"rp_{share}": {"attack": "random_pruning", "fraction": share / 100} for share in (10, 50)}
-    named = changed(assets=None, variants={"unattacked": {}, "gspure": {}, "random_pruning": {"seed": 1}, **swept})
-    assert sweeps(named.config["variants"], named.decisions["vanilla"]) == {"random_pruning sweep": [*swept]}
 
 
 def test_the_report_knows_variants_controls_and_photographs(plan):

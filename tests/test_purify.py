@@ -1,21 +1,18 @@
 """The whole method on one model in one process."""
 
-import errno
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gspure.cameras import Camera, intrinsics, orbit_cameras, read_cameras, split, write_cameras
+from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.cli import purify as purify_command
 from gspure.constants import TAU_C
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
 from gspure.files import file_digest, read_json
-from gspure.method.pruning import prune_mask
 from gspure.method.purify import Purification, purify
 from gspure.method.weights import accumulate
 from gspure.model import Gaussians, read_model, write_model
@@ -84,42 +81,12 @@ def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name)[rows])
 
 
-def test_parts_of_the_result_belong_together(found: Purification) -> None:
-    np.testing.assert_array_equal(found.prune_mask, prune_mask(found.labels, found.weights))
-    assert found.diagnosis.pruned_share == found.prune_mask.mean()
-    assert found.diagnosis.clusters == found.labels.max() + 1 >= 2
-
-
 def test_settings_reach_their_stage() -> None:
     given = model(), cameras()
     assert not purify(*given, tau_c=1e9, tau_n=1e9, **SETTINGS).prune_mask.any()
     assert (purify(*given, **SETTINGS | {"min_cluster_size": 400}).labels == -1).all()
     assert purify(*given, energy="ewa", **SETTINGS).weights.sum() > purify(*given, **SETTINGS).weights.sum()
     assert purify(*given, reduction="max", **SETTINGS).weights.max() <= 1
-
-
-def test_views_that_see_nothing_are_refused() -> None:
-    behind = [replace(view, viewmat=np.diag([-1.0, 1, -1, 1]) @ view.viewmat) for view in cameras()]
-    with pytest.raises(InputError, match="in view"):
-        purify(model(), behind, **SETTINGS)
-
-
-def test_the_memory_is_announced_before_any_view_and_grows_with_the_model(capsys) -> None:
-    def announced(rows: Gaussians) -> float:
-        purify(rows, cameras(2), **SETTINGS)
-        memory, views = re.search(r"memory: .* ([0-9.]+) GB(.*)", capsys.readouterr().err, re.DOTALL).groups()
-        assert "contributions: 2 done" in views
-        return float(memory)
-
-    small, table = model(), np.zeros(400_000, model().table.dtype)
-    table[: len(small)] = small.table
-    table["opacity"][len(small) :] = -20
-    assert announced(Gaussians(table)) > announced(small) + table.nbytes / 1e9
-
-
-def test_no_views_are_refused() -> None:
-    with pytest.raises(InputError, match="at least one"):
-        purify(model(), [])
 
 
 @pytest.mark.parametrize(
@@ -138,13 +105,6 @@ def test_settings_out_of_range_are_refused_before_anything_is_rendered(monkeypat
     monkeypatch.setattr("gspure.renderer.Renderer", None)
     with pytest.raises(InputError, match=f": {name}: expected"):
         purify(model(), cameras(), **{name: value})
-
-
-def test_non_numeric_settings_are_refused_before_rendering(monkeypatch) -> None:
-    monkeypatch.setattr("gspure.renderer.Renderer", None)
-    spoilt = model().with_columns({"opacity": np.full(WALL + HIDDEN, np.nan)})
-    with pytest.raises(InputError, match="model: opacity: expected finite numbers"):
-        purify(spoilt, cameras())
 
 
 @pytest.fixture
@@ -194,27 +154,6 @@ def test_command_leaves_model_arrays_renders_and_metrics(command: list[str], cap
     assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
 
 
-def test_generated_views_are_among_the_results(command: list[str]) -> None:
-    command[3] = "orbit"
-    assert main([*command, "--up", "0", "0", "1"]) == 0
-    views = orbit_cameras(model(), up=(0, 0, 1))
-    for view, expected in zip(read_cameras(OUT / "cameras.json"), views, strict=True):
-        assert view.numbers == pytest.approx(expected.numbers, abs=1e-5)
-
-
-def test_a_worst_view_far_below_the_mean_is_a_warning(command: list[str], monkeypatch) -> None:
-    monkeypatch.setattr("gspure.evaluation.comparison.FAR_BELOW", -1.0)
-    assert main(command) == 0
-    diagnosis = read_json(OUT / "diagnosis.json")
-    assert any(diagnosis["psnr"]["worst_view"] in warning for warning in diagnosis["warnings"])
-
-
-def test_a_single_view_is_not_called_held_out(command: list[str], capsys) -> None:
-    write_cameras("cameras.json", cameras(1))
-    assert main(command) == 0
-    assert "warning: a single view" in capsys.readouterr().err
-
-
 def test_a_folder_of_others_is_refused_without_force(command: list[str], monkeypatch, capsys) -> None:
     with monkeypatch.context() as patched:
         patched.setattr("gspure.cli.purify.purify", None)
@@ -235,22 +174,6 @@ def test_a_decision_that_leaves_no_row_is_refused_in_one_line(command: list[str]
     assert not contents(OUT)
 
 
-@pytest.mark.parametrize("earlier", [False, True])
-def test_a_disk_that_is_full_before_the_metrics_leaves_the_folder_as_it_was(
-    command: list[str], monkeypatch, capsys, earlier: bool
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    if earlier:
-        assert main(command) == 0
-    before = contents(OUT)
-    monkeypatch.setattr("gspure.evaluation.comparison.write_metrics", full)
-    assert main(command) == 2
-    assert capsys.readouterr().err.splitlines()[-1] == "gspure purify: out: No space left on device"
-    assert contents(OUT) == before
-
-
 def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(command: list[str], capsys) -> None:
     settings = ["--tau-n", "0.7", "--tau-c", "0.7"]
     assert main([*command, *settings, "--repair", "60"]) == 0
@@ -265,27 +188,3 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(command: list[st
     assert "psnr_before_repair" not in diagnosis
     assert len(read_model(OUT / "purified.ply")) == rows
     assert not [*(OUT / "renders" / "pruned").glob("*.png")], "of an earlier run"
-
-
-def broken(*_: object, **__: object) -> None:
-    raise RuntimeError("no\nink")
-
-
-def test_a_figure_that_fails_is_a_warning_and_all_else_stays(command: list[str], draw, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("gspure.cli.purify._draw", draw)
-    monkeypatch.setattr("gspure.figures.panels.draw_before_after", broken)
-    monkeypatch.setattr("gspure.figures.gallery.portraits", broken)
-    (OUT / "figures").mkdir(parents=True)
-    older = [OUT / "figures" / f"{name}.png" for name in ("before_after", "kept")]
-    for path in older:
-        path.write_text("of an earlier run")
-    assert main([*command, "--force"]) == 0
-    assert {path.name for path in (OUT / "figures").glob("*.png")} == {"splats.png", "weights.png"}
-    assert (OUT / "metrics.csv").exists()
-    printed = capsys.readouterr()
-    for path in (OUT / "figures").glob("*.png"):
-        assert printed.out.count(str(path)) == 1
-    for path in older:
-        assert f"warning: {path}: not drawn: no ink" in printed.err
-    assert main([*command, "--no-figures"]) == 0
-    assert not [*(OUT / "figures").glob("*.png")], "of an earlier run"

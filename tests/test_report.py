@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.survival import Survival
-from gspure.figures import lineup, style
+from gspure.figures import style
 from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
 from gspure.report.writing import ReportPlan, write_report
@@ -130,21 +129,6 @@ def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> Non
         assert link.removeprefix("#") in parser.ids if link.startswith("#") else (run / link).is_file(), link
     assert "tables/results.csv" in parser.links
     assert "configuration.json" in parser.links
-
-
-def test_an_empty_run_has_a_page_that_says_so(tmp_path: Path, run: Path) -> None:
-    write_report(tmp_path, ReportPlan({NAME: ModelPlan(("unattacked", "gspure"))}))
-    text = text_of((tmp_path / "report.html").read_text())
-    assert "No verdict: every variant is without results" in text
-    assert "Without results: unattacked on sis, room; GSPure on sis, room (not run)" in text
-
-
-def test_a_figure_that_cannot_be_drawn_is_left_out_with_a_warning(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(style, "DPI", 30)
-    monkeypatch.setattr(lineup, "write_lineup", lambda *_: (_ for _ in ()).throw(ValueError("no room")))
-    write_report(tmp_path, ReportPlan({NAME: write_model(tmp_path, NAME, {"gspure": (0.055, 0.55)})}))
-    assert "attacks.png: not drawn: no room" in capsys.readouterr().err
-    assert "Outcomes." in text_of((tmp_path / "report.html").read_text())
 
 
 def test_the_page_works_in_a_browser(run: Path) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.report.page import environment
-from gspure.report.table import Cell, Column, Row, Table, interval, markdown_document
+from gspure.report.table import Cell, Column, Row, Table, interval
 from gspure.report.tables import model_table
 from tests.contest_cases import benchmark
 
@@ -63,27 +63,11 @@ def test_html_marks_kinds_of_rows() -> None:
     assert "clean &lt;model&gt;" in text
 
 
-def test_markdown_columns_are_aligned() -> None:
-    assert len({len(line) for line in TABLE.markdown().splitlines()}) == 1
-
-
-def test_a_note_shared_by_tables_is_printed_once() -> None:
-    other = Table("Other", TABLE.columns, TABLE.rows, "Another note.")
-    text = markdown_document({"A": [TABLE, other], "B": [replace(TABLE, title="Same note")]})
-    assert text.count("In dB.") == text.count("Another note.") == 1
-    assert text.index("## A") < text.index("Another note.") < text.index("## B") < text.index("In dB.")
-
-
 def test_intervals_have_brackets_ranges_parentheses_and_single_scenes_neither() -> None:
     assert str(interval(Interval(1.0, 0.5, 1.5, 0.95, 6), 6)) == "1.00 [0.50, 1.50]"
     assert str(interval(Interval(1.0, -0.5, 1.5, 0.75, 3), 3)) == "1.00 (−0.50 to 1.50)"
     assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 1)) == "1.00"
     assert str(interval(None, 3)) == "–"
-
-
-def test_a_mean_over_fewer_scenes_than_its_table_says_so() -> None:
-    assert str(interval(Interval(1.0, 1.0, 1.0, 0.0, 1), 3)) == "1.00 (1 of 3 scenes)"
-    assert str(interval(Interval(1.0, 0.5, 1.5, 0.5, 2), 3)) == "1.00 (0.50 to 1.50) (2 of 3 scenes)"
 
 
 @given(TEXTS, TEXTS)

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from gspure.method.features import features
-from gspure.method.weights import accumulate
-from gspure.model import Gaussians
 from gspure.public_model import merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, neural, table_of, visible_rows
@@ -13,7 +10,6 @@ from gspure.schemes.secure_gs.model import AnchorModel
 from tests.anchor_cases import distant, random_anchors, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
-from tests.training_cases import ring
 
 VIEWS = (camera(), tilted_camera())
 
@@ -117,15 +113,6 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     assert 20 < len(found) < 380
 
 
-@pytest.mark.filterwarnings("error")
-def test_anchors_without_rotation_or_of_infinite_size_are_not_visible():
-    model, view = blobs(40), VIEWS[0]
-    quats, scales = model.quats.copy(), model.scales.copy()
-    visible = visible_rows(view, model.means, quats, scales)
-    quats[visible[0]], scales[visible[1]] = 0, np.inf
-    assert np.array_equal(visible_rows(view, model.means, quats, scales), visible[2:])
-
-
 def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
     public = random_public()
     for view in VIEWS:
@@ -158,18 +145,6 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
     np.testing.assert_allclose(left.columns(*names), whole[~pruned[rows]].columns(*names), rtol=1e-4, atol=1e-5)
 
 
-def test_the_constant_opacities_of_the_file_are_not_used():
-    public, views = random_public(), ring()
-    opacities = public.opacities(views)
-    assert set(public.model.columns("opacity").ravel()) == {STORED_OPACITY}
-    weights = accumulate(map(public.contributions(), views), len(public.model))
-    for alpha in (opacities, public.model.opacities):
-        assert np.isfinite(features(public.model.means, alpha, weights)).all()
-    assert opacities.std() > 0
-    assert (opacities >= 0).all()
-    assert (opacities < 1).all()
-
-
 def test_opacities_are_means_over_the_views_that_have_an_anchor():
     public, views = random_public(), VIEWS
     found = [public.neural(view) for view in views]
@@ -178,18 +153,6 @@ def test_opacities_are_means_over_the_views_that_have_an_anchor():
     assert public.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)
     unseen = public.with_model(public.model.with_columns({"z": np.full(40, -5.0)}))
     assert not unseen.opacities(views).any()
-
-
-def test_the_digest_follows_rows_and_networks():
-    public = random_public()
-    other = random_public(seed=1)
-    digests = {
-        public.geometry_digest(),
-        AnchorModel(other.model, public.networks).geometry_digest(),
-        AnchorModel(public.model, other.networks).geometry_digest(),
-    }
-    assert len(digests) == 3
-    assert AnchorModel(Gaussians(public.model.table.copy()), public.networks).geometry_digest() in digests
 
 
 def test_numpy_and_torch_make_the_same_gaussians():

@@ -72,15 +72,6 @@ def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
     assert tables[0] == tables[1]
 
 
-def test_the_published_table_has_the_columns_of_scaffold_gs(pair, embedded):
-    clean, key = hide(SCHEME, pair, message_weight=0, iterations=3, max_anchors=600)
-    public, _ = embedded
-    assert key is None
-    assert public.model.table.dtype == clean.model.table.dtype
-    assert public.networks.keys() == clean.networks.keys()
-    assert len(set(public.model.columns("opacity").ravel())) == 1
-
-
 def test_anchors_grow_up_to_the_limit_from_gradients_of_both_branches(pair):
     public, key = random_public(60), random_key()
     settings = Run(pair, 400, 0.5, 100, 0, choose_device())
@@ -111,12 +102,3 @@ def test_learned_rows_and_their_moments_follow_the_anchors():
     loss, *_ = learner.differentiate(0, camera(), np.arange(3), 0, 1.0)
     learner.step(rates)
     assert learner.differentiate(0, camera(), np.arange(3), 0, 1.0)[0] < loss
-
-
-def test_a_view_without_gaussians_has_a_loss():
-    public = random_public()
-    photograph = np.full((47, 65, 3), 0.5, np.float32)
-    learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())
-    loss, found, gradients = learner.differentiate(0, camera(), np.empty(0, np.intp), 0, 1.0)
-    assert np.isfinite(loss)
-    assert len(found.active) == len(gradients) == 0

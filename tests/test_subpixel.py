@@ -1,10 +1,8 @@
 """Gaussians smaller than a pixel are counted, with the resolution that shows them."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from gspure.method.subpixel import near_lines, subpixel_rows
+from gspure.method.subpixel import subpixel_rows
 from gspure.method.weights import accumulate
 from gspure.renderer import Renderer
 from tests.models import camera, gaussians, joined, subpixel
@@ -50,25 +48,3 @@ def test_invisible_gaussians_have_no_weight():
     faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
     model = joined(wall, hidden, faint)
     assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None
-
-
-def test_rows_nearer_than_the_near_plane_in_all_views_are_counted_if_they_are_many():
-    means = [[0, 0, z] for z in np.linspace(0.11, 0.19, 9)]
-    model = gaussians(means=[*means, [0, 0, 3.0], [9, 0, 0.1], [0, 0, -1.0]], scales=0.01)
-    weights = np.zeros(len(model))
-    (line,) = near_lines(model, weights, [camera()])
-    assert line.startswith(f"9 of {len(model)} Gaussians")
-    back = np.eye(4)
-    back[2, 3] = 1
-    assert not near_lines(model, weights, [camera(), camera(viewmat=back)])
-    assert not near_lines(model, weights + 1, [camera()])
-    assert not near_lines(
-        joined(model, gaussians(means=[[0, 0, 5]] * 900, scales=0.01)), np.zeros(len(model) + 900), [camera()]
-    )
-
-
-def test_no_width_is_advised_that_no_view_can_have():
-    model, view = subpixel()
-    found = subpixel_rows(model, weights_of(model, [view]), [view])
-    assert "pixels wide" in found.line(len(model), view.width)
-    assert replace(found, magnification=1e9).line(len(model), view.width).endswith("in every view")

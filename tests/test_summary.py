@@ -3,12 +3,10 @@
 import csv
 import math
 import re
-from dataclasses import replace
 
 import pytest
 
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import Detection
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.summary import Summary, summarize
 from gspure.report.tables import summary_table
@@ -69,24 +67,6 @@ def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
     assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
 
 
-def test_a_clean_asset_beside_marked_ones_is_no_scene():
-    read = Detection(90.0, 1.0, 1.0, 1.0, present=True, views=9, bits=16)
-    marked = [outcome("vanilla", place, "gspure", scene=30.0) for place in "ab"]
-    marked = [replace(o, detections={"mark": read}) for o in marked]
-    clean, failed = outcome("vanilla", "c", "gspure", scene=99.0), replace(marked[0], scene="d", failure="no disk")
-    (row,) = summarize([*marked, clean])
-    assert (row.scene.mean, row.scene.scenes) == (30.0, 2)
-    assert summarize([*marked, replace(failed, detections={})])[0].scene.scenes == 3
-    assert summarize([clean])[0].scene.scenes == 1
-
-
-def test_scenes_that_do_not_know_a_number_are_not_counted():
-    rows = [outcome("a", "1", "gof", scene=math.inf, message=9.0), outcome("a", "2", "gof", scene=20.0)]
-    (row,) = summarize(rows)
-    assert (row.scene.mean, row.scene.scenes, row.message.mean, row.message.scenes) == (20.0, 1, 9.0, 1)
-    assert row.score is None  # no scene knows both drops
-
-
 def test_every_extraction_of_the_message_has_a_row():
     outcomes = [outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
     assert [(row.extraction, row.message.mean) for row in summarize(outcomes)] == [
@@ -94,15 +74,6 @@ def test_every_extraction_of_the_message_has_a_row():
         ("message_oracle", 12.0),
     ]
     assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(outcomes).latex()
-
-
-def test_a_mark_has_no_numbers_from_the_paper():
-    shown = outcome("gs_hider", "room", "gspure", scene=29.0, message=9.0)
-    read = replace(shown, detections={"bits": Detection(73.0, 1.0, 1.0, 1.0, True, 4, 32)})
-    picture, mark = summarize([read])
-    assert math.isfinite(picture.paper_message)
-    assert (mark.extraction, mark.message.mean) == ("bits", 73.0)
-    assert math.isnan(mark.paper_message)
 
 
 def test_the_csv_holds_means_bounds_and_levels(tmp_path, outcomes):

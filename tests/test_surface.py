@@ -123,12 +123,6 @@ def test_vertices_lie_where_the_field_is_one_half(views):
     assert len(found.faces) > 20
 
 
-def test_the_same_model_gives_the_same_mesh(mesh, views):
-    again = extract_mesh(smoothed(ball(), views), views)
-    assert again.vertices.tobytes() == mesh.vertices.tobytes()
-    assert again.faces.tobytes() == mesh.faces.tobytes()
-
-
 @pytest.mark.parametrize(
     ("model", "line"),
     [
@@ -166,12 +160,6 @@ def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
     shares = [kept[part == i].mean() for i in range(4)]
     assert shares[0] > 0.97
     assert shares[1:] == [0, 0, 0]
-
-
-def test_a_row_without_rotation_is_not_drawn(views):
-    model = gaussians(means=[[0, 0, 0], [0, 0, 0]], scales=0.2, quats=[[0, 0, 0, 0], [1, 0, 0, 0]], opacities=0.9)
-    assert depth_distances(PublicModel(model), views).tolist()[0] == INVISIBLE
-    assert extract_mesh(model, views).faces.size
 
 
 def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():

@@ -107,24 +107,6 @@ def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
     assert by_variant(first + second)["x"].share_left.mean == pytest.approx((above / 2 + weak) / (above + weak))
 
 
-def test_the_share_left_of_the_region_is_above_its_floor_there() -> None:
-    region = {"unattacked": 30.0, "x": 17.0, "clean": 4.0, "mean_colour": 10.0}
-    outcomes = [
-        replace(o, targets=o.targets | {"message": measured("message", o.level("message"), region[o.variant])})
-        for o in benchmark({"a": {"x": (1.0, 5.0)}})
-        if o.variant in region
-    ]
-    row = by_variant(outcomes)["x"]
-    assert row.region_left.mean == pytest.approx(7 / 20)
-    assert row.share_left.mean == pytest.approx(13 / 18)
-
-
-def test_a_message_below_a_flat_colour_is_lost_even_above_the_clean_model() -> None:
-    row = by_variant(benchmark({"a": {"x": (1.0, 18.5)}}))["x"]  # 9.5 dB: between the clean model and a mean colour
-    assert (survives(row), row.above_floor.mean) == (False, -0.5)
-    assert (row.control, row.detectability.auc) == ("clean", 1.0)
-
-
 def test_the_wrong_key_does_not_raise_the_control_levels() -> None:
     outcomes = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
     row = by_variant([*outcomes, outcome("wrong_key", "a", targets={"message": 24.0})])["x"]
@@ -154,24 +136,6 @@ def test_without_controls_nothing_is_said_of_survival() -> None:
     assert rows["left"].message_drop.mean == 5.0
 
 
-def test_seeds_are_averaged_within_scenes() -> None:
-    drops = {scene: {"x": (1.0, 12.0)} for scene in "ab"}
-    once, often = (by_variant(benchmark(drops, seeds))["x"] for seeds in (1, 3))
-    assert (often.survived, often.detectability.attacked, often.detectability.controls) == (2, 2, 2)
-    assert often.above_floor.mean == pytest.approx(once.above_floor.mean - 0.1)
-
-
-@settings(max_examples=25, deadline=None)
-@given(
-    st.dictionaries(st.sampled_from("abcd"), st.fixed_dictionaries({"x": DROPS, "y": DROPS}), min_size=1),
-    st.randoms(use_true_random=False),
-)
-def test_the_order_of_outcomes_does_not_matter(drops, random) -> None:
-    outcomes = benchmark(drops)
-    shuffled = random.sample(outcomes, len(outcomes))
-    assert by_variant(shuffled) == by_variant(outcomes)
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.lists(DROPS, min_size=1, max_size=4), st.floats(0, 5))
 def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -> None:
@@ -192,31 +156,7 @@ def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> No
     assert math.isnan(rms_ratio([lowered(30.0)], [[30.0, 30.0]]))
 
 
-def test_the_rms_ratio_of_a_variant_is_that_of_its_scenes_means_over_seeds() -> None:
-    rows = by_variant(benchmark({f"s{i}": {"x": (1.0 + i, 10.0)} for i in range(3)}, seeds=2))
-    message = [[BEFORE["message"], BEFORE["message"] - 10.05]] * 3
-    scene = [[BEFORE["scene"], BEFORE["scene"] - 1 - i] for i in range(3)]
-    assert rows["x"].rms_ratio == pytest.approx(rms_ratio(message, scene))
-    assert math.isnan(rows["unattacked"].rms_ratio)
-
-
-def test_the_share_left_is_of_the_part_above_the_floor_and_never_negative() -> None:
-    above = BEFORE["message"] - CONTROLS["mean_colour"]
-    rows = by_variant(benchmark({"a": {"half": (1.0, above / 2), "below": (1.0, above + 5)}}))
-    assert [rows[name].share_left.mean for name in ("unattacked", "half", "below")] == [1.0, 0.5, 0.0]
-    absent = outcome("unattacked", "a", targets={"message": CONTROLS["mean_colour"] + 0.5})
-    assert by_variant([absent, *benchmark({"a": {}})[1:]])["unattacked"].share_left is None
-
-
 NEAREST, UNRELATED = Retrieval(1.0, 1.0, 1.0, 4, 17), Retrieval(0.25, 0.5, 0.0, 4, 17)
-
-
-def test_too_few_views_decide_nothing() -> None:
-    alone = Retrieval(1.0, 1.0, 1.0, 1, 15)  # p = 1/15
-    for one_view in (alone, alone._replace(top1=0.0)):
-        outcomes = with_retrieval(FADED, unattacked=one_view)
-        assert not_embedded(outcomes) == []
-        assert {row.present for row in survival(outcomes)} == {1}
 
 
 def with_retrieval(outcomes, **of_variants: Retrieval):

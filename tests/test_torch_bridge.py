@@ -150,36 +150,3 @@ def test_the_background_gets_what_the_gaussians_let_through():
     TorchRenderer()(view, **leaves).sum().backward()
     expected = Renderer(model).transmittance(view).sum(dtype=np.float64)
     np.testing.assert_allclose(leaves["background"].grad, np.full(3, expected), rtol=1e-6)
-
-
-def test_tensor_views_and_broadcast_gradients_are_accepted():
-    model, view = blobs(70, 7), tilted_camera()
-    plain = tensors(model)
-    image = TorchRenderer()(view, **plain)
-    image.mean().backward()
-    table = torch.cat([leaf.detach().reshape(70, -1) for leaf in plain.values()], dim=1).requires_grad_()
-    parts = dict(zip(plain, table.split([leaf[0].numel() for leaf in plain.values()], dim=1), strict=True))
-    views = {name: part.reshape(plain[name].shape) for name, part in parts.items()}
-    again = TorchRenderer()(view, **views)
-    again.mean().backward()
-    assert torch.equal(again, image)
-    assert torch.equal(table.grad, torch.cat([leaf.grad.reshape(70, -1) for leaf in plain.values()], dim=1))
-
-
-@pytest.mark.parametrize(
-    ("changed", "error", "message"),
-    [
-        ({"means": torch.zeros(9, 3, dtype=torch.float64)}, TypeError, "means: expected float32 on the CPU"),
-        ({"quats": torch.zeros(9, 3)}, ValueError, r"quats: expected shape \(9, 4\), found \(9, 3\)"),
-        ({"opacities": torch.zeros(9, 1)}, ValueError, r"opacities: expected shape \(9,\), found \(9, 1\)"),
-        ({"sh_coeffs": torch.zeros(9, 2, 3)}, ValueError, r"sh_coeffs: .* or \(9, 16, 3\), found \(9, 2, 3\)"),
-        ({"features": torch.zeros(9, 2)}, ValueError, "either features or sh_coeffs"),
-        ({"sh_coeffs": None}, ValueError, "either features or sh_coeffs"),
-        ({"sh_coeffs": None, "features": torch.zeros(8, 2)}, ValueError, r"features: expected shape \(9, 2\)"),
-        ({"background": (0, 0)}, ValueError, r"background: expected shape \(3,\), found \(2,\)"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
-)
-def test_tensors_of_another_kind_are_refused(changed, error, message):
-    with pytest.raises(error, match=message):
-        TorchRenderer()(camera(), **tensors(blobs(9), grad=False) | changed)

@@ -9,7 +9,7 @@ from PIL import Image
 from gspure.errors import InputError
 from gspure.files import read_json, write_json
 from gspure.model.ply import read_point_ply, write_point_ply
-from gspure.training.dataset import fingerprint, read_dataset, read_photographs
+from gspure.training.dataset import read_dataset, read_photographs
 from tests.models import gaussians
 from tests.training_cases import blender_scene, colmap_project, ring, turned_away
 
@@ -45,27 +45,6 @@ def test_the_extent_is_that_of_the_training_cameras(project):
 
 
 @pytest.mark.parametrize(
-    ("photograph", "resolution", "refused"),
-    [
-        (None, "native", "orbit_003.png"),
-        (b"no image", "native", "orbit_003.png: file: expected an image"),
-        ((24, 32), "8px", "orbit_003.image: expected the shape of its camera, 32x24, found 24x32"),
-        ((32, 20), "8px", "found 32x20"),
-        ((16, 12), "native", "orbit_003.image: expected a photograph of at least 32x24, found 16x12"),
-    ],
-)
-def test_an_unfit_photograph_is_named(project, photograph, resolution, refused):
-    file = project / "images" / "orbit_003.png"
-    if photograph is None:
-        file.unlink()
-    elif isinstance(photograph, bytes):
-        file.write_bytes(photograph)
-    else:
-        Image.new("RGB", photograph).save(file)
-    assert refused in refusal(project, resolution)
-
-
-@pytest.mark.parametrize(
     ("views", "points", "refused"),
     [
         ([turned_away(view) for view in ring()], POINTS, "some that see points, found all look away from them"),
@@ -77,16 +56,6 @@ def test_an_unfit_photograph_is_named(project, photograph, resolution, refused):
 def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, points, refused):
     source = colmap_project(tmp_path / "project", views, points)
     assert f"training views: expected {refused}" in refusal(source)
-
-
-@pytest.mark.parametrize("points", [[], POINTS[:3]])
-def test_too_few_points_are_replaced_by_random_ones_with_a_message(tmp_path, capsys, points):
-    bare = colmap_project(tmp_path / "bare", ring(), points)
-    found = read_dataset(bare, "native", seed=5)
-    assert "from 10000 random ones" in capsys.readouterr().err
-    assert found.xyz.shape == found.rgb.shape == (10_000, 3)
-    np.testing.assert_array_equal(found.xyz, read_dataset(bare, "native", seed=5).xyz)
-    assert not np.array_equal(found.xyz, read_dataset(bare, "native", seed=6).xyz)
 
 
 def test_photographs_in_another_folder_are_matched_by_view_name(project, tmp_path):
@@ -130,52 +99,7 @@ def test_points_read_back_are_those_written(tmp_path):
     np.testing.assert_array_equal(found[1], rgb)
 
 
-def header(*properties, count=1):
-    lines = ["ply", "format ascii 1.0", f"element vertex {count}", *(f"property {p}" for p in properties), "end_header"]
-    return "\n".join(lines) + "\n"
-
-
-XYZ = ("float x", "float y", "float z")
 RGB = ("uchar red", "uchar green", "uchar blue")
-
-
-def test_points_without_colour_are_grey(tmp_path):
-    (tmp_path / "a.ply").write_text(header(*XYZ) + "1 2 3\n")
-    assert read_point_ply(tmp_path / "a.ply")[1].tolist() == [[128, 128, 128]]
-
-
-@pytest.mark.parametrize(
-    ("text", "field"),
-    [
-        ("", "file"),
-        ("nothing of the kind", "file"),
-        (header("float x", "float y") + "1 2\n", "z"),
-        (header(*XYZ) + "1 nan 3\n", "point 0"),
-        (header(*XYZ, "float red", "float green", "float blue") + "1 2 3 1 1 1\n", "red"),
-        (header(*XYZ, count=9) + "1 2 3\n", "element vertex"),
-        (header(*XYZ, count=10**15) + "1 2 3\n", "element vertex"),
-        (header(*XYZ, "list uchar int n") + "1 2 3 1 10000000000\n", "n"),
-        *((header(*XYZ, *RGB) + f"1 2 3 {value} 0 0\n", "element vertex") for value in (256, 1000, -1, 2**70)),
-        ((header(*XYZ) + "1 2 3\n").replace("ascii", "binary_little_endian"), "element vertex"),
-        ("ply\nformat ascii 1.0\nelement face 0\nend_header\n", "element vertex"),
-    ],
-)
-def test_a_file_that_holds_no_points_is_refused(tmp_path, text, field):
-    path = tmp_path / "points.ply"
-    path.write_text(text)
-    with pytest.raises(InputError) as caught:
-        read_point_ply(path)
-    assert str(caught.value).startswith(f"{path}: {field}: expected ")
-    assert "\n" not in str(caught.value)
-
-
-def test_the_fingerprint_changes_with_any_photograph_or_camera(project):
-    found = read_dataset(project, "native")
-    images = read_photographs(found.train)
-    changed = [*images[:-1], images[-1] + np.float32(1e-3)]
-    assert fingerprint(found, images) == fingerprint(read_dataset(project, "native"), images)
-    smaller = read_dataset(project, "16px")
-    assert len({fingerprint(found, images), fingerprint(found, changed), fingerprint(smaller, images)}) == 3
 
 
 @pytest.fixture
@@ -194,18 +118,6 @@ def test_the_splits_of_a_blender_scene_are_used(blender):
     found = read_dataset(blender, "native")
     assert names(found.train) == [f"train_r_{i}" for i in range(5)]
     assert names(found.test) == [f"test_r_{i}" for i in range(3)]
-
-
-def test_the_validation_split_is_held_out_where_there_is_no_test_split(blender):
-    (blender / "transforms_test.json").unlink()
-    assert names(read_dataset(blender, "native").test) == [f"val_r_{i}" for i in range(3)]
-
-
-def test_a_training_split_alone_is_split_by_name(blender):
-    for split in ("test", "val"):
-        (blender / f"transforms_{split}.json").unlink()
-    assert names(read_dataset(blender, "native").test) == ["train_r_0"]
-    assert names(read_dataset(blender / "transforms_train.json", "native").test) == ["train_r_0"]
 
 
 @pytest.fixture
@@ -244,18 +156,6 @@ def test_transparent_photographs_are_composited_on_the_background(blender, shade
         assert 0 < alpha.mean() < 0.9
         np.testing.assert_allclose(image[..., 0], red * alpha + shade * (1 - alpha), atol=1.5 / 255)
         np.testing.assert_allclose(image[..., 2], blue * alpha + (1 - alpha), atol=1.5 / 255)
-
-
-def test_views_without_a_photograph_are_left_out_on_request_with_a_message(blender, capsys):
-    (blender / "train" / "r_0.png").unlink()
-    (blender / "test" / "r_1.png").unlink()
-    found = read_dataset(blender, "photographs", skip_missing=True)
-    assert names(found.train) == [f"train_r_{i}" for i in range(1, 5)]
-    assert names(found.test) == ["test_r_0", "test_r_2"]
-    assert {(view.width, view.height) for view in found.train} == {(32, 24)}
-    said = capsys.readouterr().err
-    assert "2 of 8 views" in said
-    assert str(blender / "train" / "r_0.png") in said
 
 
 def test_a_model_may_have_a_gaussian_per_point_and_per_pixel_of_a_view(project):

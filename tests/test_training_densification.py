@@ -1,7 +1,6 @@
 """Cloning, splitting, pruning and opacity resets."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -92,13 +91,6 @@ def test_transparent_gaussians_are_pruned():
     assert same_bits(grow(before, np.zeros(3)), rows_of(before, [1, 2]))
 
 
-@pytest.mark.parametrize(("prune_big", "kept"), [(False, [0, 1, 2]), (True, [0, 2])])
-def test_big_gaussians_are_pruned_on_request(prune_big, kept):
-    log_scales = np.log([[0.05, 0.05, 0.05], [0.05, 0.21, 0.05], [0.19, 0.05, 0.19]]).astype(np.float32)
-    before = opaque(3, log_scales=log_scales)
-    assert same_bits(grow(before, np.zeros(3), extent=2.0, prune_big=prune_big), rows_of(before, kept))
-
-
 @settings(max_examples=50, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 90), st.sampled_from([0.001, 0.02, 0.5]), st.integers(0, 9))
 def test_growth_is_bounded_and_prefers_the_largest_gradients(count, bound, size, seed):
@@ -124,14 +116,3 @@ def test_a_reset_lowers_opacities_and_clears_only_their_moments():
     for part in vars(before):
         for name in ("means", "quats", "log_scales", "sh_coeffs"):
             np.testing.assert_array_equal(getattr(getattr(after, part), name), getattr(getattr(before, part), name))
-
-
-def test_a_reset_of_some_rows_leaves_the_others_and_its_input_alone():
-    before, rows = state(30), np.arange(30) % 3 == 0
-    content = before.parameters.opacity_logits.copy()
-    after, everywhere = reset_opacities(before, rows), reset_opacities(before)
-    for part in ("parameters", "first", "second"):
-        old, new, reset = (getattr(s, part).opacity_logits for s in (before, after, everywhere))
-        np.testing.assert_array_equal(new, np.where(rows, reset, old))
-        assert (old != reset).any()
-    np.testing.assert_array_equal(before.parameters.opacity_logits, content)

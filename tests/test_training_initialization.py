@@ -1,7 +1,6 @@
 """Where Gaussians start."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -11,7 +10,6 @@ from gspure.model.activations import sigmoid
 from gspure.training.dataset import extent
 from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, thinned, view_counts
 from tests.camera_cases import cameras, project
-from tests.models import camera
 from tests.training_cases import ring, turned_away
 
 
@@ -68,16 +66,6 @@ def test_a_view_sees_what_projects_into_its_image(view, points):
     found = view_counts(points, [view])
     assert found[inside.all(axis=1) & (depths > 0.21)].all()
     assert not found[outside.any(axis=1) | (depths < 0.19)].any()
-
-
-def test_views_are_counted():
-    assert view_counts(np.array([[0.0, 0, 5], [0, 0, -5], [50, 0, 5]]), [camera(), camera()]).tolist() == [2, 0, 0]
-
-
-@pytest.mark.parametrize("at_most", [None, 20, 30])
-def test_few_points_are_all_kept(at_most):
-    points = np.random.default_rng(0).normal(size=(20, 3))
-    assert thinned(points, grey(points), at_most, 0)[0] is points
 
 
 def test_many_points_are_thinned_with_their_colours():

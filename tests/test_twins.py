@@ -70,23 +70,6 @@ def test_a_gaussian_visible_in_one_twin_counts_as_visible(device, style):
     assert model.statistics().views.any()
 
 
-def test_views_from_two_poses_are_counted_apart(device, style):
-    weight = 0.5
-    model = twins(device, style, weight)
-    model.step((VIEWS[0], VIEWS[1]), (0, 1), RATES)
-    singles = [TrainableModel(state, device=device, style=style) for state in states()]
-    for view, (single, seed) in enumerate(zip(singles, (1, 9), strict=True)):
-        single.set_targets(photographs(seed))
-        single.step(VIEWS[view], view, RATES)
-    first, second = (single.statistics() for single in singles)
-    assert (model.statistics().views == first.views + second.views).all()
-    norms = first.gradient_norms + weight * second.gradient_norms
-    np.testing.assert_allclose(model.statistics().gradient_norms, norms, rtol=1e-4, atol=1e-9)
-    first, second = map(arrays, model.states())
-    for a, b in zip(first, second, strict=True):
-        assert [x.tobytes() for x in a[SHARED]] == [x.tobytes() for x in b[SHARED]]
-
-
 def test_runs_agree_to_the_last_bit(device, style):
     def run():
         model = twins(device, style)

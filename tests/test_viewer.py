@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gspure.figures import viewer
 from gspure.figures.clouds import Purified
 from gspure.figures.viewer import write_viewer
 from gspure.public_model import PublicModel
@@ -88,21 +87,3 @@ def test_colours_are_those_of_the_figures_and_the_message_needs_a_key(tmp_path: 
     kept = bare["colours"]["pruned"]
     index = unpacked(kept["index"], "u1")
     assert len(set(index[shown.pruned])) == len(set(index[~shown.pruned])) == 1
-
-
-def test_a_large_cloud_is_thinned_and_stays_below_2_mb(tmp_path: Path) -> None:
-    shown = purified(viewer.MAX_POINTS + 10_000)
-    data = written(tmp_path, shown, shown.means)
-    assert (data["points"], data["count"]) == (viewer.MAX_POINTS, len(shown.means))
-    assert len(unpacked(data["weights"], "<f4")) == viewer.MAX_POINTS
-    assert (tmp_path / "viewer.json").stat().st_size < 2e6
-    assert data["sizes"] == np.bincount(shown.labels[shown.labels >= 0]).tolist()  # of all rows
-
-
-@pytest.mark.parametrize("weights", [np.zeros(5), np.ones(5)])
-def test_models_without_weight_or_extent_are_drawn_too(tmp_path: Path, weights: NDArray[Any]) -> None:
-    public = PublicModel(gaussians(means=np.zeros((5, 3), np.float32), scales=0.1))
-    flat = Purified(public, np.full(5, -1, np.int32), weights.astype(np.float32))
-    data = written(tmp_path, flat)
-    assert data["points"] == 5
-    assert "NaN" not in json.dumps(data)

@@ -35,19 +35,6 @@ def test_an_overview_holds_every_point_that_is_no_floater(centre: np.ndarray, si
     assert filled.max() > 0.9
 
 
-def test_far_floaters_do_not_change_the_overview() -> None:
-    axes = viewpoint.world_axes(BALL, [])
-    floaters = np.array([[1e4, 0, 0], [0, -1e4, 0], [0, 0, 1e5]], np.float32)
-    clean, dirty = viewpoint.overview(BALL, axes), viewpoint.overview(np.concatenate([BALL, floaters]), axes)
-    assert np.linalg.norm(clean.centre - dirty.centre) < 0.1 * np.linalg.norm(clean.centre)
-
-
-@pytest.mark.parametrize("points", [np.ones((1, 3)), np.full((5, 3), -3.0), np.outer(np.arange(4), [1, 1, 1])])
-def test_degenerate_clouds_have_an_overview_too(points: np.ndarray) -> None:
-    camera = viewpoint.overview(points, viewpoint.world_axes(points, []))
-    assert len(viewpoint.in_view(points, camera)) == len(points)
-
-
 def test_up_is_up_in_an_overview_whatever_the_cameras_call_up() -> None:
     for down in ((0, 1, 0), (0, 0, -1)):
         around = [np.array([np.cos(a), np.sin(a)]) * 5 for a in np.arange(6)]
@@ -78,26 +65,3 @@ def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     assert viewpoint.choose(dense, inside).name == "view_9.0"
     assert viewpoint.choose(dense, orbit_cameras(points_of(dense, np.ones(len(dense))))).name == "overview"
     assert viewpoint.choose(dense, []).name == "overview"
-
-
-def test_points_behind_beside_or_right_before_the_camera_are_not_drawn() -> None:
-    wall = np.column_stack([RNG.uniform(-1, 1, (100, 2)), np.full(100, 5.0)])
-    stray = np.array([[0, 0, -5], [99, 0, 5], [0.01, 0, 0.1], [0, 0, 500], [0, 0, 0]])
-    camera = Camera("view", 64, 48, intrinsics(50, 50, 32, 24), np.eye(4))
-    assert viewpoint.in_view(np.concatenate([wall, stray]), camera).tolist() == list(range(100))
-
-
-def test_pictures_have_square_pixels() -> None:
-    camera = Camera("view", 100, 50, intrinsics(80, 40, 50, 25), np.eye(4))
-    fitted = viewpoint.fitted(camera, 200)
-    assert (fitted.width, fitted.height) == (200, 200)
-    assert fitted.K[0, 0] == fitted.K[1, 1]
-
-
-def test_large_clouds_are_thinned_always_to_the_same_points(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(viewpoint, "MAX_POINTS", 50)
-    rows = viewpoint.thinned(1000)
-    assert len(rows) == 50
-    assert (np.diff(rows) > 0).all()
-    assert np.array_equal(rows, viewpoint.thinned(1000))
-    assert np.array_equal(viewpoint.thinned(50), np.arange(50))
