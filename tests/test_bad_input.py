@@ -209,7 +209,9 @@ def python(*arguments, **environment):
 def test_a_machine_without_devices_is_told_the_remedy(folder):
     done = python("gspure", *COMMANDS["purify"].split(), OCL_ICD_VENDORS="/nonexistent")
     assert done.returncode == 2
-    assert re.fullmatch(r"gspure purify: OpenCL: device: expected .*found no device \(see `gspure doctor`.*\n", done.stderr)
+    assert re.fullmatch(
+        r"gspure purify: OpenCL: device: expected .*found no device \(see `gspure doctor`.*\n", done.stderr
+    )
     assert not Path("out").exists()
 
 
