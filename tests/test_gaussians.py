@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from gspure.errors import InputError
 from gspure.model import Gaussians, require_finite
 from gspure.model.finite import non_finite_rows
-from gspure.model.signature import Signature
+from gspure.model.summary import kind
 from tests.models import blobs
 
 
@@ -92,17 +92,19 @@ def test_columns_that_are_not_rendered_may_hold_anything():
 
 
 @pytest.mark.parametrize(
-    ("columns", "signature"),
+    ("columns", "name"),
     [
-        (["x", "f_dc_0"], Signature.VANILLA),
-        (["x", "opacity", "semantic_0", "semantic_1"], Signature.GS_HIDER),
-        (["x", "f_offset_0", "f_anchor_feat_0", "opacity"], Signature.SCAFFOLD_GS),
-        (["x", "f_dc_0", "filter_3D"], Signature.GOF),
-        (["x", "opacity"], Signature.UNKNOWN),
+        (["x", "f_dc_0"], "vanilla 3DGS"),
+        (["x", "opacity", "semantic_0", "semantic_1"], "GS-Hider"),
+        (["x", "f_offset_0", "f_anchor_feat_0", "opacity"], "Scaffold-GS"),
+        (["x", "f_dc_0", "filter_3D"], "GOF"),
+        (["x", "opacity"], "unknown"),
     ],
 )
-def test_a_scheme_is_recognized_by_its_columns(columns, signature):
-    assert Signature.of(columns) is signature
+def test_a_scheme_is_recognized_by_its_columns(columns, name):
+    model = Gaussians(table_of(columns))
+    assert kind(model).startswith(name)
+    assert model.has_anchors == (name == "Scaffold-GS")
 
 
 @pytest.mark.parametrize("rows", [slice(3), [2, 0], np.array([False, True, True, False, False]), 4, -1])

@@ -9,7 +9,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
-from gspure.model.signature import Signature
+from gspure.model.summary import kind
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import read_pair
@@ -82,7 +82,7 @@ def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(public, key, 
     public.write(tmp_path / "public" / "point_cloud.ply")
     key.write(tmp_path / "key")
     again, opened = SCHEME.read_public(tmp_path / "public"), SCHEME.read_key(tmp_path / "key")
-    assert Signature.of(again.model.table.dtype.names) is Signature.VANILLA
+    assert kind(again.model).startswith("vanilla 3DGS")
     assert again.model.table.tobytes() == public.model.table.tobytes()
     for extraction in SCHEME.extractions:
         one, other = (k._revealed(a, extraction)[0].table for k, a in ((key, public), (opened, again)))

@@ -8,7 +8,7 @@ from typing import Any
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
 from gspure.files import run_of
-from gspure.model import model_file, read_model
+from gspure.model import Gaussians, model_file, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.inria import UNPACKED_SOG, training_arguments
 from gspure.model.summary import Summary, summarize, suspicious_lines
@@ -27,28 +27,30 @@ def run(args: Arguments) -> None:
     file = model_file(args.model)
     training = training_arguments(args.model) if args.model.is_dir() else {}
     model = read_model(file)
-    print("\n".join(map(printable, as_text(file, summarize(model), model.comments, training))))
+    print("\n".join(map(printable, as_text(file, model, training))))
 
 
-def as_text(file: Path, summary: Summary, comments: Sequence[str], training: dict[str, Any]) -> list[str]:
-    """Return the summary as aligned lines."""
-    colour = f"SH degree {summary.sh_degree}" if summary.sh_degree >= 0 else "no spherical harmonics"
+def as_text(file: Path, model: Gaussians, training: dict[str, Any]) -> list[str]:
+    """Return the summary of a model as aligned lines."""
+    summary = summarize(model)
+    rows = "anchors" if model.has_anchors else "Gaussians"
+    colour = f"SH degree {model.sh_degree}" if model.sh_degree >= 0 else "no spherical harmonics"
     parts = file.parent.glob("*.webp") if file.name == UNPACKED_SOG else []  # the images of an unpacked SOG model
     size = f"{sum(part.stat().st_size for part in (file, *parts)) / 1e6:,.1f} MB"
     return [
         str(file),
-        f"  {summary.gaussians:,} {summary.signature.rows}, {colour}, {len(summary.columns)} properties, {size}",
-        f"  {summary.signature.title}",
+        f"  {len(model):,} {rows}, {colour}, {len(model.names)} properties, {size}",
+        f"  {summary.kind}",
         *([f"  run {run}"] if (run := run_of(file)) else []),
         *([f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []),
         "",
         *_quantile_table(summary),
-        *(["  stored values: the 3-D filter is not part of them"] if FILTER in summary.columns else []),
+        *(["  stored values: the 3-D filter is not part of them"] if FILTER in model.names else []),
         "",
         *_row_counts(summary),
-        *(f"  {line}" for line in suspicious_lines(summary.suspicious, summary.gaussians)),
-        *([""] if comments or training else []),
-        *(f"  comment: {comment}" for comment in comments),
+        *(f"  {line}" for line in suspicious_lines(summary.suspicious, len(model))),
+        *([""] if model.comments or training else []),
+        *(f"  comment: {comment}" for comment in model.comments),
         *(f"  trained with {name} = {value}" for name, value in sorted(training.items())),
     ]
 

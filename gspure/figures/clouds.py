@@ -15,7 +15,6 @@ from gspure.constants import NOISE_LABEL, SH_DC, TAU_C, TAU_N
 from gspure.figures import style
 from gspure.files import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.method.pruning import deciding_weights, prune_mask
-from gspure.model.signature import Signature
 from gspure.progress import percent
 from gspure.public_model import PublicModel
 
@@ -187,7 +186,7 @@ class Purified:
     @property
     def rows(self) -> str:
         """What a row is: Gaussians or anchors."""
-        return Signature.of(self.public.model.names).rows
+        return "anchors" if self.public.model.has_anchors else "Gaussians"
 
     @cached_property
     def ranks(self) -> Float64:

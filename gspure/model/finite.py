@@ -10,7 +10,6 @@ from gspure.errors import InputError
 from gspure.files import Float32, Indices
 from gspure.model.filtered import FILTER, filtered
 from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
-from gspure.model.signature import Signature
 from gspure.progress import warn
 
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
@@ -44,19 +43,17 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
 
     Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """
-    undrawable = _undrawable(model)
-    are_gaussians = Signature.of(model.names).rows == "Gaussians"
-    if are_gaussians and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
+    if not model.has_anchors and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
         count = f"{len(unturned)} of {len(model)} rows"
         warn(f"{source}: {count} have a zero quaternion and are not drawn: {listed(unturned)}")
+    undrawable = _undrawable(model)
     if not undrawable:
         return filtered(model)
-    rows = np.unique(np.concatenate([*undrawable.values()]))
-    if len(rows) == len(model) or not are_gaussians:
-        name = next(iter(undrawable))
-        _refuse(model, source, name, undrawable[name])
+    rows = undrawable_rows(model)
+    if len(rows) == len(model) or model.has_anchors:
+        _refuse(model, source, *next(iter(undrawable.items())))
     warn(f"{source}: {len(rows)} of {len(model)} rows are not finite and are not drawn: {listed(rows)}")
-    values = {"opacity": model.columns("opacity")[:, 0]} | {name: model.columns(name)[:, 0] for name in undrawable}
+    values = {name: model.columns(name)[:, 0] for name in ("opacity", *undrawable)}
     for name, at in undrawable.items():
         values[name][at] = np.median(np.delete(values[name], at))
     values["opacity"][rows] = _INVISIBLE
@@ -87,11 +84,10 @@ def require_computed(results: Gaussians | Float32, source: str | Path, network: 
         raise InputError(source, network, expected="finite results", found=found, hint="network parameters too large?")
 
 
-def _drawn_columns(model: Gaussians) -> Sequence[str]:
+def _drawn_columns(model: Gaussians) -> list[str]:
     """Return the columns that an image depends on: geometry, opacity, filter, and colours or features."""
-    colour = (*COLOUR, *model.columns_named("f_rest_")) if model.sh_degree >= 0 else ()
-    smoothing = {FILTER} & {*model.names}
-    return (*CORE, *colour, *model.columns_named("semantic_"), *smoothing)
+    colours = (*COLOUR, *model.columns_named("f_rest_"), *model.columns_named("semantic_"))
+    return [*CORE, *(name for name in (*colours, FILTER) if name in model.names)]
 
 
 def _undrawable(model: Gaussians) -> dict[str, Indices]:

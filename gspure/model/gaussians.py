@@ -90,6 +90,11 @@ class Gaussians(Described):
         """The columns, in the file's order."""
         return self.table.dtype.names or ()
 
+    @property
+    def has_anchors(self) -> bool:
+        """Whether rows are anchors (Scaffold-GS, SecureGS), whose Gaussians a network computes."""
+        return {"f_anchor_feat_0", "f_offset_0"} <= {*self.names}
+
     @cached_property
     def means(self) -> Float32:
         """Centres [K,3], world units."""

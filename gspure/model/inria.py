@@ -24,29 +24,21 @@ def point_cloud(folder: Path) -> Path:
 
     For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
-    folder = Path(folder)
     if saved := saved_iterations(folder):
         return saved[max(saved)]
     for name in (_POINT_CLOUD, UNPACKED_SOG, STREAMED):
         if (folder / name).is_file():
             return folder / name
-    raise InputError(
-        folder,
-        "point_cloud",
-        expected="an INRIA output folder with point_cloud/iteration_*/point_cloud.ply",
-        found="no such file" if folder.is_dir() else "no such folder",
-        hint="or name the .ply itself",
-    )
+    expected = "an INRIA output folder with point_cloud/iteration_*/point_cloud.ply"
+    found = "no such file" if folder.is_dir() else "no such folder"
+    raise InputError(folder, "point_cloud", expected=expected, found=found, hint="or name the .ply itself")
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:
-    """Return the saved model files by iteration."""
-    saved = {}
-    for file in Path(folder).glob(f"point_cloud/iteration_*/{_POINT_CLOUD}"):
-        number = file.parent.name.removeprefix("iteration_")
-        if number.isdecimal():
-            saved[int(number)] = file
-    return dict(sorted(saved.items()))
+    """Return the saved model files by iteration, in ascending order."""
+    files = folder.glob(f"point_cloud/iteration_*/{_POINT_CLOUD}")
+    by_number = {file.parent.name.removeprefix("iteration_"): file for file in files}
+    return dict(sorted((int(number), file) for number, file in by_number.items() if number.isdecimal()))
 
 
 def training_arguments(folder: Path) -> dict[str, Argument]:
@@ -61,7 +53,7 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
     with reading(file, "Namespace(name=value, ...)"):
         call = ast.parse(file.read_text(encoding="utf-8").strip(), mode="eval").body
         if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "Namespace"):
-            raise InputError(file, "file", expected="Namespace(name=value, ...)", found="another expression")
+            raise ValueError("another expression")
         arguments = {keyword.arg: _argument(keyword.value) for keyword in call.keywords if keyword.arg}
         str(arguments)  # raises ValueError for an integer with too many digits to print
         return arguments
@@ -70,16 +62,14 @@ def training_arguments(folder: Path) -> dict[str, Argument]:
 def trained_background(source: Path) -> tuple[float, float, float]:
     """Return the background of training: white if cfg_args has ``white_background=True``, else black.
 
-    `source` is the folder of cfg_args, a file in it, or the model of an iteration. Raise `InputError` for a value that
-    is neither true nor false.
+    `source` is the folder of cfg_args, a file in it, or the model of an iteration.
     """
     folder = source if source.is_dir() else source.parent
     if folder.match("point_cloud/iteration_*"):
         folder = folder.parents[1]
     white = training_arguments(folder).get("white_background", False)
     if white not in (False, True):  # 0 and 1 are equal to these
-        found = repr(white)
-        raise InputError(folder / "cfg_args", "white_background", expected="True or False", found=found)
+        raise InputError(folder / "cfg_args", "white_background", expected="True or False", found=repr(white))
     return (float(white),) * 3
 
 

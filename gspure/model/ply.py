@@ -158,9 +158,9 @@ def _rows(path: Path, header: PlyData, offset: int, dtype: np.dtype[np.void]) ->
     an ASCII file is malformed.
     """
     count, rest = header["vertex"].count, path.stat().st_size - offset
-    row_bytes = (
-        2 * len(dtype.names or ()) if header.text else dtype.itemsize
-    )  # a digit and a separator, the last of which may lack
+    row_bytes = dtype.itemsize
+    if header.text:
+        row_bytes = 2 * len(dtype.names or ())  # a digit and a separator each, the last of which may lack
     if not 0 <= count <= (room := (rest + header.text) // row_bytes):
         raise InputError(path, "element vertex", expected=f"{count} rows", found=f"room for {room}")
     if header.text:

@@ -49,7 +49,9 @@ def moved(model: Gaussians, rotvec: Float64, translation: Float64, scale: float 
     """
     angle = float(np.linalg.norm(rotvec))
     if angle:
-        product = _left_product(np.cos(angle / 2), *np.sin(angle / 2) * rotvec / angle)
+        w = np.cos(angle / 2)
+        x, y, z = np.sin(angle / 2) * rotvec / angle
+        product = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
         model = model.with_columns({f"rot_{i}": column for i, column in enumerate(product @ model.quats.T)})
         if model.sh_degree > 0:
             model = model.with_appearance(model.table["opacity"], rotate_sh(model.sh_coeffs, rotvec))
@@ -67,11 +69,6 @@ def rotation(rotvec: Float64) -> Float64:
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     matrix: Float64 = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     return matrix
-
-
-def _left_product(w: float, x: float, y: float, z: float) -> Float64:
-    """Return the matrix [4,4] of left multiplication by the quaternion (w, x, y, z)."""
-    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
 
 def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:

@@ -1,6 +1,5 @@
 """Statistics of a model, and rows that training does not produce: those that could mislead or stop an audit."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.files import Float32, Float64, Indices
-from gspure.model.filtered import filtered
+from gspure.model.filtered import FILTER, filtered
 from gspure.model.finite import listed, non_finite_rows, undrawable_rows
 from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
-from gspure.model.signature import Signature
 
 LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median
 
@@ -34,22 +32,27 @@ REASONS: Final = {
 """Why rows are suspicious."""
 
 
+_KINDS: Final = {
+    "f_anchor_feat_0": "Scaffold-GS or SecureGS (rows are anchors)",
+    "semantic_0": "GS-Hider",
+    FILTER: "GOF or Mip-Splatting (3-D filter)",
+    "f_dc_0": "vanilla 3DGS (Splats in Splats looks the same)",
+}
+"""Kinds of models by their characteristic column; the first one that is present applies."""
+
+
 @dataclass(frozen=True)
 class Summary:
     """Statistics of a model.
 
-    `sh_degree` is -1 without colour; `further_columns` are those that vanilla models do not have. The quantiles at
-    `LEVELS` are those of the finite values of x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale
-    (of each Gaussian's three standard deviations, world units); empty if no value is finite. `non_finite_rows` have an
-    infinity or a not-a-number in any column; `non_finite_columns` are, for each such column, the number of these rows
-    and the first of them. `repeated_position_rows` have exactly the centre of an earlier row. `suspicious` are
-    `suspicious_rows`.
+    `further_columns` are those that vanilla models do not have. The quantiles at `LEVELS` are those of the finite
+    values of x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale (of each Gaussian's three
+    standard deviations, world units); empty if no value is finite. `non_finite_rows` have an infinity or a not-a-number
+    in any column; `non_finite_columns` are, for each such column, the number of these rows and the first of them.
+    `repeated_position_rows` have exactly the centre of an earlier row. `suspicious` are `suspicious_rows`.
     """
 
-    gaussians: int
-    sh_degree: int
-    signature: Signature
-    columns: tuple[str, ...]
+    kind: str
     further_columns: tuple[str, ...]
     quantiles: dict[str, tuple[float, ...]]
     non_finite_rows: int
@@ -59,22 +62,20 @@ class Summary:
     suspicious: dict[str, Indices]
 
 
+@np.errstate(invalid="ignore")  # signalling not-a-numbers
 def summarize(model: Gaussians) -> Summary:
     """Return statistics of `model`."""
-    with np.errstate(invalid="ignore"):  # signalling not-a-numbers
-        return _summarized(model)
-
-
-def _summarized(model: Gaussians) -> Summary:
     vanilla = {*CORE, *COLOUR, *NORMALS, *model.columns_named("f_rest_")}
     non_finite = non_finite_rows(model, model.names)
+    quantities = dict(zip("xyz", model.means.T, strict=True)) | {
+        "opacity": model.opacities,
+        "largest_scale": model.scales.max(axis=1),
+        "smallest_scale": model.scales.min(axis=1),
+    }
     return Summary(
-        gaussians=len(model),
-        sh_degree=model.sh_degree,
-        signature=Signature.of(model.names),
-        columns=model.names,
+        kind=kind(model),
         further_columns=tuple(name for name in model.names if name not in vanilla),
-        quantiles={name: _quantiles(values) for name, values in _quantities(model).items()},
+        quantiles={name: _quantiles(values) for name, values in quantities.items()},
         non_finite_rows=len(set().union(*(rows.tolist() for rows in non_finite.values()))),
         non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},
         zero_quaternion_rows=int(np.count_nonzero(~model.quats.any(axis=1))),
@@ -83,13 +84,9 @@ def _summarized(model: Gaussians) -> Summary:
     )
 
 
-def _quantities(model: Gaussians) -> dict[str, Float32]:
-    return {
-        **dict(zip("xyz", model.means.T, strict=True)),
-        "opacity": model.opacities,
-        "largest_scale": model.scales.max(axis=1),
-        "smallest_scale": model.scales.min(axis=1),
-    }
+def kind(model: Gaussians) -> str:
+    """Return which program's model it is, by its columns."""
+    return next((name for column, name in _KINDS.items() if column in model.names), "unknown")
 
 
 def _quantiles(values: Float32) -> tuple[float, ...]:
@@ -112,10 +109,8 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     drawn = np.ones(len(model), bool)
     drawn[undrawable] = False
     rows = np.flatnonzero(drawn)
-    means, scales = (
-        model.means[rows].astype(np.float64),
-        np.sort(filtered(model).scales[rows].astype(np.float64), axis=1),
-    )
+    means = model.means[rows].astype(np.float64)
+    scales = np.sort(filtered(model).scales[rows].astype(np.float64), axis=1)
     extent, distances = extent_and_distances(means)
     pile, repeated = coincident_rows(model.means[rows])
     by_reason = {
@@ -134,7 +129,11 @@ def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]
     if not suspicious:
         return []
     count = len(np.unique(np.concatenate([*suspicious.values()])))
-    return [f"suspicious rows   {count:,} of {total:,}", *(_line(reason, rows) for reason, rows in suspicious.items())]
+    lines = [
+        f"  {reason:<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {listed(rows)}"
+        for reason, rows in suspicious.items()
+    ]
+    return [f"suspicious rows   {count:,} of {total:,}", *lines]
 
 
 def to_json(suspicious: Mapping[str, Indices]) -> dict[str, list[int]]:
@@ -163,16 +162,6 @@ def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tu
 
 def _copies(model: Gaussians, rows: Indices) -> Indices:
     """Return those of `rows`, in ascending order, that are bit-identical to an earlier one."""
-    digests: set[bytes] = set()
-    copies = []
-    for row in rows.tolist():
-        digest = hashlib.blake2b(model.table[row].tobytes(), digest_size=16).digest()
-        if digest in digests:
-            copies.append(row)
-        digests.add(digest)
-    return np.array(copies, np.intp)
-
-
-def _line(reason: str, rows: Indices) -> str:
-    title, plural = reason.replace("_", "-"), "s" * (len(rows) > 1)
-    return f"  {title:<12}{len(rows):>9,}   {REASONS[reason]}: row{plural} {listed(rows)}"
+    stored = np.array([model.table[row].tobytes() for row in rows], object)
+    _, first = np.unique(stored, return_index=True)
+    return np.delete(rows, first)
