@@ -3,7 +3,6 @@
 import csv
 import math
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,6 @@ import pytest
 from gspure.errors import InputError
 from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, write_results
 from gspure.evaluation.comparison import write_metrics
-from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import Reading
-from gspure.evaluation.retrieval import Retrieval, Retrieved
 from gspure.files import save_array, write_json, write_text
 from tests.contest_cases import write_model
 
@@ -60,21 +56,6 @@ def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -
     save_array(folder / "key" / MESSAGE_ROWS, np.zeros(3, bool))
     with pytest.raises(InputError, match=MESSAGE_ROWS):
         by_variant(tmp_path, plan)
-
-
-def test_retrievals_and_detections_of_a_variant_are_its_own(tmp_path, plan) -> None:
-    known = Retrieval(1.0, 1.0, 1.0, 3, 15)
-    write_table(tmp_path / MODEL / "gspure" / "retrieval.csv", Retrieved, [Retrieved("gspure", "message", known)])
-    for variant in ("unattacked", "gspure"):
-        rows = [Reading(view, 100.0, 32) for view in "abc"]
-        write_table(tmp_path / MODEL / variant / "detections" / "bits.csv", Reading, rows)
-    read = replace(plan, detections=dict.fromkeys(("unattacked", "gspure", "wrong_key"), ("bits",)))
-    found = by_variant(tmp_path, read)
-    assert found["gspure"].retrieval == {"message": known}
-    assert found["gspure"].detections["bits"].present
-    assert found["gspure"].drop("bits") == 0
-    assert found["wrong_key"].undetected == {"bits": "not run"}
-    assert found["wrong_key"].failure == ""
 
 
 def log(results: Path, name: str, text: str, age: float = 0) -> None:

@@ -1,14 +1,19 @@
-"""GSPure against every other attack: differences in the same scenes and seeds, their test, and the tables of them."""
+"""GSPure against other attacks, also at equal damage, and the table of survival."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest
-from gspure.evaluation.matched import MATCHED_DAMAGES
+from gspure.evaluation.matched import MATCHED_DAMAGES, match, matched_message_drop, pareto_front
+from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
-from gspure.report.attack_tables import conditions_markdown, other_attacks_table, survival_table
+from gspure.report.attack_tables import conditions_markdown, matched_table, other_attacks_table, survival_table
+from gspure.report.tables import model_table, summary_table
 from tests.contest_cases import attacked, benchmark
 
 SCENES = benchmark(
@@ -80,3 +85,103 @@ def test_the_tables_hold_survival_and_differences() -> None:
     assert str(others["better"][1]).startswith("−2.50 [")
     assert str(others["better"][-1]) == "0.094 (≥ 0.094)"
     assert conditions_markdown([], [], []).startswith("No model with a message")
+
+
+SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
+
+
+def outcomes(**drops: dict[str, tuple[float, float]]) -> list[Outcome]:
+    """Variants with what they take from scene and message, by scene; without controls."""
+    return [o for o in benchmark(drops) if not o.is_control]
+
+
+TWO = outcomes(
+    room={"weak": (1.0, 10.0), "strong": (3.0, 20.0), "other": (2.0, 2.0)},
+    vault={"weak": (1.0, 6.0), "strong": (1.5, 8.0), "other": (2.0, 4.0)},
+)
+
+
+def cells(rows, sweep):
+    return {row.damage: row for row in rows if row.sweep == sweep}
+
+
+def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
+    found = cells(match(TWO, SWEEPS), "ours")
+    assert tuple(found) == MATCHED_DAMAGES[2:]  # at less, even the weakest does more to some scene
+    assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
+    assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
+
+
+def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
+    rows = match(TWO, SWEEPS)
+    ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
+    assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
+    assert (ours.gentle, theirs.gentle) == (1, 0)
+    shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
+    assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00) at 1.75 dB"
+    assert (shown["ours"].best, shown["theirs"].best) == (True, False)
+
+
+def test_a_strength_above_the_damage_has_no_number() -> None:
+    rows = match(outcomes(room={"gof": (1.8, 12.0), "weak": (1.0, 1.0)}), {"ours": ["weak"]})
+    assert [*cells(rows, "gof")] == [2.0]
+    shown = {str(row.cells[0]): [*map(str, row.cells[-2:])] for row in matched_table(rows).rows}
+    assert shown == {"GOF": ["–", "≥ 12.00 at 1.80 dB"], "ours": ["≥ 1.00 at 1.00 dB", "≥ 1.00 at 1.00 dB"]}
+
+
+def test_drops_are_not_extrapolated_beyond_the_strongest_setting() -> None:
+    rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
+    assert [row.drop.mean for row in rows] == [9.0, 9.0, 9.0]
+    assert [row.gentle for row in rows] == [1, 1, 1]
+
+
+AIMED = {"pruning": ["half", "pruning@1dB", "pruning@2dB"], "noise": ["noise@1dB", "noise@2dB"]}
+
+
+def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
+    drops = {"half": (1.0, 30.0), "pruning@1dB": (1.03, 10.0), "pruning@2dB": (0.7, 7.0)}
+    drops |= {"noise@1dB": (0.98, 2.0), "noise@2dB": (2.6, 3.0), "gof": (4.0, 8.0)}
+    rows = match(outcomes(room=drops), AIMED)
+    assert [*cells(rows, "noise")] == [1.0, 2.0]
+    shown = {(row.sweep, row.damage): (row.drop.mean, row.gentle, round(row.scene_drop, 9)) for row in rows}
+    assert shown == {
+        ("pruning", 1.0): (10.0, 0, 1.0),
+        ("pruning", 2.0): (7.0, 1, 0.7),
+        ("noise", 1.0): (2.0, 0, 1.0),
+        ("noise", 2.0): (3.0, 0, 2.6),
+    }
+    texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows).rows}
+    assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "≤ 3.00 at 2.60 dB"}
+
+
+def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> None:
+    """Against renders, the unattacked model has infinite PSNR; the strength holds the damage."""
+    strengths = {"noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5", "unattacked": ""}
+    known = outcomes(a={name: (1.0, 5.0) for name in strengths if name != "unattacked"})
+    own = [replace(o, targets={"message": o.targets["message"]}, strength=strengths[o.variant]) for o in known]
+    expected = {"unattacked", "noise, 6 dB (1.13 dB reached)", "crop, 6 dB"}
+    assert {row.cells[1].text for row in summary_table(own).rows} == expected
+    assert {row.name for row in survival(own)} == expected
+    assert {row.cells[0].text for row in model_table(own).rows} == expected
+    of_three = [*own, *(replace(o, scene="b", strength=o.strength.replace("1.13", "2.50")) for o in own)]
+    assert "noise, 6 dB (1.13 to 2.50 dB reached)" in {row.name for row in survival(of_three)}
+
+
+POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)
+
+
+@given(POINTS)
+def test_the_front_is_what_brute_force_finds(points):
+    front = [not any(x <= a and y <= b and (x, y) != (a, b) for x, y in points) for a, b in points]
+    assert pareto_front(*zip(*points, strict=True)).tolist() == front
+
+
+@given(POINTS, st.integers(0, 8))
+def test_at_a_measured_damage_the_best_setting_up_to_it_counts(points, at):
+    found = matched_message_drop(*zip(*points, strict=True), at)
+    damages = [x for x, _ in points]
+    if at in damages:
+        best = max(y for x, y in points if x <= at)
+        assert found >= best
+        if (at, best) in points and all(y < best for x, y in points if x < at):
+            assert found == best

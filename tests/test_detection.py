@@ -13,13 +13,10 @@ from scipy.stats import binom
 
 from gspure.errors import InputError
 from gspure.evaluation.comparison import TRUTH, ViewMetrics
-from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import (
     Reading,
     Threshold,
     detection,
-    files_of,
-    read_detections,
     read_marks,
 )
 from gspure.evaluation.metrics import METRICS
@@ -117,22 +114,6 @@ def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
     assert {(row.present, row.survived, survives(row)) for row in rows} == {(0, 0, None)}
 
 
-def test_a_scene_without_a_clean_model_is_unknown_if_the_detector_finds_the_mark_in_another_clean_model():
-    readings = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
-    outcomes = [outcome(name, level) for name, level in readings.items()]
-    outcomes += [outcome(name, readings[name], asset="hall") for name in ("unattacked", "gspure")]
-    outcomes = with_references(outcomes)
-    rows = survival(outcomes)
-    assert {row.present for row in rows} == {0}
-
-
-def test_readings_of_a_scene_are_compared_with_its_own_clean_model_only(outcomes):
-    without = [outcome("unattacked", 99.0, asset="hall"), outcome("gspure", 10.0, asset="hall")]
-    (row,) = (row for row in survival(with_references([*outcomes, *without])) if row.variant == "gspure")
-    (alone,) = (row for row in survival(outcomes) if row.variant == "gspure")
-    assert row.detectability == alone.detectability
-
-
 def printing(text: str) -> str:
     """The command of a detector that prints `text`; the folder of images is ignored."""
     return shlex.join([sys.executable, "-c", f"print({text!r})"])
@@ -177,21 +158,6 @@ def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reaso
     assert len(str(refusal.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        ("no-such-program", "No such file"),
-        ("'", "No closing quotation"),
-        (shlex.join([sys.executable, "-c", "raise SystemExit('weights are missing')"]), "found weights are missing"),
-        (shlex.join([sys.executable, "-c", "raise SystemExit(3)"]), "found exit status 3"),
-        (shlex.join([sys.executable, "-c", "import time; time.sleep(60)"]), "expected an answer within 0.5 s"),
-    ],
-)
-def test_a_command_that_cannot_answer_is_refused(renders, command, reason):
-    with pytest.raises(InputError, match=reason):
-        read_marks(command, renders, "", 0.5 if "sleep" in command else 60)
-
-
 def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):
     started = tmp_path / "pid"
     with pytest.raises(InputError, match="expected an answer within 2 s"):
@@ -201,24 +167,3 @@ def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, t
     while status.exists() and status.read_text().split()[2] != "Z":
         assert time.monotonic() < until
         time.sleep(0.05)
-
-
-def test_the_files_of_a_command_are_words_or_values_of_options(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name in ("detect.py", "my weights.pt", "a=b", "folder/x"):
-        Path(name).parent.mkdir(exist_ok=True)
-        Path(name).touch()
-    command = "python detect.py --weights='my weights.pt' --mode=fast -k folder a=b --empty="
-    assert files_of(command) == ["detect.py", "my weights.pt", "a=b"]
-
-
-def test_readings_are_compared_with_those_of_the_clean_model_of_the_same_folder(tmp_path):
-    for scene, shift in (("a", 0.0), ("b", 5.0)):
-        for variant, score in (("unattacked", 9.0), ("clean", shift)):
-            rows = [Reading(f"view_{i}", score + i % 4, 0) for i in range(120)]
-            write_table(tmp_path / scene / variant / "detections" / "mine.csv", Reading, rows)
-    found = read_detections(tmp_path / "a")
-    clean = [shift + i % 4 for shift in (0.0,) for i in range(120)]
-    rows = [Reading(f"view_{i}", 9.0 + i % 4, 0) for i in range(120)]
-    assert found["unattacked"]["mine"] == detection(rows, clean)
-    assert set(found) == {"unattacked", "clean"}

@@ -1,20 +1,29 @@
-"""Choosing an OpenCL device, on drivers that are told what to be and on the real one."""
+"""Devices: listed, chosen, tried in a process of their own; their memory."""
 
 from __future__ import annotations
 
 import os
+import subprocess
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
+import numpy as np
 import pyopencl as cl
 import pytest
 
 from gspure.cameras import write_cameras
 from gspure.cli import main
+from gspure.constants import TILE
 from gspure.errors import InputError
 from gspure.model import write_model
+from gspure.model.gaussians import Gaussians
 from gspure.opencl import device as devices
-from gspure.opencl.device import choose_device, list_devices
-from gspure.opencl.engine import _kernels, device_identity
+from gspure.opencl import selftest
+from gspure.opencl.blending import _batch
+from gspure.opencl.device import choose_device, list_devices, works
+from gspure.opencl.engine import Engine, Program, _kernels, device_identity
+from gspure.opencl.frame import Traversal
+from gspure.opencl.storage import BLOCK, blocked_shape, store, upload_attributes, upload_sh_coeffs
 from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera
 
@@ -171,3 +180,96 @@ def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
     pullback(image)
     assert len(logs) > 5
     assert [line for log in logs for line in log.splitlines() if "warning" in line] == []
+
+
+LISTING = '[{"index": 0, "kind": "cpu", "name": "a", "platform": "p", "driver": "1", "selected": true}]'
+
+
+def test_every_device_is_tried_in_a_process_of_its_own() -> None:
+    trials = selftest.try_devices()
+    assert [(each.index, each.name) for each in trials] == [(d.index, d.name) for d in list_devices()]
+    assert [each.problem is None for each in trials] == [works(d) for d in list_devices()]
+
+
+@pytest.mark.parametrize(
+    ("status", "words", "problem"),
+    [
+        (-6, 'note\nerror: Executable "ld" doesn\'t exist!\nerror: linking failed', 'Executable "ld" doesn\'t exist!'),
+        (
+            1,
+            'Traceback\n  File "errors.py", line 1\npyopencl._cl.RuntimeError: clBuildProgram',
+            "RuntimeError: clBuildProgram",
+        ),
+        (-11, "", "the driver ended the process (status -11)"),
+    ],
+)
+def test_a_driver_that_ends_its_process_is_a_problem_of_that_device(monkeypatch, status, words, problem) -> None:
+    def child(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(arguments, status if arguments else 0, "" if arguments else LISTING, words)
+
+    monkeypatch.setattr(selftest, "_child", child)
+    (tried,) = selftest.try_devices()
+    assert (tried.index, tried.problem) == (0, problem)
+
+
+def test_a_frame_whose_light_does_not_add_up_is_a_problem(monkeypatch) -> None:
+    device = choose_device()
+    assert selftest.frame_problem(device) is None
+    monkeypatch.setattr(Engine, "read", lambda _, buffer, shape, dtype: np.full(shape, 0.5, dtype))
+    assert selftest.frame_problem(device) == "a small frame gives wrong results"
+
+
+@pytest.mark.parametrize(("count", "blocks"), [(0, 1), (1, 1), (BLOCK, 1), (BLOCK + 1, 2), (10 * BLOCK, 10)])
+def test_only_the_last_block_of_gaussians_is_padded(count, blocks):
+    assert blocked_shape(count, 11) == (blocks, 11, BLOCK)
+
+
+def test_attributes_lie_in_storage_order_in_blocks_padded_with_zeros(device):
+    values = np.random.default_rng(0).normal(size=(BLOCK + 3, 2)).astype(np.float32)
+    order, engine = np.arange(len(values), dtype=np.uint32)[::-1].copy(), Engine(device.cl_device)
+    buffer = upload_attributes(engine, order, 2, lambda rows: values[rows])
+    positions = engine.read(buffer, blocked_shape(len(values), 2), np.float32).swapaxes(1, 2).reshape(-1, 2)
+    assert np.array_equal(positions[: len(values)], values[::-1])
+    assert not positions[len(values) :].any()
+
+
+def test_each_part_of_a_model_leaves_memory_once_it_is_uploaded(device, monkeypatch):
+    released = []
+    monkeypatch.setattr(Gaussians, "release_pages", lambda model: released.append(id(model)))
+    monkeypatch.setattr("gspure.opencl.storage._CHUNK", 16)
+    engine, model = Engine(device.cl_device), blobs(40)
+    storage = store(engine, model)
+    assert released == [id(model)] * 3
+    upload_sh_coeffs(engine, storage, model)
+    assert released == [id(model)] * 6
+
+
+def test_memory_that_is_mapped_to_be_read_is_not_written(device):
+    """On some devices, what is written would be lost."""
+    engine = Engine(device.cl_device)
+    buffer = engine.uploaded(np.zeros(16, np.uint32))
+    with engine.mapped(buffer, (16,), np.uint32) as words, pytest.raises(ValueError, match="read-only"):
+        words[0] = 1
+
+
+@pytest.mark.parametrize("code", ["MEM_OBJECT_ALLOCATION_FAILURE", "OUT_OF_RESOURCES", "OUT_OF_HOST_MEMORY"])
+def test_a_driver_that_lacks_memory_only_when_a_kernel_starts_is_reported(device, monkeypatch, code):
+    def fails(*_):
+        raise cl.MemoryError(cl._cl._ErrorRecord("", getattr(cl.status_code, code), "clEnqueueNDRangeKernel"))
+
+    engine = Engine(device.cl_device)
+    program = Program({"fails": fails}, engine.queue, 1)
+    with pytest.raises(InputError, match=f"memory: expected room for all buffers at once, found .*{code}"):
+        program.launch("fails", 1)
+
+
+@pytest.mark.parametrize("contributions", [False, True])
+@pytest.mark.parametrize("channels", [0, 3, 17, 300])
+@pytest.mark.parametrize("kib", [2, 7, 16, 48, 64, 1024])
+def test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_hold(kib, channels, contributions):
+    traversal = Traversal("ewa", channels=channels, contributions=contributions)
+    device = SimpleNamespace(local_mem_size=kib << 10)
+    batch = _batch(SimpleNamespace(engine=SimpleNamespace(device=device), traversal=traversal))
+    floats = 7 + channels + (3 if contributions else 0)
+    assert 4 * floats * batch <= 0.75 * device.local_mem_size
+    assert batch == TILE * TILE or 2 * 4 * floats * batch > 0.75 * device.local_mem_size

@@ -49,10 +49,6 @@ def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
         features(means, np.full(6, 0.5), np.ones(6))
 
 
-def test_one_gaussian_has_zero_features() -> None:
-    assert features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]
-
-
 @pytest.mark.parametrize("distance", [300, 1e4, 1e5, 1e30, 3e38])
 def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     rng = np.random.default_rng(0)
@@ -63,16 +59,6 @@ def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     np.testing.assert_array_equal(found[3:], alone)
     assert np.isfinite(found).all()
     assert (np.abs(found[:3, :3]).max(axis=1) > 20 * np.abs(alone[:, :3]).max()).all()
-
-
-@pytest.mark.parametrize(("share", "warned"), [(0.02, "left out"), (0.13, "too many to leave out"), (0.13, "")])
-def test_far_rows_are_left_out_or_named(share: float, warned: str, capsys: pytest.CaptureFixture[str]) -> None:
-    rng = np.random.default_rng(0)
-    far = rng.normal(0, 1000 if warned else 5, (int(1000 * share), 3))
-    means = np.concatenate([rng.normal(0, 1, (1000 - len(far), 3)), far])
-    features(means, rng.uniform(0, 1, 1000), rng.lognormal(0, 2, 1000))
-    text = capsys.readouterr().err
-    assert warned in text if warned else not text
 
 
 @given(COLUMNS)

@@ -1,7 +1,6 @@
 """GS-Hider's files: the authors' layout, round trips, and files that must not be believed."""
 
 import pickle
-import sys
 import zipfile
 
 import numpy as np
@@ -12,7 +11,6 @@ from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
 from gspure.schemes.gs_hider.files import COLUMNS, MESSAGE_DECODER, SCENE_DECODER, DecoderFile
 from gspure.schemes.gs_hider.model import FeatureModel
-from tests.models import without
 
 NAME = "chkpnt7_net.pth"
 
@@ -106,17 +104,6 @@ def test_round_trips_are_exact(torch, saved, tmp_path):
     assert DecoderFile.of(written.network, 7, SCENE_DECODER).content == written.content
 
 
-def test_a_model_without_its_decoder_can_be_attacked_but_not_rendered(tmp_path):
-    write_model(tmp_path / "lone.ply", rows())
-    public = SCHEME.read_public(tmp_path / "lone.ply")
-    assert not public.visible
-    assert len(without(public, np.arange(5) < 2).model) == 3
-    with pytest.raises(InputError, match=r"decoder: expected chkpntN_net\.pth"):
-        public.scene()
-    with pytest.raises(InputError, match=r"key: expected chkpntN_waternet\.pth"):
-        SCHEME.read_key(tmp_path)
-
-
 class Payload:
     """What an attacker would pickle: unpickling it makes a file."""
 
@@ -144,15 +131,3 @@ def test_a_hostile_file_is_refused_and_not_run(torch, tmp_path, form):
     with pytest.raises(InputError, match=r"nothing in it was executed|a PyTorch archive"):
         DecoderFile.read(file).network  # noqa: B018
     assert not trace.exists()
-
-
-def test_without_torch_models_can_be_attacked_and_rendering_names_what_to_install(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    monkeypatch.delitem(sys.modules, "gspure.training.pytorch", raising=False)
-    for name in ("decoder", "branch", "loss", "training"):
-        monkeypatch.delitem(sys.modules, f"gspure.schemes.gs_hider.{name}", raising=False)
-    public = FeatureModel(rows(), DecoderFile(tmp_path / NAME, b"any"))
-    without(public, np.arange(5) < 2).write(tmp_path / "pruned" / "point_cloud.ply")
-    assert SCHEME.read_public(tmp_path / "pruned").decoder.content == b"any"
-    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
-        public.scene()

@@ -1,6 +1,5 @@
 """Pairs: a scene and a message from the same poses, ray-traced or of captures that have worlds of their own."""
 
-import re
 from dataclasses import replace
 from itertools import islice
 
@@ -15,7 +14,6 @@ from gspure.model.ply import read_point_ply
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
 from gspure.schemes.pair import read_pair
-from gspure.training.initialization import view_counts
 from tests.models import blobs
 from tests.training_cases import colmap_project, ring
 
@@ -44,12 +42,6 @@ def test_a_moved_model_looks_the_same_from_moved_cameras():
         np.testing.assert_allclose(there.image(by.camera(camera)), here.image(camera), atol=2e-3)
 
 
-def test_points_are_mapped_back_by_the_inverse_similarity():
-    points = np.random.default_rng(1).normal(size=(20, 3))
-    by = similarity()
-    np.testing.assert_allclose(by.inverse.points(by.points(points)), points, atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
     cameras, by = ring(8), similarity(seed)
@@ -69,20 +61,6 @@ def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
     assert len(pair.points[0]) == len(pair.points[1]) == len(pair.scene.dataset.xyz) + len(pair.message.dataset.xyz)
     assert np.abs(pair.scene.images[0] - pair.message.images[0]).mean() > 0.1
     assert {scene == message for scene, message in islice(pair.batches(np.random.default_rng(0)), 30)} == {True}
-
-
-def test_a_message_of_own_poses_lies_mostly_outside_the_views_of_the_scene(pair_folder, tmp_path):
-    from tests.pair_cases import small_pair
-
-    shared, own = read_pair(pair_folder), read_pair(small_pair(tmp_path / "own", protocol="own"))
-    assert not own.shares_poses
-    points = own.message.dataset.xyz
-    assert (view_counts(points, own.scene.views) == 0).mean() > 0.5
-    assert (view_counts(points, own.message.views) > 0).mean() > 0.9
-    assert (own.message.images[3] == shared.message.images[3]).all()
-    batches = list(islice(own.batches(np.random.default_rng(0)), 20))
-    assert {scene for scene, _ in batches} == {message for _, message in batches} == set(range(10))
-    assert any(scene != message for scene, message in batches)
 
 
 def test_the_same_command_gives_the_same_files(pair_folder, tmp_path):
@@ -140,18 +118,3 @@ def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_
     xyz = read_point_ply(out / "message" / "points3D.ply")[0]
     means = read_model(model).means
     assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["room", "no"], "SCENE and MESSAGE: expected both of room, vault, .* or both files, found room and no"),
-        (["room", f"interior-{5000 * '9'}"], "SCENE and MESSAGE: expected both of room"),
-        (["no", "no.ply"], "no"),
-    ],
-)
-def test_an_invalid_pair_is_refused_in_one_line(arguments, line, tmp_path, capsys):
-    assert main(["pair", *arguments, "--out", str(tmp_path / "pair")]) == 2
-    error = capsys.readouterr().err
-    assert re.search(line, error)
-    assert error.count("\n") == 1

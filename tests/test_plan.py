@@ -7,11 +7,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.attacks.attack import Attack
-from gspure.evaluation.names import BASELINES, CONTROLS, OTHER_SCENE
-from gspure.workflow import variants
+from gspure.evaluation.names import CONTROLS, OTHER_SCENE
 from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike
-from gspure.workflow.inputs import message_name
 from gspure.workflow.plan import Model, Plan
 from gspure.workflow.variants import Variant, evaluation, report_plan, reported
 from tests.workflow_cases import ROOT, plan_of
@@ -96,14 +93,6 @@ def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(agai
     assert alike.controls == [name for name in CONTROLS if name != OTHER_SCENE]
 
 
-def test_a_control_shows_what_it_is_compared_in(again):
-    wrong = Variant(again, "wrong_key").evaluation
-    assert (wrong["model"], wrong["wrong_key"], wrong["rendered"]) == (again.public, True, again.targets[1:])
-    for name in BASELINES:
-        blank = Variant(again, name).evaluation
-        assert (blank["rendered"], blank["compared"], blank["baseline"]) == ([], again.targets, name)
-
-
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
     model = changed(assets=None, schemes={"marked_clones": {}}, repetitions=1).models[0]
     assert model.controls == ["clean", "wrong_key", "other_scene"]
@@ -117,25 +106,6 @@ def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
     assert reported(model).controls == ["clean"]
 
 
-def test_detectors_read_variants_and_clean_models():
-    mark = {"mark": {"command": "python README.md"}}
-    bare = {"model": "README.md", "cameras": "orbit"}
-    plan = changed(assets={"bot": {**bare, "clean": "before"}, "before": bare}, detectors=mark, schemes={})
-    read = {name: [*Variant(model, name).detectors] for model in plan.models[:1] for name in ("gspure", "clean")}
-    assert read == {"gspure": ["mark"], "clean": ["mark"]}
-    assert Variant(plan.models[0], "gspure").users_files == ["README.md"]
-    assert Variant(plan.models[1], "gspure").detectors == {}
-
-
-@pytest.mark.parametrize("name", ["finetune", "reestimate", "distil", "prune_repair"])
-def test_an_attack_gets_neither_photographs_nor_key_nor_message(again, monkeypatch, name):
-    monkeypatch.chdir(ROOT)
-    learning = Variant(replace(again, plan=changed(variants={**CONFIG["variants"], name: {}})), name)
-    weights = {"weights": f"{FOLDER}/weights.npy"} if name == "prune_repair" else {}
-    assert {**learning.measured, **learning.rendered} == {"cameras": f"{FOLDER}/cameras.json"} | weights
-    assert not any(word in str(learning.attacked_by) for word in ("photographs", "key", "message", "pairs"))
-
-
 def test_only_a_search_for_a_damage_gets_photographs_of_the_scene(again, monkeypatch):
     monkeypatch.chdir(ROOT)
     plan = changed(variants={**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}})
@@ -143,13 +113,6 @@ def test_only_a_search_for_a_damage_gets_photographs_of_the_scene(again, monkeyp
     assert weak.rendered == {"cameras": f"{FOLDER}/cameras.json", "photographs": "results/pairs/raised/scene"}
     assert weak.attacked_by == {"name": "plain_weight", "seed": 1, "settings": {}, "damage": 0.3, "split": "test"}
     assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").rendered
-
-
-def test_only_a_fitting_owner_gets_photographs_of_the_message(plan, again):
-    learned = evaluation(Model(plan, "secure_gs", "raised"), ["gspure"])
-    assert learned["photographs"] == "results/pairs/raised/message"
-    assert evaluation(again, ["gspure"])["photographs"] is None
-    assert evaluation(again, ["gspure"])["published"] == again.public
 
 
 def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again, monkeypatch):
@@ -162,21 +125,6 @@ def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again,
     clusters = f"{FOLDER}/decisions/blind/clusters.npz"
     assert scaled.measured == {"labels": clusters, "weights": f"{FOLDER}/opacities.npy"}
     assert scaled.attacked_by["settings"] == {"tau_c": 4.0, "tau_n": 4.0, "scale": 0.5}
-
-
-def test_only_built_in_attacks_get_the_factors_of_a_decision(again, monkeypatch):
-    def temper(model, rng, *, tau: float = 0.5): ...
-
-    monkeypatch.setattr(variants, "find_attack", lambda name: Attack("temper", temper))
-    assert Variant(again, "plain_weight").attacked_by["settings"] == {}
-
-
-def test_equal_decisions_share_what_is_made_and_others_have_a_folder(again):
-    assert again.path("prune_mask.npy", "same") == f"{FOLDER}/prune_mask.npy"
-    assert again.path("tree.npy", "leaf") == f"{FOLDER}/tree.npy"
-    assert again.path("clusters.npz", "leaf") == f"{FOLDER}/decisions/leaf/clusters.npz"
-    assert again.thresholded("leaf") == f"{FOLDER}/weights.npy"
-    assert again.thresholded("blind") == f"{FOLDER}/opacities.npy"
 
 
 def test_factors_that_are_null_suit_the_scheme(plan):
@@ -230,9 +178,3 @@ def test_the_report_knows_variants_controls_and_photographs(plan):
     assert (models["secure_gs/front"].protocol, models["secure_gs/front"].initialization) == ("shared", "both")
     assert (models["vanilla/bot"].photographs, models["vanilla/bot"].protocol) == (None, "")
     assert models["secure_gs/front"].controls == list(CONTROLS)
-
-
-def test_pairs_with_one_message_of_photographs_share_its_model(plan):
-    pair = {"message": "captures/b", "message_photographs": [], "iterations": 9, "resolution": "320px", "seed": 0}
-    pairs = {"one": {**pair, "scene": "captures/a"}, "two": {**pair, "scene": "captures/c"}, "traced": {}}
-    assert [*Plan({**plan.config, "pairs": pairs}).messages] == [message_name(pair)]

@@ -81,14 +81,6 @@ def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name)[rows])
 
 
-def test_settings_reach_their_stage() -> None:
-    given = model(), cameras()
-    assert not purify(*given, tau_c=1e9, tau_n=1e9, **SETTINGS).prune_mask.any()
-    assert (purify(*given, **SETTINGS | {"min_cluster_size": 400}).labels == -1).all()
-    assert purify(*given, energy="ewa", **SETTINGS).weights.sum() > purify(*given, **SETTINGS).weights.sum()
-    assert purify(*given, reduction="max", **SETTINGS).weights.max() <= 1
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from gspure.public_model import merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, neural, table_of, visible_rows
 from gspure.schemes.secure_gs.model import AnchorModel
@@ -122,19 +121,6 @@ def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
         assert (np.diff(records["index"].astype(int)) > 0).all()
 
 
-def test_an_anchor_gets_the_sums_and_the_maximum_of_its_gaussians():
-    public, view = random_public(), VIEWS[0]
-    gaussians, owners = public.gaussians(view)
-    each = Renderer(gaussians, energy="ray").contributions(view)
-    merged = public.contributions()(view)
-    for record in merged:
-        own = each[owners[each["index"]] == record["index"]]
-        assert record["pixels"] == own["pixels"].sum()
-        assert record["max"] == own["max"].max()
-        assert record["sum"] == pytest.approx(own["sum"].sum(dtype=np.float64), rel=1e-6)
-    assert merge_by_row(each[:0], owners).size == 0
-
-
 def test_pruning_anchors_removes_exactly_their_gaussians():
     public, view = random_public(), VIEWS[1]
     pruned = np.random.default_rng(1).random(40) < 0.4
@@ -143,16 +129,6 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
     assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
     names = whole.table.dtype.names
     np.testing.assert_allclose(left.columns(*names), whole[~pruned[rows]].columns(*names), rtol=1e-4, atol=1e-5)
-
-
-def test_opacities_are_means_over_the_views_that_have_an_anchor():
-    public, views = random_public(), VIEWS
-    found = [public.neural(view) for view in views]
-    row = int(np.intersect1d(found[0][1], found[1][1])[0])
-    each = [np.maximum(n.outputs[rows == row], 0).mean() for n, rows in found]
-    assert public.opacities(views)[row] == pytest.approx(np.mean(each), rel=1e-5)
-    unseen = public.with_model(public.model.with_columns({"z": np.full(40, -5.0)}))
-    assert not unseen.opacities(views).any()
 
 
 def test_numpy_and_torch_make_the_same_gaussians():

@@ -195,50 +195,6 @@ def storage(key=b"0", count=16):
     return b"(X\x07\0\0\0storagectorch\nFloatStorage\n" + text + b"X\x03\0\0\0cpuJ" + struct.pack("<i", count) + b"tQ"
 
 
-def without(column):
-    def change(table):
-        names = [name for name in table.table.dtype.names if name != column]
-        return Gaussians(table.table[names].astype([(name, "<f4") for name in names]))
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (without("f_offset_3"), r"f_offset_\*: expected three properties per Gaussian"),
-        (without("scale_5"), "scale_5: expected a float32 property, found no such"),
-        (without("f_anchor_feat_0"), "f_anchor_feat_0: expected a float32 property, found no such"),
-        (lambda t: t.with_columns({"f_offset_1": np.full(len(t), np.nan)}), "f_offset_1: expected finite numbers"),
-        (lambda t: t.with_columns({"scale_4": np.full(len(t), np.inf)}), "scale_4: expected finite numbers"),
-    ],
-)
-def test_a_table_that_is_not_scaffold_gs_is_refused(tmp_path, change, message):
-    public = write_asset(tmp_path)
-    write_model(tmp_path / "point_cloud.ply", change(public.model))
-    with pytest.raises(InputError, match=message):
-        AnchorModel.read(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"cov": None}, "cov_mlp.*: expected a network's parameter"),
-        ({"cov": {"2.bias": np.zeros(3)}}, "cov: expected 11 or 12 inputs and 28 outputs"),
-        ({"opacity": {"0.bias": np.full(8, np.nan)}}, r"opacity\.0\.bias: expected finite"),
-        ({"opacity": {"0.weight": np.zeros(())}}, "opacity: expected 11 or 12 inputs and 4 outputs"),
-        ({"color": {"0.weight": np.zeros((8, 43))}}, "appearance_dim 0"),
-        ({"feature_bank": {"2.bias": np.zeros(1)}}, "feature_bank: expected 4 inputs and 3 outputs"),
-    ],
-)
-def test_networks_that_do_not_fit_the_anchors_are_refused(tmp_path, changed, message):
-    public = random_public(bank=True)
-    networks = {n: net | (changed.get(n) or {}) for n, net in public.networks.items() if changed.get(n, {}) is not None}
-    AnchorModel(public.model, networks).write(tmp_path / "point_cloud.ply")
-    with pytest.raises(InputError, match=message):
-        AnchorModel.read(tmp_path)
-
-
 def test_a_model_without_its_networks_says_which_are_missing(tmp_path):
     write_asset(tmp_path)
     (tmp_path / UNITED).unlink()

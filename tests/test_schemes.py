@@ -1,6 +1,5 @@
 """What every scheme promises: the built-in ones, and the example of the guide."""
 
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -228,24 +227,6 @@ def test_built_in_schemes_have_the_settings_that_all_have():
     assert all("message_weight" in scheme.settings for scheme in schemes().values())
 
 
-@pytest.mark.parametrize(
-    ("loaded", "line"),
-    [
-        ("nothing", "expected an importable gspure.schemes.Scheme, found str"),
-        (splats_in_splats.SCHEME, "name: expected a name not in use, found 'splats_in_splats'"),
-        (
-            Scheme("bare", lambda pair, seed, device: (None, None), PublicModel.read, PublicModel.read, {}),
-            "settings: expected among others message_weight, found none",
-        ),
-    ],
-)
-def test_a_faulty_plug_in_is_named(monkeypatch, loaded, line):
-    entry = SimpleNamespace(name="p", value="p:S", dist=SimpleNamespace(name="pack"), load=lambda: loaded)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
-    with pytest.raises(InputError, match=re.escape("pack (entry point 'p' of gspure.schemes)") + ".*" + line):
-        schemes()
-
-
 class ShuffledKey(Key):
     """A permutation, drawn as an embedding may draw it, too; without `draws`, a wrong key is the same one."""
 
@@ -302,10 +283,3 @@ def enormous(weights):
     if isinstance(weights, dict):
         return {name: enormous(value) for name, value in weights.items()}
     return (weights * 1e19).clip(-1e19, 1e19) * 1e19
-
-
-def test_a_message_that_was_not_embedded_is_warned_of(pair_folder, tmp_path, capsys):
-    settings = ("--set", "iterations=2", "--set", "max_gaussians=400", "--set", "message_weight=1e-9")
-    assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path), *settings]) == 0
-    assert not read_json(tmp_path / "key" / "readability.json")["readable"]
-    assert "NOT readable" in capsys.readouterr().err

@@ -12,7 +12,6 @@ from gspure.schemes.secure_gs.growing import (
     CELLS,
     GRADIENT_THRESHOLD,
     NEIGHBOURS,
-    AnchorSchedule,
     Candidates,
     Statistics,
     grown,
@@ -101,18 +100,6 @@ def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, r
         assert not {*map(tuple, grid.tolist())} & {*map(tuple, old.tolist())}
 
 
-def test_an_anchor_grows_where_gradients_reach_the_threshold():
-    places = np.repeat([[1.0, 0, 0], [-1.0, 0, 0]], 40, axis=0)
-    norms = np.repeat([1.5 * GRADIENT_THRESHOLD, 0.5 * GRADIENT_THRESHOLD], 40)
-    nowhere = np.full((1, 3), 9, np.float32)
-    new = grown(nowhere, candidates(places, norms), 0.01, 4, 100, np.random.default_rng(0))
-    assert cells_of(new, 0.16) == {(6, 0, 0)}  # the first level only: others ask for two and four times as much
-    assert new.features[0].tolist() in candidates(places, norms).features[:40].tolist()
-    lowered = np.where(places[:, 0] < 0, GRADIENT_THRESHOLD / 2, GRADIENT_THRESHOLD)
-    denser = grown(nowhere, candidates(places, norms, lowered), 0.01, 4, 100, np.random.default_rng(0))
-    assert cells_of(denser, 0.16) == {(6, 0, 0), (-6, 0, 0)}
-
-
 def test_the_hidden_region_is_the_box_of_dense_points():
     rng = np.random.default_rng(0)
     dense = rng.uniform([1, 1, 1], [1.2, 1.3, 1.4], (200, 3)).astype(np.float32)
@@ -153,15 +140,3 @@ def test_each_voxel_with_points_starts_with_one_anchor(at_most):
     assert 4 <= len(anchors.positions) <= at_most
     assert len(cells_of(anchors, voxel)) == len(anchors.positions)
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
-
-
-def test_the_schedule_of_a_short_run_is_that_of_a_long_run_scaled():
-    long, short = AnchorSchedule.scaled(30_000), AnchorSchedule.scaled(3_000)
-    assert [i for i in range(1, 1800) if long.adjusts(i)] == [1600, 1700]
-    assert not long.adjusts(15_000)
-    assert [i for i in range(1, 300) if short.adjusts(i)] == [200, 250]
-    assert short.counts(51)
-    assert not short.counts(50)
-    for name, rate in long.rates(15_000, 2.0).items():
-        assert short.rates(1_500, 2.0)[name] == pytest.approx(rate)
-    assert long.rates(30_000, 2.0)["offsets"] == pytest.approx(2e-4)

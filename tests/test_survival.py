@@ -4,17 +4,13 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.retrieval import Retrieval
-from gspure.evaluation.significance import detectability
 from gspure.evaluation.survival import MARGIN, control_levels, not_embedded, survival
 from tests.contest_cases import BEFORE, CONTROLS, benchmark, measured, outcome, survives
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})
-DROPS = st.tuples(st.floats(0, 5), st.floats(0, 25))
 
 
 def by_variant(outcomes, extraction="message"):
@@ -56,17 +52,6 @@ def test_a_message_that_is_extracted_exactly_is_present_and_survives() -> None:
     assert rows["left"].share_left.scenes == rows["left"].above_floor.scenes == 3
 
 
-def test_less_than_the_margin_above_the_controls_is_gone() -> None:
-    above = BEFORE["message"] - CONTROLS["mean_colour"]
-    for margin, survived in ((MARGIN + 0.01, 1), (MARGIN - 0.01, 0)):
-        assert by_variant(benchmark({"a": {"x": (1.0, above - margin)}}))["x"].survived == survived
-
-
-def test_survival_in_some_scenes_is_undecided() -> None:
-    row = by_variant(benchmark({"a": {"x": (1.0, 2.0)}, "b": {"x": (1.0, 25.0)}}))["x"]
-    assert (row.survived, row.above_floor.scenes, survives(row)) == (1, 2, None)
-
-
 @pytest.mark.parametrize("from_clean", [0.0, 1.0])
 def test_retrieval_counts_only_where_a_clean_model_does_not_show_the_message(from_clean) -> None:
     outcomes = benchmark({scene: {"x": (1.0, 25.0)} for scene in "ab"})
@@ -79,19 +64,6 @@ def test_retrieval_counts_only_where_a_clean_model_does_not_show_the_message(fro
     ]
     row = by_variant(judged)["x"]
     assert (row.present, row.survived, row.only_retrieved) == (2, 0, 1 if from_clean else 2)
-
-
-def test_the_share_left_is_that_of_scenes_with_the_message() -> None:
-    found = benchmark({scene: {"x": (1.0, 5.0)} for scene in "ab"} | {"c": {"x": (1.0, 30.0)}})
-    retrieved = {"a": 1.0, "b": 1.0, "c": 0.0}
-    seen = [
-        replace(o, retrieval={"message": Retrieval(retrieved[o.scene], 0.5, 0.5, 3, 20)}) if not o.is_control else o
-        for o in found
-    ]
-    all_scenes, present = by_variant(found)["x"], by_variant(seen)["x"]
-    assert (all_scenes.present, present.present) == (3, 2)
-    assert (all_scenes.share_left.scenes, present.share_left.scenes) == (3, 2)
-    assert present.share_left.mean == pytest.approx(1.5 * all_scenes.share_left.mean)
 
 
 def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
@@ -118,31 +90,6 @@ def test_a_message_that_was_not_embedded_cannot_survive() -> None:
     row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
     assert (row.present, row.survived, row.above_floor.scenes, survives(row)) == (1, 1, 1, True)
     assert row.message_drop.scenes == row.scene_drop.scenes == row.share_left.scenes == 1
-
-
-def test_detectability_is_against_the_hardest_control_with_one_value_per_scene() -> None:
-    outcomes = [o for o in FOUR if o.variant != "clean"]
-    outcomes += [outcome("clean", f"s{i}", targets={"message": 20.0 + i}) for i in range(4)]
-    row = by_variant(outcomes)["left"]
-    assert row.control == "clean"
-    assert row.detectability == detectability([23.0] * 4, [20.0, 21.0, 22.0, 23.0])
-
-
-def test_without_controls_nothing_is_said_of_survival() -> None:
-    rows = by_variant([o for o in FOUR if not o.is_control])
-    assert {(survives(row), row.above_floor, row.above_wrong_key, row.detectability) for row in rows.values()} == {
-        (None, None, None, None)
-    }
-    assert rows["left"].message_drop.mean == 5.0
-
-
-@settings(max_examples=25, deadline=None)
-@given(st.lists(DROPS, min_size=1, max_size=4), st.floats(0, 5))
-def test_taking_more_from_the_message_never_makes_it_survive_more(drops, more) -> None:
-    scenes = {f"s{i}": {"x": (a, b), "y": (a, b + more)} for i, (a, b) in enumerate(drops)}
-    rows = by_variant(benchmark(scenes))
-    assert rows["y"].survived <= rows["x"].survived
-    assert rows["y"].detectability.auc <= rows["x"].detectability.auc
 
 
 def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> None:

@@ -115,38 +115,3 @@ def test_a_decoder_and_its_features_are_trained_together():
         losses.append(loss.item())
     assert losses[-1] < 0.25 * losses[0]
     assert sum(later < earlier for earlier, later in pairwise(losses)) > 40
-
-
-def test_gradients_of_several_frames_add_up_whatever_was_rendered_last():
-    model, views = blobs(150, 3), [tilted_camera(33, 31), camera(20, 40)]
-    render, leaves = TorchRenderer(), tensors(model)
-    images = [render(view, **leaves) for view in views]
-    render(camera(), **tensors(blobs(400, 4), grad=False))  # needs larger buffers
-    sum(image.square().sum() for image in images).backward()
-    apart = []
-    for view in views:
-        alone = tensors(model)
-        TorchRenderer()(view, **alone).square().sum().backward()
-        apart.append(gradients_of(alone))
-    for name, leaf in leaves.items():
-        np.testing.assert_allclose(leaf.grad.numpy(), apart[0][name] + apart[1][name], rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.parametrize("needed", ["means", "opacities", "sh_coeffs", "background"])
-def test_only_what_requires_a_gradient_gets_one(needed):
-    model, view, background = blobs(60, 5), tilted_camera(), (0.2, 0.4, 0.6)
-    everything = tensors(model, background=background)
-    TorchRenderer()(view, **everything).square().sum().backward()
-    leaves = tensors(model, background=background, grad=False)
-    leaves[needed].requires_grad_()
-    TorchRenderer()(view, **leaves).square().sum().backward()
-    assert [name for name, leaf in leaves.items() if leaf.grad is not None] == [needed]
-    assert torch.equal(leaves[needed].grad, everything[needed].grad)
-
-
-def test_the_background_gets_what_the_gaussians_let_through():
-    model, view = blobs(60, 6), tilted_camera()
-    leaves = tensors(model, background=(0.2, 0.4, 0.6))
-    TorchRenderer()(view, **leaves).sum().backward()
-    expected = Renderer(model).transmittance(view).sum(dtype=np.float64)
-    np.testing.assert_allclose(leaves["background"].grad, np.full(3, expected), rtol=1e-6)

@@ -1,4 +1,4 @@
-"""A model that learns on the device: its steps against the reference, its state, its statistics."""
+"""Training on the device: steps by the float64 twin, twins of a scene and its message."""
 
 from dataclasses import astuple, fields, replace
 from types import SimpleNamespace
@@ -10,6 +10,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
+from gspure.opencl.twins import TwinModel
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.blending import render
@@ -166,28 +167,6 @@ def test_a_resumed_model_is_the_undisturbed_one(device, style):
     assert bits(begun.state()) == bits(undisturbed.state())
 
 
-def test_replacing_changes_the_number_of_gaussians(device, style):
-    model = learner(scene(40), device, style)
-    steps(model, range(2))
-    state = model.state()
-    fewer = TrainState(*(Parameters(*(array[::3] for array in part)) for part in arrays(state)))
-    model.replace(fewer)
-    fresh = TrainableModel(fewer, 2, device=device, style=style)
-    fresh.set_targets(photographs())
-    assert model.count == 14
-    assert steps(model, range(2)) == steps(fresh, range(2))
-    assert bits(model.state()) == bits(fresh.state())
-
-
-def test_an_image_is_that_of_the_parameters(device, style):
-    model = scene(40)
-    expected = render(model, VIEWS[1], "ewa", background=BACKGROUND)
-    image = learner(model, device, style).image(VIEWS[1], BACKGROUND)
-    np.testing.assert_allclose(
-        image[steady_pixels(expected.margins)], expected.channels[steady_pixels(expected.margins)], atol=1e-4
-    )
-
-
 # --- statistics -------------------------------------------------------------------------------------------------------
 
 
@@ -221,3 +200,75 @@ def test_views_are_counted_where_a_gaussian_is_in_sight(device, style):
     assert not found.statistics().gradient_norms[17:].any()
     found.replace(found.state())
     assert not found.statistics().views.any()
+
+
+SHARED = slice(0, 3)  # means, quats, log_scales
+
+
+def states(count=20):
+    """Two scenes over the geometry of the first."""
+    one, other = scene(count), scene(count, seed=5)
+    other = one.with_columns({name: other.table[name] for name in other.table.dtype.names if name[:2] in ("f_", "op")})
+    return tuple(TrainState.fresh(parameters(model)) for model in (one, other))
+
+
+def twins(device, style, weight=0.5, begin=None, targets=(1, 9)):
+    found = TwinModel(begin or states(), weight, device, style)
+    found.set_targets(*(photographs(seed) for seed in targets))
+    return found
+
+
+def test_geometry_stays_the_same_and_the_rest_does_not(device, style):
+    model = twins(device, style)
+    for i in range(6):
+        model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
+    first, second = map(arrays, model.states())
+    for a, b in zip(first, second, strict=True):
+        assert [x.tobytes() for x in a[SHARED]] == [x.tobytes() for x in b[SHARED]]
+        assert all((x != y).any() for x, y in zip(a[3:], b[3:], strict=True))
+
+
+def test_with_weight_zero_the_scene_trains_as_if_alone(device, style):
+    model, alone = twins(device, style, weight=0.0), TrainableModel(states()[0], device=device, style=style)
+    alone.set_targets(photographs(1))
+    for i in range(4):
+        model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
+        alone.step(VIEWS[i % 2], i % 2, RATES)
+    assert bits(model.states()[0]) == bits(alone.state())
+    assert vars(model.statistics())["gradient_norms"].tobytes() == alone.statistics().gradient_norms.tobytes()
+
+
+def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
+    begin, weight = states()[0], 0.5
+    model = twins(device, style, weight, (begin, begin), targets=(1, 1))
+    alone = TrainableModel(begin, device=device, style=style)
+    alone.set_targets(photographs(1))
+    for i in range(2):
+        loss = model.step((VIEWS[i],) * 2, (i,) * 2, RATES)
+        assert loss == pytest.approx((1 + weight) * alone.step(VIEWS[i], i, RATES), rel=1e-5)
+    # Adam does not see the size of a gradient, the statistics do.
+    np.testing.assert_allclose(model.states()[0].parameters.means, alone.state().parameters.means, atol=1e-5)
+    both, one = model.statistics(), alone.statistics()
+    np.testing.assert_allclose(both.gradient_norms, (1 + weight) * one.gradient_norms, rtol=1e-3, atol=1e-9)
+    assert (both.views == one.views).all()
+
+
+def test_a_gaussian_visible_in_one_twin_counts_as_visible(device, style):
+    first, second = states()
+    first.parameters.opacity_logits[:] = -9.0  # below 1/255: not drawn
+    model = twins(device, style, begin=(first, second))
+    model.step((VIEWS[0],) * 2, (0,) * 2, RATES)
+    alone = TrainableModel(second, device=device, style=style)
+    alone.set_targets(photographs(9))
+    alone.step(VIEWS[0], 0, RATES)
+    assert (model.statistics().views == alone.statistics().views).all()
+    assert model.statistics().views.any()
+
+
+def test_runs_agree_to_the_last_bit(device, style):
+    def run():
+        model = twins(device, style)
+        losses = [model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES) for i in range(3)]
+        return losses, [bits(state) for state in model.states()]
+
+    assert run() == run()

@@ -1,7 +1,5 @@
 """What training refuses before it begins, and what it reads."""
 
-import json
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -58,48 +56,12 @@ def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, po
     assert f"training views: expected {refused}" in refusal(source)
 
 
-def test_photographs_in_another_folder_are_matched_by_view_name(project, tmp_path):
-    other = tmp_path / "other"
-    other.mkdir()
-    for view in ring():
-        Image.new("RGB", (64, 48), (255, 0, 0)).save(other / f"{view.name}.jpg")
-    found = read_dataset(project, "native", photographs=other)
-    assert {view.image.parent for view in found.train} == {other}
-    (other / "orbit_004.jpg").unlink()
-    assert "orbit_004" in refusal(project, photographs=other)
-
-
-@pytest.mark.parametrize(
-    ("name", "stated"), [("points3D.ply", {}), ("sparse_pc.ply", {}), ("init.ply", {"ply_file_path": "init.ply"})]
-)
-def test_points_that_a_transforms_file_names_or_has_beside_it_are_read(tmp_path, name, stated):
-    frames = []
-    for view in ring():
-        Image.new("RGB", (32, 24)).save(tmp_path / f"{view.name}.png")
-        pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
-        frames.append({"file_path": f"{view.name}.png", "transform_matrix": pose.tolist()})
-    fx = ring()[0].K[0, 0]
-    content = {"w": 32, "h": 24, "fl_x": fx, "fl_y": fx, "frames": frames, **stated}
-    (tmp_path / "transforms.json").write_text(json.dumps(content))
-    write_point_ply(tmp_path / name, POINTS, np.full((20, 3), 7, np.uint8))
-    for source in (tmp_path, tmp_path / "transforms.json"):
-        found = read_dataset(source, "native")
-        np.testing.assert_array_equal(found.xyz, POINTS.astype(np.float32))
-        assert (found.rgb == 7).all()
-    if stated:
-        (tmp_path / name).rename(tmp_path / "points3D.ply")
-        assert "init.ply: no such file" in refusal(tmp_path)
-
-
 def test_points_read_back_are_those_written(tmp_path):
     rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
     write_point_ply(tmp_path / "input.ply", POINTS, rgb)
     found = read_point_ply(tmp_path / "input.ply")
     np.testing.assert_array_equal(found[0], POINTS.astype(np.float32))
     np.testing.assert_array_equal(found[1], rgb)
-
-
-RGB = ("uchar red", "uchar green", "uchar blue")
 
 
 @pytest.fixture
@@ -156,7 +118,3 @@ def test_transparent_photographs_are_composited_on_the_background(blender, shade
         assert 0 < alpha.mean() < 0.9
         np.testing.assert_allclose(image[..., 0], red * alpha + shade * (1 - alpha), atol=1.5 / 255)
         np.testing.assert_allclose(image[..., 2], blue * alpha + (1 - alpha), atol=1.5 / 255)
-
-
-def test_a_model_may_have_a_gaussian_per_point_and_per_pixel_of_a_view(project):
-    assert read_dataset(project, "16px").max_gaussians == len(POINTS) + 16 * 12

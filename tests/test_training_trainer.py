@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
+from gspure.opencl.trainable import Parameters, TrainableModel
 from gspure.renderer import Renderer
 from gspure.training.checkpoints import read_checkpoint, write_checkpoint
 from gspure.training.initialization import gaussians_at
@@ -56,12 +56,6 @@ def test_every_view_is_taken_once_before_any_is_taken_again():
     assert len(set(rounds)) > 1
 
 
-def test_bands_of_spherical_harmonics_are_enabled_one_by_one():
-    trainer, model = recorded(BRISK)
-    list(trainer)
-    assert model.degrees == [min(3, i // 10) for i in range(1, 61)]
-
-
 def test_a_reset_of_opacities_is_reported_until_images_have_recovered():
     schedule = Schedule(
         iterations=1000, sh_every=10, densify_from=8, densify_until=700, densify_every=10, reset_every=300
@@ -79,16 +73,6 @@ def test_a_run_without_remaining_gaussians_ends_with_an_error():
     trainer, _ = recorded(BRISK, logits=-9.0)
     with pytest.raises(InputError, match="training: Gaussians: expected at least one, found none after iteration 12"):
         list(trainer)
-
-
-def test_no_snapshot_is_taken_while_statistics_accumulate():
-    trainer, _ = recorded(BRISK)
-    for _ in trainer:
-        if trainer.rests:
-            assert trainer.snapshot().iteration == trainer.iteration
-        else:
-            with pytest.raises(RuntimeError, match="under way"):
-                trainer.snapshot()
 
 
 @pytest.fixture(scope="module")
@@ -133,13 +117,3 @@ def test_training_grows_gaussians_and_brings_the_images_closer(scene, device):
     trainer, losses = trained(scene, device)
     assert len(scene[1]) < trainer.model.count <= 200
     assert np.mean(losses[-9:]) < 0.5 * np.mean(losses[:9])
-
-
-def test_rendering_during_a_run_does_not_change_it(scene, device):
-    whole, _ = trained(scene, device)
-    watched, _ = trained(scene, device, stop=30)
-    for _ in watched:
-        watched.model.image(ring()[0])
-        watched.model.state()
-    assert same_bits(watched.model.state(), whole.model.state())
-    assert isinstance(whole.model.state(), TrainState)

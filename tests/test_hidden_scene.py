@@ -1,7 +1,11 @@
-"""Splats in Splats from pair to purified model, small."""
+"""Splats in Splats: hidden bits, the opacity mapping, training and extraction."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from threadpoolctl import threadpool_limits
 
 from gspure.attacks import Measurements, find_attack
 from gspure.cameras import read_cameras, split
@@ -14,8 +18,110 @@ from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
-from gspure.schemes.splats_in_splats import HARDENED, SCHEME
+from gspure.schemes.splats_in_splats import HARDENED, SCHEME, opacity_mapping
+from gspure.schemes.splats_in_splats.bits import LARGEST, SHIFT, SHIFT_RANGE, embed, extract
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from tests.models import without
+
+BANDS = (1, 4, 9, 16)
+colours = st.sampled_from(BANDS).flatmap(
+    lambda bands: arrays.arrays(
+        np.float32, (2, 3, bands, 3), elements=st.floats(-4, 4, width=32, allow_subnormal=False)
+    )
+)
+shifts = st.integers(*SHIFT_RANGE)
+
+
+def room(bands, shift):
+    """Bits that slot j gives up: k more than the degree."""
+    return np.array([shift + int(np.sqrt(j)) for j in range(bands)])[:, None]
+
+
+@given(colours, shifts)
+def test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow(pair, shift):
+    shown, hidden = pair
+    found = extract(embed(shown, hidden, shift), shift)
+    bits = room(shown.shape[1], shift)[::-1]  # hidden coefficient j lies in slot n - 1 - j
+    half_step = 2.0 ** -(bits - 8)  # sign and exponent take 9 bits; what is extracted lies in the middle
+    assert (np.abs(found - hidden) <= half_step * np.abs(hidden) + 2.0**-120).all()
+
+
+@given(colours, shifts)
+def test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits(pair, shift):
+    shown, hidden = pair
+    marked = embed(shown, hidden, shift)
+    bits = room(shown.shape[1], shift).astype(np.uint32)
+    assert (marked.view(np.uint32) >> bits == shown.view(np.uint32) >> bits).all()
+    assert np.isfinite(marked).all()
+    assert (np.abs(marked - shown) <= 2.0 ** (bits.astype(float) - 23) * np.abs(shown) + 2.0**-120).all()
+
+
+@given(colours)
+def test_extraction_and_embedding_of_bits_are_inverse(pair):
+    marked = embed(*pair)
+    assert embed(marked, extract(marked)).tobytes() == marked.tobytes() or (np.abs(pair[1]) < 2.0**-100).any()
+
+
+def test_the_zeroth_harmonic_has_the_most_room():
+    shown, hidden = np.zeros((2, 1, 16, 3), np.float32)
+    hidden[:, 0] = 1.2345678
+    assert embed(shown, hidden)[:, 15].all()
+    assert not embed(shown, hidden)[:, :15].any()
+
+
+def test_invalid_values_become_finite_and_bounded():
+    rng = np.random.default_rng(0)
+    words = rng.integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
+    found = extract(words.view(np.float32), SHIFT)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() == LARGEST
+
+
+def sequence(count, seed=0):
+    rng = np.random.default_rng(seed)
+    shown = rng.uniform(0, 1, count).astype(np.float32)
+    return shown, (0.9 - 0.6 * shown).astype(np.float32)
+
+
+def as_double(mapping):
+    return OpacityMapping(
+        *(tuple(a.astype(np.float64) for a in layers) for layers in (mapping.kernels, mapping.biases))
+    )
+
+
+@pytest.mark.parametrize("count", [1, 4, 13, 30])
+def test_gradients_agree_with_differences(count):
+    mapping = as_double(OpacityMapping.fresh(np.random.default_rng(1)))
+    shown, hidden = sequence(count)
+    gradients = opacity_mapping._gradients(mapping, shown, hidden)
+    weights = [*mapping.kernels, *mapping.biases]
+    rng = np.random.default_rng(2)
+    for array, gradient in zip(weights, gradients, strict=True):
+        place = tuple(rng.integers(n) for n in array.shape)
+        losses = []
+        for step in (1e-5, -1e-5):
+            array[place] += step
+            losses.append(np.mean((mapping(shown) - hidden) ** 2))
+            array[place] -= step
+        assert gradient[place] == pytest.approx((losses[0] - losses[1]) / 2e-5, rel=1e-3, abs=1e-7)
+
+
+def test_the_opacity_mapping_is_learned():
+    shown, hidden = sequence(400)
+    found = fit(shown, hidden, np.random.default_rng(0))(shown)
+    assert np.sqrt(np.mean((found - hidden) ** 2)) < 0.15 * hidden.std()
+
+
+def test_the_number_of_threads_changes_no_bit(monkeypatch):
+    monkeypatch.setattr(opacity_mapping, "STEPS", 5)
+    shown, hidden = sequence(1000)  # of this length, several threads of OpenBLAS add in another order
+    found = []
+    for threads in (1, 4):
+        with threadpool_limits(threads, "blas"):
+            mapping = fit(shown, hidden, np.random.default_rng(0))
+            found.append([array.tobytes() for array in (*mapping.arrays().values(), mapping(shown))])
+    assert found[0] == found[1]
+
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
 LITERAL, ADAPTIVE, ORACLE = SCHEME.extractions

@@ -1,4 +1,4 @@
-"""Contributions on one ray per Gaussian, through its centre: against the reference and analysis, in both styles."""
+"""Contributions: the energy center_ray, conservation of light, and rows smaller than a pixel."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gspure.constants import ALPHA_MAX
+from gspure.errors import InputError
 from gspure.method.contributions import require_valid
+from gspure.method.subpixel import subpixel_rows
 from gspure.method.weights import REDUCTIONS, accumulate
-from gspure.renderer import Renderer
-from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
+from gspure.opencl.conservation import require_conservation
+from gspure.renderer import CONTRIBUTION, Renderer
+from tests.models import AWKWARD, blobs, camera, gaussians, joined, subpixel, tilted_camera
 from tests.reference.blending import centre_contributions
+from tests.reference.footprint import extents
+from tests.reference.projection import project
 
 
 def measured(model, view, device=None, style=None, **budget):
@@ -82,3 +87,75 @@ def test_reductions_are_the_same_since_there_is_one_ray(device):
     stage = Renderer(model, device, energy="center_ray").contributions(view)
     first, *others = (accumulate([stage], 50, reduction) for reduction in REDUCTIONS)
     assert all((first == other).all() for other in others)
+
+
+def sound():
+    """Rows 3 and 7 in an image of 2 x 2 pixels."""
+    contributions = np.array([(3, 1.25, 0.75, 2), (7, 0.5, 0.5, 1)], CONTRIBUTION)
+    return contributions, np.array([[0.25, 0.5], [0.5, 1.0]], np.float32)
+
+
+def test_sound_contributions_pass():
+    require_conservation("front", *sound())
+    require_conservation("front", np.zeros(0, CONTRIBUTION), np.ones((2, 2), np.float32))
+
+
+def test_violated_conservation_of_light_is_detected():
+    contributions, transmittance = sound()
+    for factor, fails in ((1.0, False), (1 + 2e-5, False), (1 + 1e-3, True), (1 - 1e-3, True)):
+        changed = contributions.copy()
+        changed["sum"] *= np.float32(factor)
+        if fails:
+            with pytest.raises(InputError, match=r"front.*sum of contributions"):
+                require_conservation("front", changed, transmittance)
+        else:
+            require_conservation("front", changed, transmittance)
+
+
+def test_the_renderer_checks_every_view(device, monkeypatch):
+    """As if the device lost the contributions of a band."""
+    renderer, view = Renderer(blobs(30, 1), device, energy="ray"), camera(name="front")
+    renderer.contributions(view)
+    monkeypatch.setattr("gspure.opencl.passes.sum_slots", lambda *_: None)
+    with pytest.raises(InputError, match=r"front.*sum of contributions"):
+        renderer.contributions(view)
+
+
+def weights_of(model, views):
+    renderer = Renderer(model, energy="ray")
+    return accumulate([renderer.contributions(view) for view in views], len(model))
+
+
+def test_rows_smaller_than_a_pixel_in_every_view_are_found():
+    model, view = subpixel()
+    far = camera(focal=30.0, name="far")
+    weights = weights_of(model, [view, far])
+    found = subpixel_rows(model, weights, [view, far])
+    boxes = extents(project(model, view, "ray"))
+    areas = np.empty(len(model))
+    areas[project(model, view, "ray").rows] = np.pi / 4 * (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
+    assert 20 < len(found.rows) < len(model)
+    assert (weights[found.rows] == 0).all()
+    assert (areas[found.rows] < 1.01).all()  # of round Gaussians the box is that of a circle
+    inside = (boxes[:, :2] > 0).all(axis=1) & (boxes[:, 2:] < [view.width, view.height]).all(axis=1)
+    rows = project(model, view, "ray").rows[inside]
+    assert set(rows[(areas[rows] < 0.99) & (weights[rows] == 0)]) <= set(found.rows)
+
+
+def test_half_of_the_small_rows_cover_a_pixel_at_the_stated_magnification():
+    model, view = subpixel()
+    found = subpixel_rows(model, weights_of(model, [view]), [view])
+    finer = view.resized(
+        int(np.ceil(found.magnification * view.width)), int(np.ceil(found.magnification * view.height))
+    )
+    still = subpixel_rows(model, np.where(np.isin(np.arange(len(model)), found.rows), 0.0, 1.0), [finer])
+    assert abs(len(still.rows) - len(found.rows) / 2) <= 0.1 * len(found.rows)
+    assert str(finer.width) in found.line(len(model), view.width)
+
+
+def test_invisible_gaussians_have_no_weight():
+    wall = gaussians(means=[[0, 0, 1]], scales=[50.0, 50.0, 0.01], opacities=0.99)
+    hidden = gaussians(means=[[0, 0, 4], [0, 0, -4], [900, 0, 4]], scales=[0.5, 1e-4, 1e-4][:1] * 3)
+    faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
+    model = joined(wall, hidden, faint)
+    assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None

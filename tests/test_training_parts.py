@@ -1,0 +1,209 @@
+"""The parts of training: schedule, initial Gaussians, output, checkpoints."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from gspure.cameras import read_cameras, split
+from gspure.constants import SH_DC
+from gspure.errors import InputError
+from gspure.model import read_model
+from gspure.model.activations import sigmoid
+from gspure.model.inria import point_cloud, training_arguments
+from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
+from gspure.training.dataset import extent, read_dataset
+from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, thinned, view_counts
+from gspure.training.output import as_gaussians, write_output
+from gspure.training.schedule import Schedule
+from tests.camera_cases import cameras, project
+from tests.training_cases import colmap_project, parameters, ring, same_bits, state, turned_away
+
+lengths = st.integers(1, 100_000)
+
+
+def times(schedule, what):
+    return [i for i in range(1, schedule.iterations + 1) if getattr(schedule, what)(i)]
+
+
+def test_thirty_thousand_iterations_are_scheduled_as_3dgs_does():
+    schedule = Schedule.scaled(30_000)
+    assert times(schedule, "densifies") == list(range(600, 15_000, 100))
+    assert times(schedule, "resets_opacities") == [3000, 6000, 9000, 12_000]
+    assert [schedule.sh_degree(i) for i in (1, 999, 1000, 2000, 3000, 30_000)] == [0, 0, 1, 2, 3, 3]
+    assert not schedule.prunes_big(3000)
+    assert schedule.prunes_big(3100)
+
+
+def test_a_short_run_scales_its_schedule():
+    schedule = Schedule.scaled(3000)
+    assert times(schedule, "densifies") == list(range(200, 1500, 50))
+    assert times(schedule, "resets_opacities") == [600, 1200]
+    assert [schedule.sh_degree(i) for i in (99, 100, 300)] == [0, 1, 3]
+
+
+def test_the_rate_of_positions_decays_log_linearly():
+    schedule = Schedule.scaled(3000)
+    first, middle, last = (schedule.rates(i, extent=2.0).means for i in (0, 1500, 3000))
+    np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
+
+
+@given(lengths)
+def test_learning_rates_of_networks_fall_after_growth_but_stay_above_zero(length):
+    schedule = Schedule.scaled(length)
+    shares = np.array([schedule.settling(i) for i in range(1, length + 1)])
+    assert (shares[: schedule.densify_until] == 1).all()
+    falling = shares[schedule.densify_until - 1 :]
+    np.testing.assert_allclose(np.diff(falling), -falling[-1], rtol=1e-6)
+    assert 0 < falling[-1] == pytest.approx(1 / len(falling))
+
+
+@given(lengths, st.data())
+def test_checkpoints_are_possible_between_periods_of_statistics(length, data):
+    schedule = Schedule.scaled(length)
+    iteration = data.draw(st.integers(1, length))
+    later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]
+    assert schedule.rests(iteration) or later or iteration < schedule.densify_until
+    assert not (schedule.rests(iteration) and later and not schedule.densifies(iteration))
+
+
+def grey(points):
+    return np.full((len(points), 3), 128, np.uint8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(arrays(np.float64, st.tuples(st.integers(4, 30), st.just(3)), elements=st.floats(-100, 100, width=32)))
+def test_a_gaussian_is_initialized_with_the_distance_to_its_three_nearest_points(points):
+    squared = np.sort(np.square(points[:, None] - points[None]).sum(axis=2), axis=1)[:, 1:4].mean(axis=1)
+    scales = np.exp(gaussians_at(points, grey(points)).log_scales.astype(np.float64))
+    np.testing.assert_allclose(scales, np.sqrt(np.maximum(squared, 1e-7))[:, None].repeat(3, axis=1), rtol=1e-5)
+
+
+def test_gaussians_have_the_colours_of_their_points():
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(256, size=(20, 3), dtype=np.uint8)
+    found = gaussians_at(rng.normal(size=(20, 3)), rgb)
+    np.testing.assert_allclose(0.5 + SH_DC * found.sh_coeffs[:, 0], rgb / 255, atol=1e-6)
+    assert found.sh_coeffs.shape == (20, 16, 3)
+    assert not found.sh_coeffs[:, 1:].any()
+
+
+def test_gaussians_start_without_rotation_at_low_opacity():
+    points = np.random.default_rng(1).normal(size=(5, 3))
+    found = gaussians_at(points, grey(points))
+    np.testing.assert_array_equal(found.quats, [[1, 0, 0, 0]] * 5)
+    np.testing.assert_allclose(sigmoid(found.opacity_logits), 0.1, rtol=1e-6)
+    np.testing.assert_array_equal(found.means, points.astype(np.float32))
+    assert {array.dtype for array in vars(found).values()} == {np.dtype(np.float32)}
+
+
+def test_random_points_lie_where_many_views_overlap():
+    views = ring()
+    points = random_points(views, extent(views), 500, np.random.default_rng(0))
+    assert points.shape == (500, 3)
+    assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
+    cube = random_points(views, extent(views), 500, np.random.default_rng(0))
+    np.testing.assert_array_equal(points, cube)
+
+
+def test_there_are_no_random_points_for_views_that_do_not_overlap():
+    away = [turned_away(view) for view in ring(2)]
+    assert len(random_points(away, extent(away), 100, np.random.default_rng(0))) == 0
+
+
+@given(cameras(), arrays(np.float64, (5, 3), elements=st.floats(-1e3, 1e3)))
+def test_a_view_sees_what_projects_into_its_image(view, points):
+    with np.errstate(all="ignore"):
+        pixels, depths = project(view, points)
+    inside = (pixels > 1e-3) & (pixels < np.array([view.width, view.height]) - 1e-3)
+    outside = (pixels < -1e-3) | (pixels > np.array([view.width, view.height]) + 1e-3)
+    found = view_counts(points, [view])
+    assert found[inside.all(axis=1) & (depths > 0.21)].all()
+    assert not found[outside.any(axis=1) | (depths < 0.19)].any()
+
+
+def test_many_points_are_thinned_with_their_colours():
+    xyz = np.arange(60.0).reshape(20, 3)
+    few, colours = thinned(xyz, xyz.astype(np.uint8), 7, 3)
+    assert len(np.unique(few, axis=0)) == 7
+    np.testing.assert_array_equal(few, colours)
+    np.testing.assert_array_equal(few, thinned(xyz, xyz.astype(np.uint8), 7, 3)[0])
+
+
+POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+
+
+@pytest.fixture
+def written(tmp_path):
+    dataset = read_dataset(colmap_project(tmp_path / "project", ring(17), POINTS), "16px")
+    folder = tmp_path / "trained"
+    return folder, dataset, write_output(folder, dataset, parameters(30), 70, (1.0, 1.0, 1.0), place=folder)
+
+
+def test_the_table_holds_raw_parameters_bit_for_bit():
+    raw = parameters(30)
+    model = as_gaussians(raw)
+    np.testing.assert_array_equal(model.means, raw.means)
+    np.testing.assert_array_equal(model.quats, raw.quats)
+    np.testing.assert_array_equal(model.columns("scale_0", "scale_1", "scale_2"), raw.log_scales)
+    np.testing.assert_array_equal(model.columns("opacity")[:, 0], raw.opacity_logits)
+    np.testing.assert_array_equal(model.sh_coeffs, raw.sh_coeffs)
+    assert len(model.table.dtype.names) == 62
+
+
+def test_the_folder_is_read_like_one_of_3dgs(written):
+    folder, _, model = written
+    assert point_cloud(folder) == model == folder / "point_cloud" / "iteration_70" / "point_cloud.ply"
+    assert len(read_model(folder)) == 30
+    arguments = training_arguments(folder)
+    assert arguments["sh_degree"] == 3
+    assert (arguments["white_background"], arguments["eval"], arguments["resolution"]) == (True, True, 16)
+
+
+def test_cameras_list_test_views_first_and_split_as_they_were_trained(written):
+    folder, dataset, _ = written
+    cameras = read_cameras(folder)
+    assert [c.name for c in cameras] == [c.name for c in [*dataset.test, *dataset.train]]
+    assert [[c.name for c in part] for part in split(cameras)] == [
+        [c.name for c in part] for part in (dataset.train, dataset.test)
+    ]
+    assert {(c.width, c.height) for c in cameras} == {(16, 12)}
+    assert cameras[0].image.samefile(dataset.test[0].image)
+
+
+SETTINGS = {"iterations": 100, "seed": 3, "background": (0.0, 0.5, 1.0), "max_gaussians": None, "data": "abc"}
+
+
+@pytest.fixture
+def snapshot():
+    rng = np.random.default_rng(7)
+    rng.random(13)
+    return Snapshot(42, state(11), (3, 1, 2), rng.bit_generator.state)
+
+
+def test_a_checkpoint_read_back_is_bit_identical(tmp_path, snapshot):
+    write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
+    found = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
+    assert (found.iteration, found.pending_views, found.rng) == (42, (3, 1, 2), snapshot.rng)
+    assert same_bits(found.state, snapshot.state)
+
+
+@pytest.mark.parametrize("content", ["nothing", "half", "array", "other archive", "pickle"])
+def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, snapshot, content):
+    path = tmp_path / "checkpoint.npz"
+    if content == "nothing":
+        path.write_bytes(b"")
+    elif content == "half":
+        write_checkpoint(path, snapshot, SETTINGS)
+        path.write_bytes(path.read_bytes()[:4000])
+    elif content == "array":
+        with path.open("wb") as stream:
+            np.save(stream, np.zeros(3))
+    elif content == "other archive":
+        np.savez(path, run=np.array("{}"))
+    else:
+        np.savez(path, run=np.array([{}], dtype=object))
+    with pytest.raises(InputError, match=r"checkpoint\.npz: [a-z.]+: expected") as caught:
+        read_checkpoint(path, SETTINGS)
+    assert "\n" not in str(caught.value)
