@@ -1,5 +1,5 @@
-"""Packages with plug-ins on the import path of the tests and of all programs that they start, without installing them:
-the scheme `planted` of the tests, and the example `marked_clones`.
+"""Plug-ins that the tests and the programs that they start find without installing them: the scheme `planted` of the
+tests, and the example `marked_clones`.
 """
 
 import os
@@ -14,29 +14,24 @@ PLUGIN_PATH = [str(folder) for folder in (*PACKAGES, INFOS)]
 
 
 def register():
-    """Put both on the path, unless this is a test process of one that has."""
+    """Put both on the import path, unless this is a test process of one that has."""
     for package in PACKAGES:
         write_info(tomllib.loads((package / "pyproject.toml").read_text())["project"], INFOS)
-    before = [
-        folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder not in ("", *PLUGIN_PATH)
-    ]
+    before = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
     sys.path += [folder for folder in PLUGIN_PATH if folder not in sys.path]
-    os.environ["PYTHONPATH"] = os.pathsep.join([*before, *PLUGIN_PATH])
+    os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([*before, *PLUGIN_PATH]))
 
 
 def write_info(project, folder):
     """Write name, version and entry points of a project to a folder of the import path, as pip does."""
     name, version = project["name"].replace("-", "_"), project["version"]
-    entries = {
-        group: "".join(f"{name} = {value}\n" for name, value in names.items())
-        for group, names in project["entry-points"].items()
-    }
-    files = {
-        "METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n",
-        "entry_points.txt": "".join(f"[{group}]\n{lines}" for group, lines in entries.items()),
-    }
     info = folder / f"{name}-{version}.dist-info"
     info.mkdir(parents=True, exist_ok=True)
-    for file, text in files.items():
+    entries = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in names.items())
+        for group, names in project["entry-points"].items()
+    ]
+    metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
+    for file, text in (("METADATA", metadata), ("entry_points.txt", "".join(entries))):
         if not (info / file).is_file() or (info / file).read_text() != text:  # another test process may be reading it
             (info / file).write_text(text)

@@ -80,14 +80,3 @@ def test_jobs_and_reasons_take_the_place_of_snakemake_s_lines(capfd):
     assert audit._shown([sys.executable, "-c", program]) == 3
     shown = capfd.readouterr().err.splitlines()
     assert shown == ["0:00:00: Attacking", "1 of 4 jobs done, 0:00:00: Evaluating", "gspure: broken", ""]
-
-
-@pytest.mark.workflow
-def test_a_wrong_configuration_is_refused_in_one_line(folder):
-    Path("mine.yaml").write_text("assets: {bot: {model: 'my model.ply', cameras: orbit, resolution: half}}")
-    command = [sys.executable, "-m", "gspure", "audit", "mine.yaml", "--dry-run"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("gspure")]
-    assert line.startswith("gspure: mine.yaml: assets.bot.resolution: 'half'")
-    assert not Path("results").exists()

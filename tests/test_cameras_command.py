@@ -37,20 +37,3 @@ def test_views_are_generated_around_a_model(tmp_path, kind):
     cameras = read_cameras(out)
     assert [(camera.width, camera.height) for camera in cameras] == [(2000, 90)] * 5
     assert cameras[0].viewmat[:3, :3] @ [0, 0, 1] == pytest.approx([0, *(cameras[0].viewmat[1:3, 2])], abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["orbit"], "orbit: --model: expected the model to look at, found nothing"),
-        (["source.json", "--count", "4"], "source: expected orbit or shells, found a camera file and --count"),
-        (["source.json", "--resolution", "4"], "resolution: value: expected native, photographs, 1/N or Wpx"),
-        (["nowhere.json"], "nowhere.json: no such file"),
-    ],
-)
-def test_bad_input_gives_one_line_and_writes_nothing(tmp_path, monkeypatch, source, capsys, options, message):
-    monkeypatch.chdir(tmp_path)
-    assert main(["cameras", *options, "--out", "out.json"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert message in line
-    assert not (tmp_path / "out.json").exists()

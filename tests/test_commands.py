@@ -60,13 +60,10 @@ def test_embed_gives_public_model_and_key_one_run_and_keeps_the_seed_private(fol
     assert f"  run {run}\n" in capsys.readouterr().out
 
 
-def test_embed_replaces_its_results_and_no_others(folder, capsys):
-    words = "embed planted pair --set gaussians=200 --set message_weight=0 --out"
-    assert gspure(words, "marked") == 0
-    assert not [*Path("marked/key").glob("*")], "a clean model has no key"
+def test_a_clean_model_has_no_key(folder):
+    assert gspure("embed planted pair --set gaussians=200 --set message_weight=0 --out marked") == 0
+    assert not [*Path("marked/key").glob("*")]
     assert len(read_model("marked/public/point_cloud.ply")) == 100
-    assert gspure(words, "pair") == 2
-    assert "pair: --out: expected an empty folder or results of `gspure embed`" in capsys.readouterr().err
 
 
 def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
@@ -151,12 +148,3 @@ def test_attack_searches_for_a_damage(folder, capsys):
     words = "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out damaged/model.ply"
     assert gspure(words) == 0
     assert 0 < read_json(Path("damaged/provenance.json"))["settings"]["set"]["fraction"] < 1
-
-
-def test_detect_tabulates_what_a_detector_prints(folder):
-    for view in "12":
-        write_image(f"images/{view}.png", np.full((8, 8, 3), 0.5))
-    Path("detector.sh").write_text("""echo '{"1": 0.25, "2": 0.75}'""")
-    assert gspure("detect images --out found/scores.csv --command", "sh detector.sh") == 0
-    assert Path("found/scores.csv").read_text().splitlines()[1:] == ["1,0.25,0", "2,0.75,0"]
-    assert record("found") == ("detect", {"images": "images"}, None)

@@ -1,7 +1,6 @@
 """The documentation agrees with the code: links, constants, functions, diagrams, the example of a package."""
 
 import importlib
-import pkgutil
 import re
 from operator import attrgetter
 
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 import yaml
 
-import gspure
 from gspure import constants
 from gspure.attacks import Measurements, attacks
 from gspure.attacks.registry import BUILT_IN
@@ -43,14 +41,11 @@ def test_numerics_names_every_constant_of_the_renderer_and_the_method():
 
 def test_functions_that_the_method_page_names_exist():
     table = re.findall(r"^\| [PO] \|.*\| (.*) \|$", (DOCS / "method.md").read_text(encoding="utf-8"), re.MULTILINE)
-    names = [
-        name for cell in table for name in re.findall(r"`([a-z_.]+\.[A-Za-z_.]+)`", cell) if not name.endswith(".cl")
-    ]
+    found = [name for cell in table for name in re.findall(r"`([a-z_]+(?:\.[a-z_]+)?)\.(\w+(?:\.\w+)?)`", cell)]
+    names = [(module, attribute) for module, attribute in found if attribute != "cl"]
     assert len(names) > 10
-    modules = {module.name for module in pkgutil.walk_packages(gspure.__path__, "gspure.")}
-    for name in names:
-        module = max((m for m in modules if f"gspure.{name}".startswith(f"{m}.")), key=len)
-        attrgetter(f"gspure.{name}".removeprefix(f"{module}."))(importlib.import_module(module))
+    for module, attribute in names:
+        attrgetter(attribute)(importlib.import_module(f"gspure.{module}"))
 
 
 def test_the_page_of_attacks_lists_the_built_in_ones_with_their_settings():
@@ -62,30 +57,20 @@ def test_the_page_of_attacks_lists_the_built_in_ones_with_their_settings():
 
 
 @pytest.mark.workflow
-def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
-    (diagram,) = blocks(DOCS / "architecture.md", "mermaid")
-    assert edges(diagram) <= workflow_edges(tmp_path)
+def test_arrows_of_diagrams_are_arrows_of_the_workflow(tmp_path):
+    workflow = workflow_edges(tmp_path)
+    for page in (ROOT / "README.md", DOCS / "architecture.md"):
+        (diagram,) = blocks(page, "mermaid")
+        assert edges(diagram) <= workflow
 
 
-@pytest.fixture
-def plugged_in(tmp_path, monkeypatch):
-    """The example of the guide, installed as a package of its own; returns the example's configuration."""
+def test_the_example_of_a_package_is_registered_configured_and_works(tmp_path, monkeypatch):
     install_example(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    return yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0])
-
-
-def test_the_example_attack_is_registered_and_works(plugged_in):
+    config = settled(yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0]))
+    assert config["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
+    assert config["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}
     model, weights = blobs(40), np.arange(40, dtype=np.float32)[::-1].copy()
-    attack = attacks()["faint_pruning"]
-    assert attack.needs == {"weights"}
-    attacked = attack.apply(model, Measurements(weights=weights), share=0.5)
+    attacked = attacks()["faint_pruning"].apply(model, Measurements(weights=weights), share=0.5)
     assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20
     assert attacked.model.table.tobytes() == model.table[:20].tobytes()
-
-
-def test_the_example_configuration_is_valid(plugged_in):
-    config = settled(plugged_in)
-    assert config["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
-    assert config["variants"]["faint_pruning"]["attack"] == "faint_pruning"
-    assert config["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}

@@ -1,4 +1,4 @@
-"""The README does what it says: its commands, its configuration and its program run, its diagram is the workflow's."""
+"""The README does what it says: its commands, its configuration and its program run."""
 
 import re
 import shlex
@@ -13,11 +13,13 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
 from gspure.scenes.photography import path_cameras
-from tests.documentation import ROOT, blocks, edges, workflow_edges
+from tests.documentation import ROOT, blocks
 from tests.planted_cases import planted_model
 from tests.training_cases import colmap_project, ring
 
 README = ROOT / "README.md"
+LINES = [line.partition("#")[0] for block in blocks(README, "sh") for line in block.splitlines()]
+COMMANDS = [shlex.split(line)[1:] for line in LINES if line.startswith("gspure ")]
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +36,6 @@ def folder(tmp_path, monkeypatch, planted):
     return tmp_path
 
 
-def commands(program):
-    lines = (line.partition("#")[0].strip() for block in blocks(README, "sh") for line in block.splitlines())
-    return [shlex.split(line)[1:] for line in lines if line.startswith(f"{program} ")]
-
-
 def test_the_program_runs(folder, planted):
     (program,) = blocks(README, "python")
     names = {}
@@ -51,51 +48,32 @@ def test_the_program_runs(folder, planted):
     np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
 
 
-QUICK = {
-    "pair": ["--views", "8", "--width", "48", "--height", "36"],
-    "embed": ["--set", "iterations=20"],
-}
-"""Options of the commands in tests."""
-
-
-def test_the_commands_on_a_model_run_one_after_the_other(folder, capsys, monkeypatch):
+def test_the_commands_run_one_after_the_other(folder, capsys, monkeypatch):
+    quick = {
+        "pair": ["--views", "8", "--width", "48", "--height", "36"],
+        "embed": ["--set", "iterations=20"],
+        "train": ["--iterations", "3"],
+    }
+    colmap_project(folder / "garden", ring(), np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)))
     monkeypatch.setattr("gspure.cli.purify._draw", lambda *_: [])
-    for arguments in commands("gspure"):
-        if arguments[0] not in {"train", "audit"}:
-            assert main([*arguments, *QUICK.get(arguments[0], [])]) == 0
+    for arguments in COMMANDS:
+        if arguments[0] != "audit":
+            assert main([*arguments, *quick.get(arguments[0], [])]) == 0
     assert re.search(r"^mean +\d+\.\d+( +\d+\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
-    assert {path.name for path in folder.iterdir()} >= {"purified", "before", "after"}
     assert np.load("purified/prune_mask.npy").any()
-
-
-def test_the_training_command_leaves_a_model(tmp_path, monkeypatch):
-    colmap_project(tmp_path / "garden", ring(), np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)))
-    monkeypatch.chdir(tmp_path)
-    (arguments,) = (arguments for arguments in commands("gspure") if arguments[0] == "train")
-    assert main([*arguments, "--iterations", "3"]) == 0
     assert len(read_model(Path("trained"))) == 20
 
 
 @pytest.mark.workflow
 @pytest.mark.parametrize("source", ["model", "configuration"])
 def test_a_model_or_its_configuration_is_all_that_the_workflow_needs(folder, source):
-    (arguments,) = (arguments for arguments in commands("gspure") if arguments[0] == "audit")
+    (arguments,) = (arguments for arguments in COMMANDS if arguments[0] == "audit")
     if source == "configuration":
-        (config,) = blocks(README, "yaml")
-        Path("mine.yaml").write_text(config)
+        Path("mine.yaml").write_text(blocks(README, "yaml")[0])
         arguments = ["audit", "mine.yaml"]
-    done = subprocess.run(
-        [sys.executable, "-m", "gspure", *arguments, "--dry-run", "--cores", "1"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-m", "gspure", *arguments, "--dry-run", "--cores", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert re.search(r"^attack_model +8$", done.stdout, re.MULTILINE)
     assert re.search(r"^write_report +1$", done.stdout, re.MULTILINE)
-
-
-@pytest.mark.workflow
-def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
-    (diagram,) = blocks(README, "mermaid")
-    assert edges(diagram) <= workflow_edges(tmp_path)
+    assert not Path("results").exists()

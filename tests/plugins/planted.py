@@ -15,7 +15,6 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from gspure.errors import InputError
 from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.files import Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.model import Gaussians
@@ -78,17 +77,12 @@ def _even(bounds, rows, rng):
 
 @dataclass(frozen=True, eq=False)
 class PlantedKey(Key):
-    """What is private of the M rows that carry a message.
+    """What is private of the M rows that carry a message."""
 
-    `message_rows` [K] is true where a row of the public model carries the message, and `positions` [K,3] are the
-    centres of all rows, by which an attacked model is matched. `opacity` [M] is the private logit, `f_dc` [M,3] the
-    private zeroth coefficient.
-    """
-
-    message_rows: np.ndarray
-    positions: np.ndarray
-    opacity: np.ndarray
-    f_dc: np.ndarray
+    message_rows: np.ndarray  # bool [K], true where a row of the public model carries the message
+    positions: np.ndarray  # [K,3] of all rows, by which an attacked model is matched
+    opacity: np.ndarray  # [M], the private logit
+    f_dc: np.ndarray  # [M,3], the private zeroth coefficient
 
     def message(self, public, extraction, device=None):
         return Renderer(self._revealed(public)[0], device).image
@@ -113,8 +107,6 @@ class PlantedKey(Key):
 
     def _revealed(self, public):
         """Return the rows whose position is, bit for bit, that of one that carries the message, and their indices."""
-        if public.model.sh_degree < 0:
-            raise InputError("public model", "f_dc_0", expected="spherical-harmonic colour", found="none")
         known = {position.tobytes(): i for i, position in enumerate(self.positions[self.message_rows])}
         places = np.array([known.get(position.tobytes(), -1) for position in public.model.means], np.intp)
         rows = np.flatnonzero(places >= 0)
