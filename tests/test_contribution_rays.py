@@ -159,3 +159,20 @@ def test_invisible_gaussians_have_no_weight():
     faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
     model = joined(wall, hidden, faint)
     assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e-3])
+@pytest.mark.parametrize("field", ["sum", "max"])
+def test_an_invalid_contribution_is_reported_with_view_and_row(field, value):
+    contributions, transmittance = sound()
+    contributions[field][1] = value
+    with pytest.raises(InputError, match=rf"front.*{np.float32(value)} in row 7"):
+        require_conservation("front", contributions, transmittance)
+
+
+@pytest.mark.parametrize("value", [np.nan, 8.9e31, -0.01])
+def test_an_invalid_transmittance_is_reported_with_its_pixel(value):
+    contributions, transmittance = sound()
+    transmittance[1, 0] = value
+    with pytest.raises(InputError, match=r"front.*transmittance.*column 0, line 1"):
+        require_conservation("front", contributions, transmittance)

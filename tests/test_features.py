@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.method.features import OUTLYING, features, standardize, take
+from gspure.method.features import OUTLYING, PARTS, features, standardize, take
 from gspure.model.summary import extent_and_distances
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
@@ -33,11 +33,22 @@ def test_columns_have_mean_zero_and_deviation_one_or_are_constant_zero(columns: 
     np.testing.assert_allclose(found[:, wide].std(axis=0), 1, rtol=1e-9)
 
 
+@given(COLUMNS, st.sampled_from([2.0, 0.5, 8.0]))
+def test_features_do_not_depend_on_the_unit(columns: np.ndarray, scale: float) -> None:
+    np.testing.assert_array_equal(standardize(columns * scale), standardize(columns))
+
+
 def test_the_features_of_a_row_do_not_depend_on_the_order_of_rows() -> None:
     rng = np.random.default_rng(0)
     columns = rng.lognormal(0, 3, (5000, 5))
     rows = rng.permutation(len(columns))
     np.testing.assert_array_equal(standardize(columns[rows]), standardize(columns)[rows])
+
+
+def test_constant_column_becomes_zero_even_where_its_mean_is_rounded() -> None:
+    columns = np.full((7, 1), 0.1)
+    assert columns.std() > 0  # what a guard on the deviation would fall for
+    assert not standardize(columns).any()
 
 
 def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
@@ -47,6 +58,17 @@ def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
         InputError, match="features: x, y: expected finite values, found others in 2 of 6 rows, first in row 2"
     ):
         features(means, np.full(6, 0.5), np.ones(6))
+
+
+def test_one_gaussian_has_zero_features() -> None:
+    assert features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]
+
+
+def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
+    found = np.arange(10.0).reshape(2, 5)
+    assert take(found, ["weight", "position"]).tolist() == [[0, 1, 2, 4], [5, 6, 7, 9]]
+    assert take(found, ["opacity"]).tolist() == [[3], [8]]
+    assert take(found, PARTS).tolist() == found.tolist()
 
 
 @pytest.mark.parametrize("distance", [300, 1e4, 1e5, 1e30, 3e38])
@@ -59,6 +81,54 @@ def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     np.testing.assert_array_equal(found[3:], alone)
     assert np.isfinite(found).all()
     assert (np.abs(found[:3, :3]).max(axis=1) > 20 * np.abs(alone[:, :3]).max()).all()
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.02, "left out"), (0.13, "too many to leave out"), (0.13, "")])
+def test_far_rows_are_left_out_or_named(share: float, warned: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(0)
+    far = rng.normal(0, 1000 if warned else 5, (int(1000 * share), 3))
+    means = np.concatenate([rng.normal(0, 1, (1000 - len(far), 3)), far])
+    features(means, rng.uniform(0, 1, 1000), rng.lognormal(0, 2, 1000))
+    text = capsys.readouterr().err
+    assert warned in text if warned else not text
+
+
+@pytest.mark.parametrize(
+    ("count", "distance", "warned"), [(200, 100, False), (20_000, 300, True), (100_000, 300, False)]
+)
+def test_rows_that_stretch_the_positions_less_than_twice_count_and_are_warned_of(
+    count: int, distance: float, warned: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(0)
+    means = np.concatenate([rng.normal(5, 3, (count - 1, 3)), [[distance, 5, 5]]])
+    found = features(means, rng.uniform(0, 1, count), rng.lognormal(0, 2, count))
+    assert found[:, :3].tobytes() == standardize(means).tobytes()
+    assert capsys.readouterr().err.count(f"1 of {count}") == warned
+
+
+def rows_and_one_far(count: int, distance: float, axes: int = 1) -> np.ndarray:
+    """Means of which one in twelve per axis is away from the median, so that the extent is 1, and one is further."""
+    means = np.zeros((count, 3))
+    near = np.arange(0, count - 1, 12 // axes)
+    means[near, np.arange(len(near)) % axes] = 1 / np.sqrt(axes)
+    means[-1, 0] = distance
+    return means
+
+
+@pytest.mark.parametrize(
+    ("means", "counts"),
+    [
+        (rows_and_one_far(300, 10.0), True),
+        (rows_and_one_far(300, 10.5), False),
+        (rows_and_one_far(400, 10.5), False),
+        (rows_and_one_far(1600, 10.5), True),
+        (rows_and_one_far(1200, 10.5, axes=3), False),
+    ],
+    ids=["near", "far", "stretched 2.2 times", "stretched 1.4 times", "stretched 2.2 times along one axis"],
+)
+def test_rows_beyond_ten_extents_count_unless_they_stretch_the_positions_twice(means: np.ndarray, counts: bool) -> None:
+    expected = standardize(means) if counts else standardize(means, np.arange(len(means)) < len(means) - 1)
+    assert features(means, np.zeros(len(means)), np.zeros(len(means)))[:, :3].tobytes() == expected.tobytes()
 
 
 @given(COLUMNS)

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gspure.errors import InputError
+from gspure.model.gaussians import Gaussians
 from gspure.renderer import Renderer
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.exact import GRADIENT_OF, Exact, smooth_pixels
@@ -253,3 +255,26 @@ def test_a_pullback_ends_with_the_renderers_next_image(device):
     renderer.image(view)
     with pytest.raises(RuntimeError, match="another image"):
         pullback(random_gradient(view))
+
+
+def test_a_gradient_of_another_shape_is_refused(device):
+    _, pullback = Renderer(blobs(3), device).vjp(camera(8, 9))
+    with pytest.raises(ValueError, match=r"\(8, 9, 3\).*\(9, 8, 3\)"):
+        pullback(np.ones((8, 9, 3), np.float32))
+
+
+def test_gradients_exist_for_one_energy_only(device):
+    with pytest.raises(ValueError, match="ewa"):
+        Renderer(blobs(3), device, energy="ray").vjp(camera(8, 8))
+
+
+def test_a_vjp_needs_colours_or_features_for_each_row(device):
+    table = blobs(3).table
+    renderer = Renderer(Gaussians(table[[name for name in table.dtype.names if not name.startswith("f_")]]), device)
+    assert renderer.vjp(camera(8, 8), np.ones((3, 2), np.float32))[0].shape == (8, 8, 2)
+    with pytest.raises(InputError, match="f_dc_0"):
+        renderer.vjp(camera(8, 8))
+    with pytest.raises(ValueError, match="features"):
+        renderer.vjp(camera(8, 8), np.ones((4, 2), np.float32))
+    with pytest.raises(ValueError, match="background"):
+        renderer.vjp(camera(8, 8), np.ones((3, 2), np.float32), background=[0.0])

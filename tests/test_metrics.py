@@ -1,6 +1,8 @@
 """PSNR, SSIM, folders of images, and agreement with a known truth."""
 
 import math
+import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.cli import main
-from gspure.evaluation.comparison import as_text, read_metrics
+from gspure.errors import InputError
+from gspure.evaluation import metrics
+from gspure.evaluation.comparison import as_text, compare, means, pair_images, read_metrics
 from gspure.evaluation.metrics import (
+    METRICS,
     gradient_correlation,
     ms_ssim,
     normalized_correlation,
@@ -42,6 +47,12 @@ def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
 def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert psnr(image(0), image(0)) == np.inf
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, normalized_correlation, gradient_correlation])
+def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
+    with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
+        metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
 
 
 def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
@@ -77,6 +88,14 @@ def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:
     assert ms_ssim(a, b) == pytest.approx(0.921504, abs=2e-5)  # of pytorch-msssim 1.0.0
 
 
+@pytest.mark.parametrize("side", [1, 10, 11, 21, 22, 43, 44, 175, 176])
+def test_ms_ssim_of_any_size_is_one_for_equal_images_only(side: int) -> None:
+    a = image(7, side, side + 3)
+    assert ms_ssim(a, a) == pytest.approx(1.0)
+    assert ms_ssim(a, 0.8 * a) < 1.0
+    assert ms_ssim(a, 1 - a) < ms_ssim(a, 0.8 * a)
+
+
 def test_the_background_of_the_reference_is_no_part_of_its_region() -> None:
     a = np.zeros((8, 9, 3))
     a[2:5, 3:7] = 0.5 + image(8, 3, 4) / 2
@@ -86,6 +105,22 @@ def test_the_background_of_the_reference_is_no_part_of_its_region() -> None:
     darkened = 0.9 * a
     assert region_psnr(a, darkened) == pytest.approx(psnr(a[2:5, 3:7], darkened[2:5, 3:7]))
     assert region_psnr(a, np.zeros_like(a)) < psnr(a, np.zeros_like(a))
+
+
+@pytest.mark.parametrize("background", [(0, 0, 0), (0, 255, 0), (255, 255, 255)])
+@pytest.mark.parametrize("channel", range(3))
+@pytest.mark.parametrize("bit", range(8))
+def test_colours_that_differ_in_one_bit_are_two(background: tuple[int, ...], channel: int, bit: int) -> None:
+    a = np.tile(np.array(background), (3, 4, 1))
+    a[1, 2, channel] ^= 1 << bit
+    b = a.copy()
+    b[0, 0] ^= 128
+    assert region_psnr(a / 255, b / 255) == np.inf
+
+
+def test_all_pixels_of_one_colour_are_a_region() -> None:
+    a = np.full((4, 5, 3), 0.25)
+    assert region_psnr(a, a + 0.1) == pytest.approx(psnr(a, a + 0.1))
 
 
 def test_equation_of_gradient_correlation_by_a_loop_over_neighbours() -> None:
@@ -110,6 +145,15 @@ def test_normalized_correlation_is_that_of_all_pixels_without_their_channels_mea
     centred = [np.concatenate([image[..., c].ravel() - image[..., c].mean() for c in range(3)]) for image in (a, b)]
     assert normalized_correlation(a, b) == pytest.approx(np.corrcoef(centred)[0, 1])
     assert normalized_correlation(a, np.roll(a, 2, axis=0)) < normalized_correlation(a, b) < 1
+
+
+@pytest.mark.parametrize("correlation", [gradient_correlation, normalized_correlation])
+def test_correlations_see_neither_brightness_nor_contrast(correlation: Callable[..., float]) -> None:
+    image = np.random.default_rng(0).random((4, 5, 3))
+    assert correlation(image, 0.3 * image + 0.2) == pytest.approx(1.0)
+    assert correlation(image, 1.0 - image) == pytest.approx(-1.0)
+    assert correlation(image, np.ones_like(image)) == 0.0
+    assert correlation(image, np.broadcast_to(image.mean(axis=(0, 1)), image.shape)) == pytest.approx(0.0, abs=1e-9)
 
 
 @settings(deadline=None)
@@ -145,9 +189,105 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     assert "size: expected 30x20, as " in capsys.readouterr().err
 
 
+def test_an_image_without_reference_is_refused(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    (a / "scene" / "002.png").unlink()
+    with pytest.raises(InputError, match=r"a/scene/002\.png: file: expected a counterpart of .*b/scene/002\.png"):
+        pair_images(a, b)
+
+
+def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    write_image(b / "message_oracle" / "000.png", np.zeros((4, 4, 3)))  # of an earlier configuration
+    with pytest.raises(InputError, match="message_oracle"):
+        pair_images(a, b)
+    assert {pair.target for pair in pair_images(a, b, targets=["scene"])[0]} == {"scene"}
+    with pytest.raises(InputError, match="found 'message'"):
+        pair_images(a, b, targets=["scene", "message"])
+
+
+@pytest.mark.parametrize("empty", [True, False])
+def test_a_folder_without_images_is_refused(tmp_path: Path, empty: bool) -> None:
+    a, _ = folders(tmp_path, "scene")
+    if empty:
+        (tmp_path / "none").mkdir()
+    with pytest.raises(InputError, match="expected PNG files, found " + ("none" if empty else "no such folder")):
+        pair_images(a, tmp_path / "none")
+
+
+def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
+    same, other = measured("scene", np.inf, 1.0, view="1"), measured("scene", 31.25, 0.5, view="2")
+    assert means([same, other]) == [measured("scene", 31.25, 0.75)]
+    assert means([same, same]) == [measured("scene", np.inf, 1.0)]
+
+
+def test_the_printed_metrics_count_the_identical_views_that_a_mean_leaves_out() -> None:
+    views = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate((np.inf, 31.25, np.inf))]
+    alike = [measured("message", np.inf, 1.0, view=str(i)) for i in range(3)]
+    (line,) = [line for line in as_text([*views, *alike]) if "identical" in line]
+    assert line.startswith("scene: 2 of 3 views")
+    assert not any("identical" in line for line in as_text(views[1:2]))
+
+
+def test_a_view_far_below_the_mean_is_named_in_a_warning() -> None:
+    hidden = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate((49.0, 27.2, 30.8))]
+    even = [measured("message", psnr, view=str(i)) for i, psnr in enumerate((35.8, 39.5, 30.5))]
+    lines = as_text([*hidden, *even])
+    assert [line.split()[:3] for line in lines if "worst" in line] == [
+        ["message/worst:", "2", "30.5000"],
+        ["scene/worst:", "1", "27.2000"],
+    ]
+    (warning,) = [line for line in lines if line.startswith("warning: ")]
+    assert "scene/1" in warning
+    assert "8.5 dB" in warning
+
+
 @pytest.mark.parametrize(("psnrs", "low"), [([math.inf] * 3, "∞"), ([math.inf, 20.0, math.inf], "20.0000")])
 def test_identical_views_give_no_warning(psnrs: list[float], low: str) -> None:
     rows = [measured("scene", psnr, view=str(i)) for i, psnr in enumerate(psnrs)]
     lines = as_text(rows)
     assert [line.split()[2] for line in lines if "worst" in line] == [low]
     assert not any("warning" in line or "nan" in line for line in lines)
+
+
+HEADER = f"target,view,reference,{','.join(METRICS)}\n"
+
+
+@pytest.mark.parametrize(
+    "text", ["", HEADER, HEADER + "scene,1,truth,1,2,3,4,5,\n", HEADER + "scene,1,photo,1,2,3,4,5,6\n"]
+)
+def test_a_broken_metrics_table_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "metrics.csv").write_text(text)
+    with pytest.raises(InputError, match=r"metrics\.csv: (header|file|rows?): expected"):
+        read_metrics(tmp_path / "metrics.csv")
+
+
+def test_transparent_photographs_are_compared_on_the_background_of_the_renders(tmp_path):
+    rgba = np.random.default_rng(0).random((24, 32, 4))
+    write_image(tmp_path / "photographs" / "view.png", rgba)
+    for name, background in (("white", 1.0), ("black", 0.0)):
+        write_image(tmp_path / name / "view.png", rgba[..., :3] * rgba[..., 3:] + background * (1 - rgba[..., 3:]))
+        (pair,), _ = pair_images(tmp_path / "photographs", tmp_path / name, background=[background] * 3)
+        assert compare(pair).psnr > 50
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (5, 40, 3), (12, 11, 1), (47, 23, 3), (200, 61, 3)])
+@pytest.mark.parametrize("values", [1, 700, 5000])
+def test_metrics_do_not_depend_on_the_strips_they_are_computed_in(shape, values, monkeypatch) -> None:
+    rng = np.random.default_rng(4)
+    a, b = rng.random((2, *shape), np.float32)
+    named = METRICS if shape[2] == 3 else {name: m for name, m in METRICS.items() if name != "region"}
+    whole = [metric.compute(a, b) for metric in named.values()]
+    monkeypatch.setattr(metrics, "_STRIP", values)
+    np.testing.assert_allclose([metric.compute(a, b) for metric in named.values()], whole, rtol=1e-12, atol=1e-15)
+
+
+def test_metrics_of_a_large_image_take_little_memory_beside_it(monkeypatch) -> None:
+    monkeypatch.setattr(metrics, "_STRIP", 1 << 14)
+    a, b = np.random.default_rng(0).random((2, 1500, 500, 3), np.float32)
+    tracemalloc.start()
+    for metric in METRICS.values():
+        metric.compute(a, b)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak / (1500 * 500) < 40  # bytes for each pixel: the images have 24

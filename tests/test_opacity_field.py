@@ -108,3 +108,8 @@ def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
     assert 0.01 < (found < 0.5).mean() < 0.99
     hasty = opacity_field(renderer, views, points, outside=0.5)
     np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
+
+
+def test_pixels_and_points_are_independent(device):
+    with pytest.raises(ValueError, match="energy 'ray'"):
+        Renderer(blobs(5), device).opacities_at(camera(), np.zeros((1, 3)))

@@ -83,6 +83,12 @@ def test_something_always_remains(labels: np.ndarray, weights: np.ndarray, tau_c
     assert not prune_mask(labels, weights, tau_c, tau_n).all()
 
 
+@given(LABELS, WEIGHTS, st.sampled_from([0.25, 2.0, 1024.0]))
+def test_the_unit_of_the_weights_does_not_matter(labels: np.ndarray, weights: np.ndarray, scale: float) -> None:
+    weights = weights.astype(np.float64)
+    np.testing.assert_array_equal(prune_mask(labels, weights * scale), prune_mask(labels, weights))
+
+
 def test_weights_that_are_all_zero_prune_nothing() -> None:
     assert not prune_mask(np.array([0, 0, -1]), np.zeros(3)).any()
 

@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gspure.constants import NEAR_PLANE
+from gspure.errors import InputError
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
@@ -239,4 +240,40 @@ def test_the_number_of_threads_does_not_matter(device):
     assert one == two
 
 
+def test_a_device_is_chosen_only_where_none_is_named(device, monkeypatch):
+    monkeypatch.setattr("gspure.renderer.choose_device", lambda: None)
+    assert Renderer(blobs(1), device)._engine.device == device.cl_device
+    with pytest.raises(AttributeError):
+        Renderer(blobs(1))
+
+
 # --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_image_needs_colours(device):
+    table = blobs(3).table
+    bare = table[[name for name in table.dtype.names if not name.startswith("f_")]]
+    renderer = Renderer(type(blobs(1))(bare), device)
+    assert renderer.transmittance(camera(8, 8)).shape == (8, 8)
+    with pytest.raises(InputError, match="f_dc_0"):
+        renderer.image(camera(8, 8))
+
+
+@pytest.mark.parametrize(("rows", "background"), [(2, None), (4, None), (3, [0.0, 0.0])])
+def test_features_of_another_shape_are_refused(device, rows, background):
+    renderer = Renderer(blobs(3), device)
+    with pytest.raises(ValueError, match=r"features|background"):
+        renderer.feature_map(camera(8, 8), np.ones((rows, 5), np.float32), background)
+
+
+def test_an_unknown_energy_is_refused(device):
+    with pytest.raises(ValueError, match="'typo'"):
+        Renderer(blobs(1), device, energy="typo")
+
+
+def test_an_image_too_large_for_the_device_is_refused(device, style):
+    huge = camera(focal=100.0)
+    for side in ("width", "height"):
+        object.__setattr__(huge, side, 200_000)  # more than a camera may have
+    with pytest.raises(InputError, match=r"memory: expected room for \d+ GiB in one piece"):
+        Renderer(blobs(3), device, style=style).image(huge)

@@ -11,6 +11,8 @@ from gspure.method.weights import (
     REDUCTIONS,
     accumulate,
     evenly_spread,
+    few_in_view,
+    heavy_rows,
     require_in_view,
     view_weights,
 )
@@ -71,6 +73,10 @@ def test_views_are_read_one_at_a_time() -> None:
     assert accumulate(stream(), 1).tolist() == [1.0]
 
 
+def test_weights_are_float32() -> None:
+    assert accumulate([stage((0, 1.0, 1.0, 1))], 1).dtype == np.float32
+
+
 @given(st.integers(1, 60), st.data())
 def test_fewer_views_are_spread_evenly(count: int, data: st.DataObject) -> None:
     views = data.draw(st.integers(1, count))
@@ -82,7 +88,37 @@ def test_fewer_views_are_spread_evenly(count: int, data: st.DataObject) -> None:
     assert evenly_spread(range(count), count) == list(range(count))
 
 
+@pytest.mark.parametrize("views", [-1, 0, 4])
+def test_more_views_than_there_are_and_none_are_refused(views: int) -> None:
+    with pytest.raises(InputError, match="1 to 3"):
+        evenly_spread("abc", views)
+
+
+def test_no_views_are_refused() -> None:
+    with pytest.raises(InputError, match="at least one"):
+        accumulate([], 3)
+
+
+def test_unknown_reduction_is_refused() -> None:
+    with pytest.raises(InputError, match="one of sum, max, mean_touched"):
+        accumulate([stage((0, 1.0, 1.0, 1))], 1, "median")
+
+
 def test_weights_of_rows_that_no_view_shows_are_refused() -> None:
     require_in_view(np.array([0.0, 0.1, 0.0]))
     with pytest.raises(InputError, match="rows: expected at least one in view, found none of 3"):
         require_in_view(np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("rows", "weight", "is_heavy"), [(2001, 223.0, True), (2001, 222.0, False), (501, 126.0, True), (501, 124.0, False)]
+)
+def test_a_row_is_heavy_beyond_a_tenth_of_all_weights_or_a_hundred_times_their_mean(rows, weight, is_heavy) -> None:
+    weights = np.ones(rows)
+    weights[5] = weight
+    assert heavy_rows(weights).tolist() == [5] * is_heavy
+
+
+def test_views_that_see_less_than_a_hundredth_of_the_rows_are_named() -> None:
+    assert few_in_view(100, 10_000) == []
+    assert len(few_in_view(99, 10_000)) == 1
