@@ -37,8 +37,8 @@ _MEASUREMENTS = {
 
 
 def add_arguments(parser: Parser) -> None:
-    names = ", ".join(options.described(attack.name, attack.settings) for attack in BUILT_IN)
-    parser.text("name", "NAME", f"one of {names}, or an attack of an installed plug-in")
+    parser.text("name", "NAME", "one of the attacks below, or of an installed plug-in")
+    options.list_choices(parser, "attacks", BUILT_IN)
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
     for name, (meaning, _) in _MEASUREMENTS.items():
@@ -53,7 +53,7 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--damage", "DB", meaning, DECIBELS)
     options.add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
     parser.choice("--split", options.SPLITS, "views that --damage renders", "test")
-    meaning = "photographs VIEW.png of the scene, for --damage (default: MODEL is taken to have 30 dB in every view)"
+    meaning = "photographs VIEW.png of the scene, for --damage (default: assume 30 dB for MODEL in every view)"
     parser.reads("--photographs", "DIR", meaning, required=False)
     options.add_device(parser)
 

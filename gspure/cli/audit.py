@@ -40,7 +40,7 @@ def add_arguments(parser: Parser) -> None:
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
     add_quiet(parser)
-    parser.flag("-v", "--verbose", "print Snakemake's output, not a line for each job; options after -- imply this")
+    parser.flag("-v", "--verbose", "print Snakemake's output instead of one line per job; implied by options after --")
     parser.set_defaults(passed_on=[])  # what follows `--`
 
 

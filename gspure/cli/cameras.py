@@ -36,7 +36,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "JSON", "the cameras.json to write")
     meaning = "image size: native; 1/N; or Wpx, at most W pixels wide (default: 1600px, or native for generated views)"
     parser.text("--resolution", "RULE", meaning)
-    parser.flag("--undistort", "remove lens distortion: also write photographs to images/, and points, beside --out")
+    parser.flag("--undistort", "remove lens distortion; the photographs go to images/ beside --out, with the points")
     views = parser.add_argument_group("generated views (SOURCE `orbit` or `shells`)")
     views.add_argument("--model", type=Path, metavar="MODEL", help="the model to look at")
     parser.number("--count", "N", "number of views (default: orbit 24, shells 48)", VIEWS, group=views)

@@ -18,9 +18,9 @@ EXAMPLES = """\
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
   gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
 
-A detector of your own gets the folder as its last argument. The last line that it prints must be a JSON object that
-maps the name of each image, without .png, to bits, with --message ({"view_000": "0110", ...}), or to a score, which is
-high if the mark is present ({"view_000": 0.93, ...}).
+A detector of your own gets the folder as its last argument. The last line that it prints must be a JSON object. It maps
+the name of each image, without .png, to bits ({"view_000": "0110", ...}, with --message), or to a score that is higher
+where the mark is present ({"view_000": 0.93, ...}).
 """
 
 
@@ -32,7 +32,7 @@ def add_arguments(parser: Parser) -> None:
     parser.text("--scheme", "NAME", "the scheme of the key")
     options.add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
-    parser.number("--timeout", "S", "seconds after which the detector is stopped", SECONDS, 600.0)
+    parser.number("--timeout", "S", "stop the detector after this many seconds", SECONDS, 600.0)
     parser.writes("--out", "CSV", "the table to write, one row per image")
 
 

@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_force, described, read_device, record_command, require_own_folder
+from gspure.cli.options import add_device, add_force, list_choices, read_device, record_command, require_own_folder
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
 from gspure.files import file_digest, filling, write_json, write_provenance
@@ -26,8 +26,8 @@ gs_hider, secure_gs and keyss need PyTorch: pip install gspure[torch].
 
 
 def add_arguments(parser: Parser) -> None:
-    known = ", ".join(described(scheme.name, scheme.settings) for scheme in BUILT_IN)
-    parser.text("scheme", "SCHEME", f"one of {known}, or a plug-in")
+    parser.text("scheme", "SCHEME", "one of the schemes below, or of an installed plug-in")
+    list_choices(parser, "schemes", BUILT_IN)
     parser.reads("pair", "PAIR", "output folder of `gspure pair`")
     parser.writes("--out", "DIR", "folder for public/ and key/")
     parser.pairs("--set", "NAME=VALUE", "a setting of the scheme")

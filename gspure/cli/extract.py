@@ -34,11 +34,15 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
-    parser.text("--extraction", "NAME", "an extraction of the scheme (default: `message`)")
+    parser.text(
+        "--extraction",
+        "NAME",
+        "message (as published; the default), message_adaptive (adapted to the attack), or another of the scheme",
+    )
     options.add_control_keys(parser)
     meaning = "photographs of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and keyss"
     parser.reads("--photographs", "DIR", meaning, required=False)
-    meaning = "the published model: an unknown rotation, translation and scale of the attacked one is undone first"
+    meaning = "the published model; first undo an unknown rotation, translation and scale of MODEL"
     parser.reads("--original", "MODEL", meaning, required=False)
     options.add_views(parser, split="all")
     parser.writes("--out", "DIR", "folder for VIEW.png")

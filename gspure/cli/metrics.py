@@ -22,7 +22,7 @@ def add_arguments(parser: Parser) -> None:
     parser.text("--targets", "TARGET", "subfolders of DIR_B to compare (default: all)", nargs="+")
     meaning = "compare DIR_A with images of one colour instead of DIR_B: black, or each image's mean colour"
     parser.choice("--baseline", BASELINES, meaning)
-    meaning = "colour behind transparent pixels: that of the renders (default: black)"
+    meaning = "colour of the renders behind transparent pixels (default: black)"
     parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
     add_quiet(parser)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,10 +12,11 @@ from gspure.errors import InputError
 from gspure.settings import COORDINATE, SEED, SHARE
 
 if TYPE_CHECKING:
+    from gspure.attacks import Attack
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
     from gspure.public_model import PublicModel
-    from gspure.schemes.scheme import Key
+    from gspure.schemes.scheme import Key, Scheme
 
 SPLITS = ("train", "test", "all")
 
@@ -78,7 +79,7 @@ def read_key(args: Arguments, run: str) -> Key:
 
 def add_control_keys(parser: Parser) -> None:
     """Add ``--wrong-key`` and ``--control``, for `read_key`."""
-    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this random seed: a negative control", SEED)
+    parser.number("--wrong-key", "SEED", "use an unrelated key, drawn with this seed: a negative control", SEED)
     parser.flag("--control", "accept the key of another model: a negative control")
 
 
@@ -111,16 +112,16 @@ def camera_source(text: str) -> Path | str:
     return text if text in GENERATED else filled(Path, text)
 
 
-def add_cameras(parser: Parser, purpose: str = "views", *, required: bool = True) -> None:
-    """Add ``--cameras`` and ``--up``, for `read_source`."""
-    meaning = f"{purpose}: a file or folder that `gspure cameras` reads, or `orbit` or `shells` around the model"
+def add_cameras(parser: Parser, purpose: str = "views", *, more: str = "", required: bool = True) -> None:
+    """Add ``--cameras`` and ``--up``, for `read_source`; `more` follows the description."""
+    meaning = f"{purpose}: a file or folder that `gspure cameras` reads, or `orbit` or `shells` to generate them{more}"
     parser.reads("--cameras", "SOURCE", meaning, type=camera_source, required=required)
     add_up(parser)
 
 
 def add_up(parser: Parser, **group: Any) -> None:
     """Add ``--up``, a setting of generated views."""
-    meaning = "up direction for generated views (default: guessed from the model's shape)"
+    meaning = "up direction of generated views (default: guessed from the model's shape)"
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
@@ -211,7 +212,8 @@ def require_own_folder(args: Arguments) -> None:
         raise InputError(args.out, "--out", expected=expected, found="other files", hint=hint)
 
 
-def described(name: str, defaults: Mapping[str, Any]) -> str:
-    """Return a name with its settings and their defaults."""
-    settings = ", ".join(f"{setting}={value}" for setting, value in defaults.items())
-    return f"{name} ({settings})" if settings else name
+def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme]) -> None:
+    """Add a list of attacks or schemes below the examples, with their settings and defaults."""
+    lines = [f"  {c.name:<28}{' '.join(f'{name}={value}' for name, value in c.settings.items())}" for c in choices]
+    lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:", *map(str.rstrip, lines)]
+    parser.epilog = "\n".join(lines)

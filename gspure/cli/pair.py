@@ -30,11 +30,13 @@ EXAMPLES = """\
   gspure pair photos/garden trained/playroom --out pair   # photographs, and a model of the hidden scene
   gspure pair photos/garden photos/playroom --protocol own --out pair                # photographs of both
 
-Writes cameras.json, points3D.ply and scene/VIEW.png of the scene, and the same three in message/. Protocol `shared`
-shows the message at the scene's poses: a message of photographs is a trained model rendered there. The output folder of
-a training run has cameras too, so its model is first aligned with the scene; a single .ply is used in its own
-coordinates, as GS-Hider does. Protocol `own` gives the message poses of its own, which only the owner knows: ray-traced
-messages are turned and moved, and photographed ones keep their cameras, aligned with the scene.
+Writes cameras.json, points3D.ply and scene/VIEW.png of the scene, and the same of the message to message/.
+
+shared  The message has the scene's poses. If it is not ray-traced, MESSAGE is a trained model, which is rendered there.
+        The folder of a training run has cameras, by which the model is first aligned with the scene; a .ply keeps its
+        coordinates, as in GS-Hider.
+own     The message has poses of its own, which only the owner knows. Ray-traced messages are turned and moved;
+        photographs keep their cameras, aligned with the scene.
 """
 
 MESSAGE_POINTS = 20_000  # number of the message's Gaussians that serve as its points; ours

@@ -53,7 +53,8 @@ class Parser(argparse.ArgumentParser):
     ) -> None:
         """Add a number within `limits`, perhaps to a group of options."""
         known = "" if default is None else _DEFAULT
-        settings |= {"metavar": metavar, "help": f"{meaning}; {limits}{known}", "default": default}
+        useful = f"; {limits}" if limits.most <= 1000 else ""  # larger bounds are far above what is useful
+        settings |= {"metavar": metavar, "help": f"{meaning}{useful}{known}", "default": default}
         names = (name,) if isinstance(name, str) else name
         (group or self).add_argument(*names, type=partial(_number, limits), **settings)
 

@@ -54,21 +54,21 @@ _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    options.add_cameras(parser, "views, at most 1600 px wide; every eighth by name is held out for the metrics")
+    options.add_cameras(parser, more="; at most 1600 px wide, every eighth by name held out for the metrics")
     parser.writes("--out", "DIR", "folder for the results")
     options.add_energy(parser, "ray", "ewa", "center_ray")
     parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", REDUCTIONS[0])
     parser.number("--min-samples", "N", "HDBSCAN's min_samples", NEIGHBOURS, MIN_SAMPLES)
     parser.number("--min-cluster-size", "N", "HDBSCAN's min_cluster_size", CLUSTER_SIZE, MIN_CLUSTER_SIZE)
-    meaning = "HDBSCAN's excess of mass with (eom_capped) or without --max-cluster-share, or leaves of its hierarchy"
+    meaning = "clusters of HDBSCAN's hierarchy: excess of mass, capped by --max-cluster-share or not, or leaves"
     parser.choice("--selection", SELECTIONS, meaning, SELECTIONS[0])
     meaning = "for eom_capped: largest share of the Gaussians in one cluster"
     parser.number("--max-cluster-share", "SHARE", meaning, CLUSTER_SHARE, MAX_CLUSTER_SHARE)
     for name, rows, value, of_anchors in (
         ("--tau-c", "clusters whose mean weight", TAU_C, ANCHOR_TAU_C),
-        ("--tau-n", "noise points whose weight", TAU_N, ANCHOR_TAU_N),
+        ("--tau-n", "unclustered rows whose weight", TAU_N, ANCHOR_TAU_N),
     ):
-        meaning = f"prune {rows} is below the mean weight of all rows / TAU (default: {value}; anchors: {of_anchors})"
+        meaning = f"prune {rows} is below the mean of all rows divided by TAU (default: {value}; anchors: {of_anchors})"
         parser.number(name, "TAU", meaning, FACTOR)
     meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)

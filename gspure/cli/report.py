@@ -10,12 +10,12 @@ from gspure.workflow.plan import Plan
 from gspure.workflow.variants import report_plan
 
 EXAMPLES = """\
-  gspure report results                  # results/report.html, also of a run that has failed or still goes on
+  gspure report results                  # results/report.html, even if the run failed or still goes on
 """
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("results", "DIR", "folder of results of `gspure audit` or the workflow")
+    parser.reads("results", "DIR", "results folder of `gspure audit` or the workflow")
 
 
 def run(args: Arguments) -> None:

@@ -43,15 +43,15 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("data", "DATA", meaning)
     parser.writes("--out", "DIR", "folder for the model")
     parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
-    parser.number("--iterations", "N", "steps", STEPS, 3000)
+    parser.number("--iterations", "N", "training steps", STEPS, 3000)
     meaning = "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller"
     parser.text("--resolution", "RULE", meaning, "320px")
-    meaning = "photographs, named as the views, instead of those that DATA names"
+    meaning = "folder of photographs, named as the views (default: those that DATA names)"
     parser.reads("--images", "DIR", meaning, required=False)
     options.add_background(parser, "the model and transparent photographs", "DATA")
-    meaning = "upper bound of growth (default: one per point of DATA and one per pixel of a view)"
+    meaning = "most Gaussians of the model (default: the points of DATA plus the pixels of a view)"
     parser.number("--max-gaussians", "N", meaning, MAX_GAUSSIANS)
-    parser.flag("--skip-missing", "leave out views whose photograph is missing, instead of refusing")
+    parser.flag("--skip-missing", "leave out views without a photograph")
     parser.number("--seed", "N", "random seed", SEED, 0)
     options.add_force(parser)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
