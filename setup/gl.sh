@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Give a virtual environment an OpenGL that draws without a display, for the 3-D figures: what is there already, or
-# else Mesa from Debian, installed or unpacked. Without one those figures are drawn more plainly; nothing else changes.
+# else Mesa from Debian, installed or unpacked. Without one there are no such figures; nothing else changes.
 # usage: setup/gl.sh VENV
 set -eu
 cd "$(dirname "$0")/.."
@@ -11,9 +11,9 @@ log=$venv/gl.log
 works() { # say what draws, or fail
   "$venv/bin/python" - 2>>"$log" <<'END'
 import sys
-from gspure.figures.probe import try_opengl
-trial = try_opengl()
-sys.exit(print(f"setup: OpenGL draws with {trial.renderer}") if trial.problem is None else trial.problem)
+from gspure.figures.plates import opengl_renderer
+renderer = opengl_renderer()
+sys.exit(print(f"setup: OpenGL draws with {renderer}") if renderer else "off-screen rendering fails")
 END
 }
 
@@ -43,4 +43,4 @@ END
 for way in works mesa_from_debian mesa_unpacked; do
   if "$way"; then exit 0; fi
 done
-echo "setup: no OpenGL here (what was tried: $log): the 3-D figures will be drawn without it."
+echo "setup: no OpenGL here (what was tried: $log): there will be no 3-D figures."

@@ -8,7 +8,10 @@ import pytest
 
 from gspure.evaluation.outcomes import Outcome
 from gspure.figures import charts, panels, style
+from gspure.figures.clouds import Purified
+from gspure.public_model import PublicModel
 from tests.contest_cases import measured
+from tests.models import gaussians
 
 PNG = b"\x89PNG\r\n"
 
@@ -36,13 +39,14 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> list:
 @pytest.mark.parametrize(("tau_c", "tau_n", "lines"), [(4.0, 4.0, [1, 4]), (4.0, 2.0, [1, 4, 2])])
 def test_the_histogram_shows_every_gaussian_and_the_thresholds(tmp_path: Path, drawn, tau_c, tau_n, lines) -> None:
     weights = np.concatenate([np.zeros(30), np.geomspace(1e-6, 1e3, 70)]).astype(np.float32)
-    pruned = weights < 0.1
-    charts.write_weight_histogram(tmp_path / "weights.png", weights, pruned, tau_c, tau_n)
+    public = PublicModel(gaussians(means=np.zeros((100, 3)), scales=0.1))
+    shown = Purified(public, np.full(100, -1, np.int32), weights, None, tau_c, tau_n)
+    charts.write_weight_histogram(tmp_path / "weights.png", shown)
     axes = drawn[0].axes[0]
     steps = [patch for patch in axes.patches if hasattr(patch, "get_data")]
     spread = [np.sum(data.values - data.baseline) for data in (patch.get_data() for patch in steps)]
     at_zero = [bar.get_height() for container in axes.containers for bar in container]
-    assert np.add(spread, at_zero) == pytest.approx([100 * np.mean(~pruned), 100 * np.mean(pruned)])
+    assert np.add(spread, at_zero) == pytest.approx([100 * np.mean(~shown.pruned), 100 * np.mean(shown.pruned)])
     assert at_zero == pytest.approx([0, 30])
     marked = [10 ** line.get_xdata()[0] for line in axes.lines]
     assert marked == pytest.approx([weights.mean(dtype=np.float64) / tau for tau in lines])
@@ -88,6 +92,3 @@ def test_panels_name_the_views_and_the_psnr_against_the_first_column(tmp_path: P
     assert [ax.get_title() for ax in axes] == ["truth", "GSPure", "|difference| × 5", "", "", ""]
     assert [ax.get_xlabel() for ax in axes] == ["a", "20.00 dB", "", "b", "20.00 dB", ""]
     assert np.ptp(axes[2].images[0].get_array() - 0.5) < 1e-6
-
-
-"""Would be a formula to matplotlib, markup to a terminal and to a browser."""

@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gspure.figures import style
-from gspure.figures.clouds import Cloud, cluster_cloud, kept_cloud, rank_cloud, ranks, share_cloud
-
-RNG = np.random.default_rng(3)
-BALL = RNG.normal(size=(400, 3)).astype(np.float32)
-
-
-def colour(cloud: Cloud, row: int) -> tuple[int, ...]:
-    return tuple(int(c) for c in cloud.colours[row])
+from gspure.figures.clouds import by_cluster, by_decision, by_rank, by_share, by_weight, ranks
 
 
 def hexadecimal(text: str) -> tuple[int, ...]:
@@ -29,13 +22,13 @@ def test_clusters_have_colours_by_size_pale_ones_if_they_are_kept_and_noise_is_g
     relabelled = np.where(labels < 0, -1, len(sizes) - 1 - labels).astype(np.int32)  # the largest comes last by number
     for named in (labels, relabelled):
         pruned = labels % 3 == 0  # not the noise
-        cloud = cluster_cloud(np.zeros((len(labels), 3), np.float32), named, pruned)
+        shown = by_cluster(named, pruned)
         for cluster, start in enumerate(np.cumsum([0, *sizes[:-1]])):
             base = hexadecimal(style.CLUSTERS[cluster % len(style.CLUSTERS)])
-            lighter = np.array(colour(cloud, start)) - base
+            lighter = shown.colours[start].astype(int) - base
             assert (lighter == 0).all() if pruned[start] else lighter.sum() > 0
-        assert colour(cloud, -1) == hexadecimal(style.NOISE)
-        text = " ".join(label for row in cloud.legend for label, _ in row)
+        assert tuple(shown.colours[-1]) == hexadecimal(style.NOISE)
+        text = " ".join(label for row in shown.legend for label, _ in row)
         fates = re.fullmatch("pruned:(.*)kept \\(pale\\):(.*)noise:.*", text).groups()
         assert all(f"{size / len(labels):.1%}" in fates[i % 3 > 0] for i, size in enumerate(sizes[:9]))
 
@@ -54,24 +47,21 @@ def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels
         assert rank[k] == pytest.approx((before + (tied - 1) / 2) / 39)
 
 
-def test_low_and_high_ranks_have_the_ends_of_the_scale() -> None:
-    cloud = rank_cloud(BALL[:3], ranks(np.full(3, -1, np.int32), np.array([5, 0, 1], np.float32)))
-    assert colour(cloud, 1) == (68, 1, 84)  # viridis
-    assert colour(cloud, 0) == (253, 231, 36)
-    assert cloud.scale
-    assert not cloud.legend
-
-
-def test_the_share_of_the_message_goes_from_the_colour_of_the_scene_to_that_of_the_message() -> None:
-    cloud = share_cloud(BALL[:4], np.array([2, 0, 3, 0], np.float32), np.array([0, 5, 3, 0], np.float32))
-    assert [colour(cloud, i) for i in (0, 1, 3)] == [hexadecimal(c) for c in (style.KEPT, style.MESSAGE, style.NOISE)]
-    middle = np.mean([hexadecimal(style.KEPT), hexadecimal(style.MESSAGE)], axis=0)
-    np.testing.assert_allclose(cloud.colours[2], middle, atol=1)
-    assert cloud.scale
-    assert (colour(cloud, 0), colour(cloud, 1)) == tuple(map(tuple, cloud.scale.colours[[0, -1]].tolist()))
-
-
-def test_pruned_gaussians_have_another_colour() -> None:
-    cloud = kept_cloud(BALL[:4], np.array([True, False, False, False]))
-    assert [colour(cloud, k) for k in range(4)] == [hexadecimal(c) for c in (style.PRUNED, *[style.KEPT] * 3)]
-    assert [label.rpartition(": ")[2] for label, _ in cloud.legend[0]] == ["75.0%", "25.0%"]
+@pytest.mark.parametrize(
+    ("shown", "colours"),
+    [
+        (by_rank(np.array([0, 0.5, 1.0])), {0: "#440154", 2: "#fde724"}),  # viridis
+        (by_weight(np.array([0.1, 0, 10], np.float32)), {0: "#440154", 1: style.NOISE, 2: "#fde724"}),
+        (
+            by_share(np.array([2, 0, 3, 0], np.float32), np.array([0, 5, 3, 0], np.float32)),
+            {0: style.KEPT, 1: style.MESSAGE, 3: style.NOISE},
+        ),
+        (by_decision(np.array([True, False])), {0: style.PRUNED, 1: style.KEPT}),
+    ],
+    ids=["rank", "weight", "share", "decision"],
+)
+def test_ends_of_scales_unknown_values_and_decisions_have_their_colours(shown, colours) -> None:
+    assert {row: tuple(shown.colours[row]) for row in colours} == {k: hexadecimal(c) for k, c in colours.items()}
+    assert (shown.scale is None) == bool(shown.legend)
+    if shown.scale is not None:
+        assert tuple(shown.scale[0]) == hexadecimal(colours[0])

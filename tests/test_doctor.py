@@ -7,7 +7,6 @@ from importlib import metadata
 import pytest
 
 from gspure.cli import doctor
-from gspure.figures.probe import OpenGL
 from gspure.opencl.selftest import Trial
 
 WORKING = Trial(
@@ -21,14 +20,14 @@ UNSELECTED = replace(WORKING, selected=False)
 def examine(monkeypatch, capsys):
     """Return a function that runs the doctor on a made-up machine and returns (status, what it printed)."""
 
-    def examine(*trials: Trial, opengl: str | None = None, numpy: str = "2.4.6") -> tuple[int, str]:
+    def examine(*trials: Trial, opengl: str | None = "llvmpipe", numpy: str = "2.4.6") -> tuple[int, str]:
         def version(name: str) -> str:
             if not numpy:
                 raise metadata.PackageNotFoundError(name)
             return numpy
 
         monkeypatch.setattr("gspure.opencl.selftest.try_devices", lambda: list(trials))
-        monkeypatch.setattr("gspure.figures.probe.try_opengl", lambda: OpenGL(None if opengl else "llvmpipe", opengl))
+        monkeypatch.setattr("gspure.figures.plates.opengl_renderer", lambda: opengl)
         monkeypatch.setattr(metadata, "requires", lambda _: ["numpy<3,>=1.26", 'ruff>=0.12; extra == "dev"'])
         monkeypatch.setattr(metadata, "version", version)
         monkeypatch.setattr(doctor, "_make", lambda _: None)
@@ -64,7 +63,7 @@ def test_without_a_working_device_the_status_is_1_and_the_fix_one_command(examin
 
 
 def test_missing_opengl_is_not_a_failure(examine):
-    status, text = examine(WORKING, opengl="off-screen rendering ends the process (status -11)")
+    status, text = examine(WORKING, opengl=None)
     assert status == 0
     assert text.count("fix:") == 1
 

@@ -29,8 +29,8 @@ def purified(count: int, tau_c: float = 4.0, tau_n: float = 4.0) -> Purified:
     return Purified(public, labels, weights, hidden, tau_c, tau_n)
 
 
-def written(path: Path, shown: Purified, sh_dc: NDArray[np.float32] | None = None) -> dict[str, Any]:
-    write_viewer(path / "viewer.json", shown, AXES, sh_dc)
+def written(path: Path, shown: Purified) -> dict[str, Any]:
+    write_viewer(path / "viewer.json", shown, AXES)
     return json.loads((path / "viewer.json").read_text())
 
 
@@ -78,11 +78,10 @@ def test_points_lie_along_the_axes_of_the_world(tmp_path: Path) -> None:
 
 def test_colours_are_those_of_the_figures_and_the_message_needs_a_key(tmp_path: Path) -> None:
     shown = purified(600)
-    sh_dc = np.random.default_rng(2).normal(size=(600, 3)).astype(np.float32)
-    colours = written(tmp_path, shown, sh_dc)["colours"]
+    colours = written(tmp_path, shown)["colours"]
     assert set(colours) == {"colour", "cluster", "rank", "weight", "pruned", "message"}
     bare = written(tmp_path, replace(shown, hidden=None))
-    assert set(bare["colours"]) == {"cluster", "rank", "weight", "pruned"}
+    assert set(bare["colours"]) == {"colour", "cluster", "rank", "weight", "pruned"}
     assert "message" not in bare["removed"]
     kept = bare["colours"]["pruned"]
     index = unpacked(kept["index"], "u1")

@@ -96,14 +96,12 @@ def opencl() -> list[Finding]:
 
 def opengl() -> list[Finding]:
     """Return whether 3-D figures can be drawn with OpenGL."""
-    from gspure.figures.probe import try_opengl
+    from gspure.figures.plates import opengl_renderer
 
-    trial = try_opengl()
-    if trial.problem is None:
-        return [Finding(ok=True, cells=(trial.renderer or "unnamed",), needed=False)]
-    cells = (f"{trial.problem}; 3-D figures are drawn without it",)
+    if renderer := opengl_renderer():
+        return [Finding(ok=True, cells=(renderer,), needed=False)]
     fix = _make("gl") or "sudo apt-get install libegl1 libgl1-mesa-dri"
-    return [Finding(ok=False, cells=cells, needed=False, fix=fix)]
+    return [Finding(ok=False, cells=("off-screen rendering fails: no point clouds",), needed=False, fix=fix)]
 
 
 def packages() -> list[Finding]:

@@ -15,7 +15,8 @@ from gspure.evaluation.names import extraction_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, is_picture
 from gspure.evaluation.summary import summarize
 from gspure.figures import style
-from gspure.files import Bools, Float32, Float64
+from gspure.figures.clouds import Purified
+from gspure.files import Float64
 from gspure.method.pruning import mean_weight
 from gspure.progress import UNKNOWN, decimal, percent, signed
 
@@ -31,24 +32,14 @@ _FACTORS: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\
 _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in its lowest bin
 
 
-def write_weight_histogram(
-    path: Path,
-    weights: Float32,
-    pruned: Bools,
-    tau_c: float,
-    tau_n: float,
-    rows: str = "Gaussians",
-    *,
-    vector: bool = True,
-) -> None:
-    """Write a histogram of the weights [K], with a separate bar for zero and thresholds at mean / tau.
+def write_weight_histogram(path: Path, model: Purified, *, vector: bool = True) -> None:
+    """Write a histogram of the weights, with a separate bar for zero and thresholds at mean / tau.
 
-    It is a PNG and, with `vector`, also an SVG. The share of the `pruned` rows, bool [K], in every bar is coloured. The
-    number of negative and non-finite weights is a label. `rows` are Gaussians or anchors.
+    It is a PNG and, with `vector`, also an SVG. The share of the pruned rows in every bar is coloured.
     """
-    zero, shown = weights == 0, np.isfinite(weights) & (weights > 0)
-    decades = np.log10(weights, where=shown, out=np.zeros(len(weights)))
-    low, high = _range(decades[shown])
+    weights, zero = model.weights, model.weights == 0
+    decades = np.log10(weights, where=~zero, out=np.zeros(len(weights)))
+    low, high = _range(decades[~zero])
     edges, step = np.linspace(low, high, _BINS + 1, retstep=True)
     powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
     ticks = {float(power): f"$10^{{{int(power)}}}$" for power in powers}
@@ -59,23 +50,20 @@ def write_weight_histogram(
         axes = figure.add_subplot()
         keys: list[Artist] = []
         below, below_zero = np.zeros(_BINS), 0.0
-        for name, colour, chosen in (("kept", style.KEPT, ~pruned), ("pruned", style.PRUNED, pruned)):
-            each = 1 / max(len(weights), 1)
-            share = 100 * each * np.histogram(np.clip(decades[chosen & shown], low, high), edges)[0]
+        for name, colour, chosen in (("kept", style.KEPT, ~model.pruned), ("pruned", style.PRUNED, model.pruned)):
+            each = 1 / len(weights)
+            share = 100 * each * np.histogram(np.clip(decades[chosen & ~zero], low, high), edges)[0]
             share_zero = 100 * each * np.count_nonzero(chosen & zero)
             label = f"{name}: {percent(np.count_nonzero(chosen) * each)}"
             keys.append(axes.stairs(below + share, edges, baseline=below, fill=True, color=colour, label=label))
             axes.bar(low - 3 * step, share_zero, 2 * step, below_zero, color=colour)
             below, below_zero = below + share, below_zero + share_zero
-        if mean := mean_weight(weights[zero | shown]):
-            keys += _mark_thresholds(axes, mean, tau_c, tau_n)
+        if mean := mean_weight(weights):
+            keys += _mark_thresholds(axes, mean, model.tau_c, model.tau_n)
         axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
-        invalid = len(weights) - np.count_nonzero(zero | shown)
-        axes.set_xlabel(
-            "weight ω (mean over views)" + f" ({invalid} negative or not finite: not shown)" * bool(invalid)
-        )
-        axes.set_ylabel(f"{rows} (%)")
+        axes.set_xlabel("weight ω (mean over views)")
+        axes.set_ylabel(f"{model.rows} (%)")
         for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():
             text.set_parse_math(True)
 

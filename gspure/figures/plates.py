@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -10,8 +12,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.figures import style
-from gspure.figures.clouds import Cloud, Legend, Scale
-from gspure.figures.probe import prefer_egl
+from gspure.figures.clouds import Colouring
 from gspure.figures.viewpoint import in_view, project
 from gspure.files import Float32, UInt8
 
@@ -23,25 +24,41 @@ PAGE_WIDTH: Final = round(style.PAGE * style.DPI)  # width in pixels of all pict
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title
-
 _SMOOTHING: Final = 2  # factor of supersampling
-_STRENGTH: Final = 30.0
+_STRENGTH: Final = 30.0  # of eye-dome lighting
 _DARKEST: Final = 0.4
 _DIRECTIONS: Final = 8
 
 
-def portraits(clouds: Sequence[Cloud], camera: Camera) -> list[UInt8]:
-    """Return pictures of clouds, uint8 [H,W,3] on white; all have the same points and differ in their colours.
+def opengl_renderer() -> str | None:
+    """Return the name of OpenGL's renderer; None if it does not work, asked in a process that VTK then ends."""
+    _prefer_egl()
+    from pyvista import GPUInfo
 
-    The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). Pyvista ends the
-    process if OpenGL does not work (see `gspure.figures.probe.gl_problem`).
+    try:
+        return str(GPUInfo().renderer)
+    except RuntimeError:
+        return None
+
+
+def _prefer_egl() -> None:
+    """Let VTK render with EGL unless the user chose otherwise; by default it needs an X server, even off screen."""
+    if sys.platform == "linux":
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
+def portraits(points: Float32, colourings: Sequence[UInt8], camera: Camera) -> list[UInt8]:
+    """Return pictures of points [N,3] in each of several colourings, uint8 [N,3]: uint8 [H,W,3] on white.
+
+    The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). VTK ends the process
+    if OpenGL does not work (see `opengl_renderer`).
     """
-    rows = in_view(clouds[0].points, camera)
+    rows = in_view(points, camera)
     if len(rows) == 0:
-        return [np.full((camera.height, camera.width, 3), 255, np.uint8)] * len(clouds)
+        return [np.full((camera.height, camera.width, 3), 255, np.uint8)] * len(colourings)
     fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
-    size = dot_size(len(rows), fine)
-    images, depth = _draw_balls(clouds[0].points[rows], [cloud.colours[rows] for cloud in clouds], fine, size)
+    size = _dot_size(len(rows), fine)
+    images, depth = _draw_balls(points[rows], [colours[rows] for colours in colourings], fine, size)
     shade = eye_dome(depth, radius=max(size, fine.width // 200))
     return [_smooth(image * shade[..., None]) for image in images]
 
@@ -52,18 +69,17 @@ def _smooth(image: Float32) -> UInt8:
     return np.asarray(np.rint(np.mean(parts, axis=0)), np.uint8)
 
 
-def dot_size(count: int, camera: Camera) -> int:
+def _dot_size(count: int, camera: Camera) -> int:
     """Return the diameter in pixels at which `count` evenly spread dots cover the image."""
     return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
 def _draw_balls(points: Float32, colourings: Sequence[UInt8], camera: Camera, size: int) -> tuple[list[UInt8], Float32]:
-    """Draw points in each of several colourings [N,3] as balls with a diameter of `size` pixels on white.
+    """Draw points in view as balls with a diameter of `size` pixels on white.
 
-    All points are in view (see `gspure.figures.viewpoint.in_view`). Return pictures [H,W,3], and depth [H,W] along the
-    view, inf in the background.
+    Return a picture [H,W,3] for each colouring, and depth [H,W] along the view, inf in the background.
     """
-    prefer_egl()
+    _prefer_egl()
     import pyvista as pv
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
@@ -109,11 +125,8 @@ def _aim(vtk_camera: Any, camera: Camera) -> None:
 def eye_dome(depth: Float32, radius: int) -> Float32:
     """Return the factors [H,W] of eye-dome lighting: a pixel is darker, the nearer its neighbours are (Boucheny 2009).
 
-    It shows edges and depth of point clouds, which have no normals. VTK's filter has a fixed strength, at which the
-    outlines of small dots hide their colours.
-
     Neighbours are `radius` pixels away. `depth` [H,W] is the distance along the view; inf in the background, where the
-    factor is 1.
+    factor is 1. VTK's filter has a fixed strength, at which the outlines of small dots hide their colours.
     """
     octaves = np.log2(depth)
     height, width = depth.shape
@@ -128,41 +141,37 @@ def eye_dome(depth: Float32, radius: int) -> Float32:
     return shade
 
 
-def write_plate(path: Path, pictures: Sequence[UInt8], clouds: Sequence[Cloud], titles: Sequence[str] = ()) -> None:
-    """Write pictures of clouds, all of one size, each with its legend or scale and an optional title, as a PNG."""
+def write_plate(path: Path, pictures: Sequence[UInt8], keys: Sequence[Colouring], titles: Sequence[str] = ()) -> None:
+    """Write pictures of one size as a PNG, each with the legend or scale of its colours and an optional title."""
     height, width = pictures[0].shape[:2]
-    above, below = _TITLE if titles else 0.0, _ROW * (max(len(cloud.legend) or 2 for cloud in clouds) + 0.7)
+    above, below = _TITLE if titles else 0.0, _ROW * (max(len(key.legend) or 2 for key in keys) + 0.7)
     total = above + height / style.DPI + below
     with style.page(path, len(pictures) * width / style.DPI, total, layout=None) as figure:
         parts = figure.subfigures(1, len(pictures), squeeze=False, wspace=0)[0]
-        for part, picture, cloud in zip(parts, pictures, clouds, strict=True):
+        for part, picture, key in zip(parts, pictures, keys, strict=True):
             axes = part.add_axes((0, below / total, 1, height / style.DPI / total))
             axes.imshow(picture, interpolation="none", aspect="auto")
             axes.set_axis_off()
-            if cloud.scale:
-                _draw_scale(part, cloud.scale, below / total)
-            else:
-                _draw_legend(part, cloud.legend, below / total)
+            _draw_key(part, key, below / total)
         for part, title in zip(parts, titles, strict=False):
             part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
 
 
-def _draw_legend(figure: SubFigure, legend: Legend, share: float) -> None:
+def _draw_key(figure: SubFigure, key: Colouring, share: float) -> None:
+    """Draw a legend or scale in this lower share of the figure."""
     from matplotlib.lines import Line2D
 
-    for i, row in enumerate(legend):
+    for i, row in enumerate(key.legend):
         dots = [Line2D([], [], marker="o", markersize=4, linewidth=0, color=c, label=label) for label, c in row]
-        place = (0.5, share * (len(legend) - i - 0.3) / len(legend))
+        place = (0.5, share * (len(key.legend) - i - 0.3) / len(key.legend))
         figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
-
-
-def _draw_scale(figure: SubFigure, scale: Scale, share: float) -> None:
-    axes = figure.add_axes((0.06, 0.6 * share, 0.88, 0.18 * share))
-    axes.imshow(scale.colours[None], aspect="auto")
-    axes.set_yticks([])
-    axes.spines[:].set_visible(False)
-    last = len(scale.colours) - 1
-    axes.set_xticks([0, last / 2, last], list(scale.words))
-    axes.get_xticklabels()[0].set_horizontalalignment("left")
-    axes.get_xticklabels()[-1].set_horizontalalignment("right")
-    axes.tick_params(length=0, pad=2)
+    if key.scale is not None:
+        axes = figure.add_axes((0.06, 0.6 * share, 0.88, 0.18 * share))
+        axes.imshow(key.scale[None], aspect="auto")
+        axes.set_yticks([])
+        axes.spines[:].set_visible(False)
+        last = len(key.scale) - 1
+        axes.set_xticks([0, last / 2, last], key.words)
+        axes.get_xticklabels()[0].set_horizontalalignment("left")
+        axes.get_xticklabels()[-1].set_horizontalalignment("right")
+        axes.tick_params(length=0, pad=2)

@@ -1,7 +1,6 @@
 """The data of the report's 3-D viewer: points, their colours, and what pruning removes; quantized, as JSON."""
 
 import base64
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,18 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.constants import NOISE_LABEL
-from gspure.figures.clouds import (
-    Cloud,
-    Purified,
-    cluster_cloud,
-    colour_cloud,
-    kept_cloud,
-    rank_cloud,
-    share_cloud,
-    weight_cloud,
-)
+from gspure.figures.clouds import Colouring, Purified, by_harmonics
 from gspure.files import Float32, Float64, Indices, write_json
 from gspure.method.pruning import cluster_weights, mean_weight
+from gspure.model.gaussians import COLOUR
 
 MAX_POINTS: Final = 40_000  # of a thinned cloud; they take 1.2 MB of a page, and every laptop turns them smoothly
 REACH: Final = 2.0  # of points, in half extents of their bulk: farther floaters would shrink all else
@@ -28,13 +19,13 @@ _BULK: Final = (0.02, 0.98)  # quantiles
 _CUTS: Final = 400  # positions of the slider
 
 
-def write_viewer(path: Path, model: Purified, axes: NDArray[np.floating], sh_dc: Float32 | None = None) -> None:
+def write_viewer(path: Path, model: Purified, axes: NDArray[np.floating]) -> None:
     """Write the data of the viewer as JSON with base64 arrays, little-endian.
 
-    The rows of `axes` [3,3] are the world's right, up and front (`gspure.figures.viewpoint.world_axes`). `sh_dc` [K,3]
-    are the coefficients of degree 0 of the colour; None where rows have no colour.
+    The rows of `axes` [3,3] are the world's right, up and front (`gspure.figures.viewpoint.world_axes`).
     """
-    count = len(model.means)
+    table, count = model.public.model, len(model.means)
+    colour = {"colour": by_harmonics(table.columns(*COLOUR))} if table.sh_degree >= 0 else {}
     shown = np.sort(np.random.default_rng(0).permutation(count)[:MAX_POINTS])
     removal = _removal(model)
     data = {
@@ -48,7 +39,7 @@ def write_viewer(path: Path, model: Purified, axes: NDArray[np.floating], sh_dc:
         "mean_weight": mean_weight(model.weights),
         "pruned": _packed(model.pruned[shown], "u1"),
         **_clusters(model, shown),
-        "colours": {name: _coloured(cloud.subset(shown)) for name, cloud in _clouds(model, sh_dc)},
+        "colours": {name: _packed_colours(key, shown) for name, key in (colour | model.colourings).items()},
         **_cuts(model, removal),
     }
     write_json(path, data)
@@ -84,26 +75,15 @@ def _clusters(model: Purified, shown: Indices) -> dict[str, Any]:
     }
 
 
-def _clouds(model: Purified, sh_dc: Float32 | None) -> Iterator[tuple[str, Cloud]]:
-    means, labels, weights = model.means, model.labels, model.weights
-    if sh_dc is not None:
-        yield "colour", colour_cloud(means, sh_dc)
-    yield "cluster", cluster_cloud(means, labels, model.pruned)
-    yield "rank", rank_cloud(means, model.ranks)
-    yield "weight", weight_cloud(means, weights)
-    yield "pruned", kept_cloud(means, model.pruned)
-    if model.hidden is not None:
-        yield "message", share_cloud(means, weights, model.hidden)
-
-
-def _coloured(cloud: Cloud) -> dict[str, Any]:
+def _packed_colours(key: Colouring, shown: Indices) -> dict[str, Any]:
     """Return colours as indices into a palette, or one by one if there are too many, and what they mean."""
-    palette, index = np.unique(cloud.colours, axis=0, return_inverse=True)
-    legend = [[label, colour] for row in cloud.legend for label, colour in row]
-    ramp = cloud.scale.colours[:: -(len(cloud.scale.colours) // 8)][::-1].tolist() if cloud.scale else []
-    meaning: dict[str, Any] = {"legend": legend, "ramp": ramp, "words": cloud.scale.words if cloud.scale else ()}
+    colours = key.colours[shown]
+    palette, index = np.unique(colours, axis=0, return_inverse=True)
+    legend = [[label, colour] for row in key.legend for label, colour in row]
+    ramp = [] if key.scale is None else key.scale[:: -(len(key.scale) // 8)][::-1].tolist()
+    meaning: dict[str, Any] = {"legend": legend, "ramp": ramp, "words": () if key.scale is None else key.words}
     if len(palette) > 256:
-        return {**meaning, "rgb": _packed(cloud.colours, "u1")}
+        return {**meaning, "rgb": _packed(colours, "u1")}
     return {**meaning, "palette": _packed(palette, "u1"), "index": _packed(index, "u1")}
 
 
