@@ -9,11 +9,9 @@ import json
 import math
 import os
 import reprlib
-import selectors
 import shlex
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from math import comb
@@ -32,7 +30,6 @@ from gspure.images import read_image
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
 LARGEST: Final = 1e100  # the largest score, of which squares are finite
-LONGEST_LINE: Final = 16 << 20  # bytes that a detector may print in its last line
 
 
 class Reading(NamedTuple):
@@ -201,7 +198,7 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
     words = [*words_of(command), str(images)]
     try:
         last, reason, status = _run(words, timeout)
-    except (TimeoutError, subprocess.TimeoutExpired):
+    except subprocess.TimeoutExpired:
         raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
     except OSError as error:
         raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
@@ -217,43 +214,17 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
 
 
 def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
-    """Return the last lines of a command's output and errors, and its exit status.
-
-    End what the command started, and raise TimeoutError or TimeoutExpired, if it takes too long.
-    """
-    end = time.monotonic() + timeout
+    """Return the last lines of a command's output and errors, and its exit status; if it fails, end all it started."""
     pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(words, **pipes, start_new_session=True) as process:
         try:
-            output, errors = _last_lines((process.stdout, process.stderr), end)
-            return output, errors, process.wait(max(0.0, end - time.monotonic()))
+            printed = process.communicate(timeout=timeout)
         except BaseException:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             raise
-
-
-def _last_lines(streams: Sequence[Any], end: float) -> list[str]:
-    """Return the last line that is not blank of each stream, whose output is not held; wait until the time `end`."""
-    tails = {stream: bytearray() for stream in streams}
-    with selectors.DefaultSelector() as selector:
-        for stream in streams:
-            selector.register(stream, selectors.EVENT_READ)
-        while selector.get_map():
-            ready = selector.select(max(0.0, end - time.monotonic()))
-            if not ready:
-                raise TimeoutError
-            for key, _ in ready:
-                chunk, tail = os.read(key.fd, 1 << 16), tails[key.fileobj]
-                tail += chunk
-                if not chunk:
-                    selector.unregister(key.fileobj)
-                elif b"\n" in chunk:
-                    del tail[: tail.rstrip().rfind(b"\n") + 1]
-                if len(tail) > LONGEST_LINE:
-                    expected = f"a last line of at most {LONGEST_LINE >> 20} MiB"
-                    raise InputError("detector", "output", expected=expected, found="a longer one")
-    return [tail.decode(errors="replace").strip() for tail in tails.values()]
+    output, errors = (stream.decode(errors="replace").strip().rpartition("\n")[2] for stream in printed)
+    return output, errors, process.returncode
 
 
 def _reading(view: str, value: object, message: str) -> Reading:

@@ -5,8 +5,8 @@ of the text that follow from them. The numbers are references, never targets.
 """
 
 import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import combinations, groupby
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
 from math import nan
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -19,7 +19,6 @@ from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, OfCondition
 from gspure.evaluation.survival import Survival
-from gspure.progress import decimal
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
 ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")
@@ -43,12 +42,6 @@ class Cell(NamedTuple):
     target: str  # `scene` or `message`; empty for a Score
     metric: str
     value: float  # dB, or an SSIM
-    bold: bool
-
-    @property
-    def loss(self) -> float:
-        """A number that is lower for better cells: high scenes and Scores, low messages."""
-        return self.value if self.target == MESSAGE else -self.value
 
 
 def read_cells() -> list[Cell]:
@@ -61,9 +54,8 @@ def read_cells() -> list[Cell]:
         for scene in [*rows[0]][6:]:
             for row in (row for row in printed if row[scene]):
                 where = (row["scheme"], row["variant"], scene, row["target"], row["metric"])
-                value = row[scene]
-                number = float(value.removesuffix("*"))
-                cells.append(Cell(int(row["table"]), row["row"], _column(row, scene), *where, number, value[-1] == "*"))
+                number = float(row[scene].removesuffix("*"))
+                cells.append(Cell(int(row["table"]), row["row"], _column(row, scene), *where, number))
     return cells
 
 
@@ -156,7 +148,6 @@ class Check(NamedTuple):
 
     claim: Claim
     recomputed: float
-    agrees_with: str  # another source that the printed number follows from, if the check fails; empty if none is known
 
     @property
     def difference(self) -> float:
@@ -183,28 +174,12 @@ def check_claims(cells: Sequence[Cell]) -> list[Check]:
         if c.table > 1 and c.metric == PSNR and c.variant == GSPURE
     ]
     claims += read_table(DATA / "paper_claims.csv", Claim)
-    checks = [Check(claim, _recompute(claim, means), "") for claim in claims]
-    return [check if check.holds else check._replace(agrees_with=_other_source(check.claim, cells)) for check in checks]
+    return [Check(claim, _recompute(claim, means)) for claim in claims]
 
 
 def _recompute(claim: Claim, means: Means) -> float:
     quantity = QUANTITIES[claim.quantity]
     return max(quantity(means, s, claim.variant, claim.target) for s in ([claim.scheme] if claim.scheme else SCHEMES))
-
-
-def _other_source(claim: Claim, cells: Sequence[Cell]) -> str:
-    """Return other sources that a printed number follows from; empty if there is none."""
-    means, sources = table_1(cells), {}
-    if claim.place not in {"Table 2", "Table 3"}:
-        sources["GSPure's means in Tables 2 and 3"] = _recompute(claim, {**means, **ablations(cells)})
-    for target in set(TARGETS) - {claim.target} if claim.target else ():
-        sources[f"the {claim.quantity} of the {target}"] = _recompute(claim._replace(target=target), means)
-    if claim.quantity == "score_lead":
-        scores = printed_scores(cells)
-        best = max(scores[claim.scheme, attack] for attack in ATTACKS if attack != claim.variant)
-        sources["the printed Scores"] = scores[claim.scheme, claim.variant] - best
-    known = sources if claim.relation == "=" else {}
-    return ", ".join(source for source, value in known.items() if _equal(claim.value, value))
 
 
 def _equal(a: float, b: float) -> bool:
@@ -248,50 +223,3 @@ def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Be
                     printed = printed._replace(score=lost[1] - lost[0], rms_ratio=row.rms_ratio)
                 rows.append(printed)
     return rows
-
-
-def find_inconsistencies(cells: Sequence[Cell]) -> list[str]:
-    """Return other inconsistencies of the paper's tables, each as a sentence."""
-    return [*_same_psnr(cells), *_raised_messages(cells), *_wrong_bold(cells)]
-
-
-def _same_psnr(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield pairs of attacks with the same PSNR: in all scenes, one was not measured; in some, by chance or mistake."""
-    for scheme in SCHEMES:
-        for target in TARGETS:
-            for pair in combinations((UNATTACKED, *ATTACKS), 2):
-                first, second = (by_scene(cells, scheme, variant, target) for variant in pair)
-                if scenes := [scene for scene in first if first[scene] == second[scene]]:
-                    some = ", ".join(f"{scene} {decimal(first[scene])}" for scene in scenes)
-                    where = f"in all {len(scenes)} scenes" if len(scenes) == len(first) else f"in some: {some}"
-                    both = " and ".join(map(display_name, pair))
-                    yield f"Table 1, {display_name(scheme)}: {both} print the same {target} PSNR {where}"
-
-
-def _raised_messages(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield attacks that improve the message in every scene: they did not change what the extraction reads."""
-    for scheme in SCHEMES:
-        for attack in ATTACKS:
-            before, after = (by_scene(cells, scheme, variant, MESSAGE) for variant in (UNATTACKED, attack))
-            gains = [after[scene] - before[scene] for scene in before]
-            if min(gains) > 0:
-                text = f"raises the message's PSNR in all {len(gains)} scenes, by {decimal(min(gains))} to"
-                yield f"Table 1, {display_name(scheme)}: {display_name(attack)} {text} {decimal(max(gains))} dB"
-
-
-def _wrong_bold(cells: Sequence[Cell]) -> Iterator[str]:
-    """Yield bold cells ("the best performance") that are not the best of their column, and columns without any."""
-    columns: dict[tuple[int, str, str], list[Cell]] = {}
-    for cell in (cell for cell in cells if cell.variant != UNATTACKED):
-        columns.setdefault((cell.table, cell.scheme, cell.column), []).append(cell)
-    plain: dict[str, list[str]] = {}
-    for column in columns.values():
-        best = min(column, key=lambda cell: cell.loss)
-        for cell in column:
-            if cell.bold and cell.loss > best.loss:
-                where = f"Table {cell.table}, {cell.row}, {cell.column}"
-                yield f"{where}: {decimal(cell.value)} is bold, {best.row} has {decimal(best.value)}"
-        if not any(cell.bold for cell in column):
-            plain.setdefault(f"Table {best.table}, {display_name(best.scheme)}", []).append(best.column)
-    for where, names in plain.items():
-        yield f"{where}: the best value is not bold in {len(names)} columns: {', '.join(names)}"
