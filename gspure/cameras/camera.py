@@ -16,6 +16,8 @@ from gspure.files import Float64, Indices
 from gspure.progress import Described
 from gspure.settings import SIDE
 
+COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # of a lens, as in OpenCV, in this order
+
 _RIGID: Final = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
 
 
@@ -39,7 +41,7 @@ class Camera(Described):
     image : Path, optional
         The photograph taken here, if any.
     distortion : tuple of float
-        Of the lens, if not that of a pinhole, as in OpenCV: k1, k2, p1, p2, k3, k4, k5, k6, or the first of them. Only
+        `COEFFICIENTS` of the lens, or the first of them, if it is not that of a pinhole. Only
         `gspure.cameras.undistortion` knows of it.
 
     Raises
@@ -63,10 +65,9 @@ class Camera(Described):
         for name, side in (("width", self.width), ("height", self.height)):
             SIDE.require(self.name, name, side)
             object.__setattr__(self, name, int(side))  # the device takes no integers of numpy
-        numbers = self.numbers
-        if not (most := np.abs(numbers).max()) <= LARGEST:
+        if not (most := np.abs(self.numbers).max()) <= LARGEST:
             raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
-        fx, fy, cx, cy = numbers[2:6]
+        fx, fy, cx, cy = self.numbers[2:6]
         if min(fx, fy) <= 0 or not np.array_equal(self.K, intrinsics(fx, fy, cx, cy)):
             found = " ".join(map(str, np.ravel(self.K)))
             raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=found)
@@ -105,14 +106,14 @@ class Camera(Described):
 
 def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
     """Raise `InputError` for the `field` of a source unless a finite matrix [3,3] is a rotation, or [4,4] rigid."""
-    rotation, last = transform[:3, :3], transform[3:].ravel().tolist()
+    rotation = transform[:3, :3]
     with np.errstate(all="ignore"):  # of numbers that are very large or very small
         error, volume = np.abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
     if not (error <= _RIGID and volume > 0):
         found = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"
         raise InputError(source, field, expected="a rotation without scale, shear or mirroring", found=found)
-    if last not in ([], [0, 0, 0, 1]):
-        raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, last)))
+    if len(transform) > 3 and not np.allclose(transform[3], (0, 0, 0, 1), atol=1e-6):
+        raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
 
 
 def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
@@ -126,9 +127,8 @@ def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
     forward /= np.sqrt((forward * forward).sum())
     right = np.cross(forward, up)
     right /= np.sqrt((right * right).sum())
-    rotation = np.stack([right, np.cross(forward, right), forward])
     viewmat = np.eye(4)
-    viewmat[:3, :3] = rotation
+    viewmat[:3, :3] = rotation = np.stack([right, np.cross(forward, right), forward])
     viewmat[:3, 3] = -(rotation * centre).sum(axis=1)
     return viewmat
 
@@ -136,9 +136,7 @@ def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
 def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
     """Return (train, test): sorted by name, every eighth camera from the first on is a test view (3DGS --eval)."""
     ordered = sorted(cameras, key=lambda camera: camera.name)
-    test = ordered[::TEST_EVERY]
-    train = [camera for i, camera in enumerate(ordered) if i % TEST_EVERY]
-    return train, test
+    return [camera for i, camera in enumerate(ordered) if i % TEST_EVERY], ordered[::TEST_EVERY]
 
 
 def spread(cameras: Sequence[Camera]) -> float:

@@ -1,24 +1,70 @@
 """COLMAP sparse models: cameras, images and points3D, binary or text.
 
 Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camera models are read but those of fisheye
-lenses.
+lenses. Binary files are little-endian: a 64-bit count, then records without padding. Text files have a record per line,
+images on two lines, and comments after ``#``. Source: https://colmap.github.io/format.html and
+https://colmap.github.io/cameras.html.
 """
 
+import struct
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, intrinsics
-from gspure.cameras.colmap_files import Lens, Points, Pose, read_lenses_file, read_points_file, read_poses_file
+from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, view_name
-from gspure.cameras.undistortion import COEFFICIENTS
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
+from gspure.files import Float64, UInt8
 from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices
 
-_SUFFIXES = (".bin", ".txt")
+Record = TypeVar("Record")
+
+_SUFFIXES: Final = (".bin", ".txt")
+
+_PARAMETERS: Final = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": (),
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+}
+"""Parameters of the camera models, in the order of their numbers in binary files; fisheye lenses are not read."""
+
+_HINT: Final = (
+    "undistort first: colmap image_undistorter --image_path PHOTOS --input_path SPARSE --output_path UNDISTORTED"
+)
+
+
+class Lens(NamedTuple):
+    """Intrinsics, shared by one or more images."""
+
+    camera_id: int
+    width: int
+    height: int
+    parameters: dict[str, float]
+
+
+class Pose(NamedTuple):
+    """An image; `quat` (w, x, y, z) and `translation` map world to camera."""
+
+    image_id: int
+    quat: list[float]
+    translation: list[float]
+    camera_id: int
+    name: str
+
+
+class Points(NamedTuple):
+    """The sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
+
+    xyz: Float64
+    rgb: UInt8
 
 
 def find_sparse(folder: Path) -> Path | None:
@@ -35,29 +81,29 @@ def read_colmap(folder: Path) -> list[Camera]:
     camera has a fisheye lens.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
+    with reading(cameras_file, "cameras of a COLMAP sparse model"):
+        lenses = [*_lenses(cameras_file)]
+    with reading(images_file, "images of a COLMAP sparse model"):
+        poses = [*_poses(images_file)]
     optics: dict[int, dict[str, Any]] = {}
-    for lens in read_lenses_file(cameras_file):
+    for lens in lenses:
         if lens.camera_id in optics:
             number = f"camera {lens.camera_id}"
             raise InputError(cameras_file, number, expected="one of this number", found="a second one")
         optics[lens.camera_id] = _optics(cameras_file, lens)
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
-    cameras = []
-    for pose in read_poses_file(images_file):
-        if pose.camera_id not in optics:
-            where, found = f"image {pose.image_id}.camera_id", str(pose.camera_id)
-            raise InputError(images_file, where, expected=f"a camera of {cameras_file.name}", found=found)
-        cameras.append(_camera(images_file, pose, optics[pose.camera_id], photographs))
-    return distinct(cameras, images_file)
+    return distinct([_camera(images_file, pose, optics, photographs) for pose in poses], images_file)
 
 
 def read_points(folder: Path) -> Points:
-    """Read the sparse point cloud: xyz [P,3] in world units and 8-bit rgb [P,3]."""
+    """Read the sparse point cloud, without errors and tracks."""
     path = _file(folder, "points3D")
-    points = read_points_file(path)
-    require_coordinates(path, points.xyz)
-    return points
+    with reading(path, "points of a COLMAP sparse model"):
+        points = [*_points(path)]
+    xyz = np.array([point[:3] for point in points], np.float64).reshape(-1, 3)
+    require_coordinates(path, xyz)
+    return Points(xyz, np.array([point[3:] for point in points], np.uint8).reshape(-1, 3))
 
 
 def _file(folder: Path, stem: str) -> Path:
@@ -77,14 +123,129 @@ def _optics(source: Path, lens: Lens) -> dict[str, Any]:
     return {**size, "K": K, "distortion": entry.distortion(COEFFICIENTS)}
 
 
-def _camera(source: Path, pose: Pose, optics: dict[str, Any], photographs: Path | None) -> Camera:
-    values = {"name": pose.name, "quaternion": list(pose.quat), "translation": list(pose.translation)}
-    entry = Entry(source, f"image {pose.image_id}", values)
-    quat = entry.array("quaternion", (4,))
+def _camera(source: Path, pose: Pose, optics: dict[int, dict[str, Any]], photographs: Path | None) -> Camera:
+    entry = Entry(source, f"image {pose.image_id}", pose._asdict())
+    if pose.camera_id not in optics:
+        raise entry.refusal("camera_id", expected="a camera of the file of cameras", found=str(pose.camera_id))
+    quat = entry.array("quat", (4,))
     if not np.linalg.norm(quat) > 0:
-        raise entry.refusal("quaternion", expected="a rotation", found=" ".join(map(str, pose.quat)))
+        raise entry.refusal("quat", expected="a rotation", found=" ".join(map(str, pose.quat)))
     viewmat = np.eye(4)
     viewmat[:3, :3] = rotation_matrices(quat[None])[0]
     viewmat[:3, 3] = entry.array("translation", (3,))
     image = photographs / pose.name if photographs else None
-    return Camera(name=view_name(entry, "name"), viewmat=viewmat, image=image, **optics)
+    return Camera(name=view_name(entry, "name"), viewmat=viewmat, image=image, **optics[pose.camera_id])
+
+
+def _lenses(path: Path) -> Iterator[Lens]:
+    """Read cameras.bin or cameras.txt."""
+
+    def lens(line: str) -> Lens:
+        camera_id, model, width, height, *numbers = line.split()
+        names = _parameters(path, camera_id, model)
+        return Lens(int(camera_id), int(width), int(height), dict(zip(names, map(float, numbers), strict=True)))
+
+    if path.suffix == ".txt":
+        lines = ((number, line) for number, line in _lines(path) if line)
+        yield from (_parsed(path, *each, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", lens) for each in lines)
+        return
+    for records in _records(path):
+        camera_id, number, width, height = records.take("<iiQQ")
+        names = _parameters(path, camera_id, dict(enumerate(_PARAMETERS)).get(number, f"model {number}"))
+        yield Lens(camera_id, width, height, dict(zip(names, records.take(f"<{len(names)}d"), strict=True)))
+
+
+def _poses(path: Path) -> Iterator[Pose]:
+    """Read images.bin or images.txt, without the 2-D points."""
+    if path.suffix == ".txt":
+        lines = _lines(path)
+        for number, line in lines:
+            if line:
+                yield _parsed(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", _pose)
+                below = next(lines, (number + 1, ""))
+                _parsed(path, *below, "the 2-D points as X Y POINT3D_ID (the line may be empty)", _points_2d)
+        return
+    for records in _records(path):
+        image_id, *numbers, camera_id = records.take("<i7di")
+        name = records.text()
+        (points,) = records.take("<Q")
+        records.at += 24 * points  # x, y, point id of a 2-D point each
+        yield Pose(image_id, numbers[:4], numbers[4:], camera_id, name)
+
+
+def _pose(line: str) -> Pose:
+    image_id, *texts, camera_id, name = line.split(maxsplit=9)
+    numbers = [*map(float, texts)]
+    return Pose(int(image_id), numbers[:4], numbers[4:], int(camera_id), name)
+
+
+def _points_2d(line: str) -> None:
+    if len(line.split()) % 3:
+        raise ValueError
+
+
+def _points(path: Path) -> Iterator[tuple[float, ...]]:
+    """Read x, y, z, r, g, b of points3D.bin or points3D.txt."""
+
+    def point(line: str) -> tuple[float, ...]:
+        _, x, y, z, r, g, b, _, *_ = line.split()
+        return float(x), float(y), float(z), *bytes(map(int, (r, g, b)))
+
+    if path.suffix == ".txt":
+        lines = ((number, line) for number, line in _lines(path) if line)
+        yield from (_parsed(path, *each, "POINT3D_ID X Y Z R G B ERROR TRACK[]", point) for each in lines)
+        return
+    for records in _records(path):
+        _, *values, _, track = records.take("<Q3d3BdQ")
+        records.at += 8 * track  # of image id and index of the 2-D point each
+        yield tuple(values)
+
+
+def _parameters(path: Path, camera_id: object, model: str) -> tuple[str, ...]:
+    """Return the names of a camera model's parameters; a fisheye model is refused."""
+    if names := _PARAMETERS.get(model):
+        return names
+    expected = f"one of {', '.join(name for name, names in _PARAMETERS.items() if names)}"
+    raise InputError(path, f"camera {camera_id}.model", expected=expected, found=model, hint=_HINT)
+
+
+class _Records:
+    """A binary file's bytes and a position in them."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.at = data, 0
+
+    def take(self, layout: str) -> tuple[Any, ...]:
+        values = struct.unpack_from(layout, self.data, self.at)
+        self.at += struct.calcsize(layout)
+        return values
+
+    def text(self) -> str:
+        """Read a name, which ends with a zero."""
+        start, self.at = self.at, self.data.index(b"\0", self.at) + 1
+        return self.data[start : self.at - 1].decode(errors="replace")
+
+
+def _records(path: Path) -> Iterator[_Records]:
+    """Yield a binary file as often as it has records, each time at the next one; the file must end after the last."""
+    records = _Records(path.read_bytes())
+    for _ in range(records.take("<Q")[0]):
+        yield records
+    if records.at != len(records.data):
+        raise ValueError(f"{len(records.data)} bytes, not {records.at}")
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Return (line number, stripped line) of all lines but comments."""
+    lines = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
+    return ((number, line) for number, line in lines if not line.startswith("#"))
+
+
+def _parsed(path: Path, number: int, line: str, expected: str, parse: Callable[[str], Record]) -> Record:
+    """Return the record of a line; refuse a line whose fields are not as expected."""
+    try:
+        return parse(line)
+    except InputError:
+        raise
+    except ValueError:
+        raise InputError(path, f"line {number}", expected=expected, found=line[:60] or "nothing") from None

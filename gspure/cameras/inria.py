@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, view_name
-from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.files import write_text
 
 
@@ -50,19 +49,13 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     viewmat = np.eye(4)
     viewmat[:3, :3] = entry.rotation("rotation", entry.array("rotation", (3, 3))).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
-    return Camera(
-        name=view_name(entry, "img_name"),
-        width=width,
-        height=height,
-        K=intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy),
-        viewmat=viewmat,
-        image=folder / entry.text("image") if "image" in entry else None,
-        distortion=entry.distortion(COEFFICIENTS),
-    )
+    K = intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy)
+    image = folder / entry.text("image") if "image" in entry else None
+    return Camera(view_name(entry, "img_name"), width, height, K, viewmat, image, entry.distortion(COEFFICIENTS))
 
 
 def _values(index: int, camera: Camera, place: Path) -> dict[str, Any]:
-    fx, fy, cx, cy = (float(camera.K[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    fx, fy, cx, cy = camera.numbers[2:6].tolist()
     values: dict[str, Any] = {
         "id": index,
         "img_name": camera.name,

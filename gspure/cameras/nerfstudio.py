@@ -18,10 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, is_present, photograph_size, view_name
-from gspure.cameras.undistortion import COEFFICIENTS
 from gspure.files import Float64
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
@@ -39,27 +38,24 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     Raise `InputError` if a key is missing or of the wrong type, a lens no pinhole, a matrix not rigid, or a name
     not unique.
     """
-    entry = Entry.of(source, "", content)
-    frames = entry.raw("frames", "a list")
-    if not isinstance(frames, list):
-        raise entry.refusal("frames", expected="a list", found=type(frames).__name__)
+    frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
-    entries = [Entry.of(source, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
-    entries = [_completed(e, shared) for e in entries]
-    names = [view_name(e, "file_path") for e in entries]
-    files = [source.parent / e.text("file_path") for e in entries]
+    entries = [_completed(Entry.of(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
+    names = [view_name(entry, "file_path") for entry in entries]
+    files = [source.parent / entry.text("file_path") for entry in entries]
     images = [file if file.suffix else file.with_suffix(".png") for file in files]  # Blender scenes omit it
     existing = next((image for image in images if is_present(image)), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 
 def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
-    """Return a frame with the values of the file; optics must not be in both, unless they are equal."""
+    """Return a frame with the values of the file; optics in both must be equal, since programs read the one or other.
+
+    Instant NGP reads those of the frame, nerfstudio those of the file.
+    """
     for key in sorted(_OPTICS & shared.keys() & entry.values.keys()):
         if entry.values[key] != shared[key]:
-            expected, found = f"{shared[key]!r}, as in the file", repr(entry.values[key])
-            hint = "delete one of them: Instant NGP reads the one of the frame, nerfstudio the one of the file"
-            raise entry.refusal(key, expected=expected, found=found, hint=hint)
+            raise entry.refusal(key, expected=f"{shared[key]!r}, as in the file", found=repr(entry.values[key]))
     return Entry(entry.source, entry.where, {**shared, **entry.values})
 
 
@@ -71,27 +67,17 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
     cx = entry.number("cx") if "cx" in entry else width / 2
     cy = entry.number("cy") if "cy" in entry else height / 2
-    return Camera(
-        name=name,
-        width=width,
-        height=height,
-        K=intrinsics(fx, fy, cx, cy),
-        viewmat=_viewmat(entry),
-        image=image,
-        distortion=entry.distortion(COEFFICIENTS[:5]),
-    )
+    distortion = entry.distortion(COEFFICIENTS[:5])
+    return Camera(name, width, height, intrinsics(fx, fy, cx, cy), _viewmat(entry), image, distortion)
 
 
 def _require_opengl_pinhole(entry: Entry) -> None:
-    model = entry.text("camera_model") if "camera_model" in entry else "PINHOLE"
-    if model not in _PINHOLES:
+    if "camera_model" in entry and (model := entry.text("camera_model")) not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
-    for key in _OTHER_LENSES:
+    for key in (*_OTHER_LENSES, *_OTHER_AXES):
         if value := entry.values.get(key):
-            raise entry.refusal(key, expected="a pinhole camera", found=repr(value), hint=_HINT)
-    for key in _OTHER_AXES:
-        if value := entry.values.get(key):
-            raise entry.refusal(key, expected="OpenGL axes", found=repr(value))
+            expected, hint = ("OpenGL axes", None) if key in _OTHER_AXES else ("a pinhole camera", _HINT)
+            raise entry.refusal(key, expected=expected, found=repr(value), hint=hint)
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:
@@ -106,9 +92,7 @@ def _focal(entry: Entry, axis: str, length: int) -> float:
 
 def _viewmat(entry: Entry) -> Float64:
     pose = entry.array("transform_matrix", (4, 4), (3, 4))
-    if not np.allclose(pose[3:], (0, 0, 0, 1), atol=1e-6):
-        raise entry.refusal("transform_matrix", expected="a last row of 0 0 0 1", found=str(pose[3].tolist()))
     viewmat = np.eye(4)
-    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ entry.rotation("transform_matrix", pose[:3, :3]).T
+    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ entry.rotation("transform_matrix", pose)[:3, :3].T
     viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
     return viewmat

@@ -30,15 +30,7 @@ _UPRIGHT = 0.94  # cosine of 20 degrees: nearer axes are taken as they are. Ours
 _NEUTRAL = 1e-6  # a normal with less of -y + z has no sense. Ours
 
 
-def orbit_cameras(
-    model: Gaussians,
-    *,
-    count: int = 24,
-    width: int = 640,
-    height: int = 480,
-    fov_degrees: float = 50.0,
-    up: Sequence[float] | None = None,
-) -> list[Camera]:
+def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[Camera]:
     """Return views on rings around a model, at the distance at which it fills them.
 
     Consecutive views alternate between the rings, so that the test split, every eighth view, covers all sides.
@@ -50,9 +42,9 @@ def orbit_cameras(
     count : int
         Number of views.
     width, height : int
-        Image size in pixels.
+        Image size in pixels; 640 x 480 by default.
     fov_degrees : float
-        Horizontal field of view.
+        Horizontal field of view; 50 by default.
     up : sequence of 3 floats, optional
         The up direction of the world: (0, -1, 0) for models trained from COLMAP data, where y points down, (0, 0, 1)
         for those from nerfstudio, Blender and most scanners. By default it is guessed by `guessed_up`, and printed.
@@ -65,18 +57,10 @@ def orbit_cameras(
     """
     VIEWS.require("orbit views", "count", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]
-    return _views("orbit", model, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+    return _views("orbit", model, placements, **framing)
 
 
-def shell_cameras(
-    model: Gaussians,
-    *,
-    count: int = 48,
-    width: int = 640,
-    height: int = 480,
-    fov_degrees: float = 50.0,
-    up: Sequence[float] | None = None,
-) -> list[Camera]:
+def shell_cameras(model: Gaussians, *, count: int = 48, **framing: Any) -> list[Camera]:
     """Return views from all directions, also from below, on spherical shells around a model.
 
     The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
@@ -87,7 +71,7 @@ def shell_cameras(
     placements = [
         (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, sine in enumerate(sines)
     ]
-    return _views("shell", model, placements, width=width, height=height, fov_degrees=fov_degrees, up=up)
+    return _views("shell", model, placements, **framing)
 
 
 GENERATED: Final[Mapping[str, Callable[..., list[Camera]]]] = {"orbit": orbit_cameras, "shells": shell_cameras}
@@ -104,8 +88,7 @@ def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     points, weights = _finite(means, opacities)
     low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _FRAMED, _FRAMED))
     centre = (np.array(low) + np.array(high)) / 2
-    radius = _quantile(np.linalg.norm(points - centre, axis=1), weights, _FRAMED)
-    return centre, radius or 1.0
+    return centre, _quantile(np.linalg.norm(points - centre, axis=1), weights, _FRAMED) or 1.0
 
 
 def _finite(means: Floats, opacities: Floats) -> tuple[Float64, Float64]:
@@ -127,15 +110,14 @@ def _views(
     model: Gaussians,
     placements: Sequence[tuple[float, float, float]],
     *,
-    width: int,
-    height: int,
-    fov_degrees: float,
-    up: Sequence[float] | None,
+    width: int = 640,
+    height: int = 480,
+    fov_degrees: float = 50.0,
+    up: Sequence[float] | None = None,
 ) -> list[Camera]:
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
-    means, opacities = model.means, model.opacities
-    centre, radius = bounding_sphere(means, opacities)
-    up = _guess(means, opacities, centre, radius) if up is None else up
+    centre, radius = bounding_sphere(model.means, model.opacities)
+    up = _guess(model, centre, radius) if up is None else up
     values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
     settings = Entry(f"{kind} views", "", values)
     size = settings.pixels("width"), settings.pixels("height")
@@ -154,9 +136,9 @@ def _views(
     return cameras
 
 
-def _guess(means: Floats, opacities: Floats, centre: Float64, radius: float) -> list[float]:
+def _guess(model: Gaussians, centre: Float64, radius: float) -> list[float]:
     """Guess the up direction from the rows in the bounding sphere, and print it."""
-    points, weights = _finite(means, opacities)
+    points, weights = _finite(model.means, model.opacities)
     inside = np.linalg.norm(points - centre, axis=1) <= radius
     up = guessed_up(points[inside], weights[inside])
     direction = " ".join(f"{x:.3g}" for x in up + 0.0)

@@ -3,6 +3,7 @@
 import hashlib
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path, PurePosixPath
@@ -57,11 +58,10 @@ def distinct(cameras: Sequence[Camera], source: Path) -> list[Camera]:
     """Return the cameras if there is at least one and no two share a name."""
     if not cameras:
         raise InputError(source, "views", expected="at least one", found="none")
-    places: dict[str, int] = {}
-    for i, camera in enumerate(cameras):
-        if (first := places.setdefault(camera.name, i)) != i:
-            found = f"{camera.name!r} for both view {first} and view {i}"
-            raise InputError(source, "view names", expected="each name once", found=found)
+    counts = Counter(camera.name for camera in cameras)
+    name, count = counts.most_common(1)[0]
+    if count > 1:
+        raise InputError(source, "view names", expected="each name once", found=f"{count} times {name!r}")
     return list(cameras)
 
 
@@ -91,8 +91,8 @@ def photograph(camera: Camera) -> Path:
 
 def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
     """Return the photographs that do not exist, in the order of views; for a view without photograph, its name."""
-    images = [(camera.name, camera.image) for camera in cameras]
-    return [str(image or f"view {name}") for name, image in images if image is None or not is_present(image)]
+    missing = (camera for camera in cameras if camera.image is None or not is_present(camera.image))
+    return [str(camera.image or f"view {camera.name}") for camera in missing]
 
 
 def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
@@ -111,9 +111,8 @@ def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
     for camera in cameras:
         width, height = photograph_size(photograph(camera))
         if width < camera.width or height < camera.height:
-            field = f"{camera.name}.image"
             expected = f"a photograph of at least {camera.width}x{camera.height}"
-            raise InputError(source, field, expected=expected, found=f"{width}x{height}", hint="choose a smaller scale")
+            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
 
 
 def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
@@ -132,13 +131,17 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
     if parsed is None:
         expected = "native, photographs, 1/N or Wpx (such as 1600px)"
         raise InputError("resolution", "value", expected=expected, found=repr(rule))
-    if parsed["factor"]:
-        factor = int(parsed["factor"])
-        return [c.resized(max(1, round(c.width / factor)), max(1, round(c.height / factor))) for c in cameras]
-    if parsed["width"]:
-        width = int(parsed["width"])
-        return [c.resized(width, max(1, c.height * width // c.width)) if c.width > width else c for c in cameras]
-    if rule == "photographs":
-        sizes = [photograph_size(photograph(camera)) for camera in cameras]
-        return [c.resized(min(w, c.width), min(h, c.height)) for c, (w, h) in zip(cameras, sizes, strict=True)]
-    return list(cameras)
+    factor, most = (int(parsed[name] or 0) for name in ("factor", "width"))
+
+    def size(camera: Camera) -> tuple[int, int]:
+        width, height = camera.width, camera.height
+        if factor:
+            return max(1, round(width / factor)), max(1, round(height / factor))
+        if most and width > most:
+            return most, max(1, height * most // width)
+        if rule == "photographs":
+            stored = photograph_size(photograph(camera))
+            return min(width, stored[0]), min(height, stored[1])
+        return width, height
+
+    return [camera.resized(*size(camera)) for camera in cameras]

@@ -11,14 +11,12 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import COEFFICIENTS, Camera
 from gspure.cameras.photographs import photograph, require_images
 from gspure.errors import InputError
 from gspure.files import Float32, Float64
 from gspure.images import read_image, write_image
 from gspure.progress import track
-
-COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # the order of `Camera.distortion`
 
 _MOST_ZOOM: Final = 8.0
 _STEPS: Final = 40  # of the search for the zoom, each of which halves its range
@@ -71,8 +69,7 @@ def _is_filled(camera: Camera, pinhole: Camera, border: Float64) -> bool:
 
 def _folds(camera: Camera, pinhole: Camera, border: Float64) -> bool:
     """Return whether the lens shows a farther point of `pinhole` nearer to the centre."""
-    farthest = np.linalg.norm(_directions(pinhole, border), axis=0).max()
-    radii = np.linspace(0, farthest, _RADII)
+    radii = np.linspace(0, np.linalg.norm(_directions(pinhole, border), axis=0).max(), _RADII)
     return bool((np.diff(radii * _radial(camera, radii**2)) < 0).any())
 
 

@@ -148,10 +148,10 @@ def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
 
 
 def _names(entry: Entry, key: str) -> set[str]:
-    files = entry.raw(key, "a list of file names")
-    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
-        raise entry.refusal(key, expected="a list of file names", found=type(files).__name__)
-    return {safe_name(file) for file in files}
+    def is_names(value: object) -> bool:
+        return isinstance(value, list) and all(isinstance(file, str) for file in value)
+
+    return {safe_name(file) for file in entry.value(key, "a list of file names", is_names)}
 
 
 def extent(cameras: Sequence[Camera]) -> float:
