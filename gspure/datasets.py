@@ -32,11 +32,6 @@ class Archive:
     photographs: Mapping[str, str] = field(hash=False)
     folder: str = ""
 
-    @property
-    def name(self) -> str:
-        """The file's name."""
-        return self.url.rpartition("/")[2]
-
 
 _MIPNERF360 = (
     "Mip-NeRF 360 (Barron et al., CVPR 2022), https://jonbarron.info/mipnerf360: no licence is stated, so assume "
@@ -46,22 +41,19 @@ _DEEP_BLENDING = (
     "Playroom of Deep Blending (Hedman et al., SIGGRAPH Asia 2018), as prepared by the authors of 3DGS: see the terms "
     "at https://repo-sam.inria.fr/fungraph/3d-gaussian-splatting."
 )
-_INDOOR: Final = "images_2"
-_OUTDOOR: Final = "images_4"
+_INDOOR: Final = ("bonsai", "counter", "kitchen", "room")
+_OUTDOOR: Final = ("bicycle", "garden", "stump")
 
 ARCHIVES: Final = (
     Archive(
         "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip",
         _MIPNERF360,
-        {
-            **dict.fromkeys(("bicycle", "garden", "stump"), _OUTDOOR),
-            **dict.fromkeys(("bonsai", "counter", "kitchen", "room"), _INDOOR),
-        },
+        dict.fromkeys(_OUTDOOR, "images_4") | dict.fromkeys(_INDOOR, "images_2"),
     ),
     Archive(
         "https://storage.googleapis.com/gresearch/refraw360/360_extra_scenes.zip",
         _MIPNERF360,
-        dict.fromkeys(("flowers", "treehill"), _OUTDOOR),
+        dict.fromkeys(("flowers", "treehill"), "images_4"),
     ),
     Archive(
         "https://repo-sam.inria.fr/fungraph/3d-gaussian-splatting/datasets/input/tandt_db.zip",
@@ -109,26 +101,20 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path) -> None:
 
     Raise `InputError` if the archive is corrupt, lacks the scene, or has an entry that leads out of its folder.
     """
-    kept = {archive.photographs[scene]: "images", "sparse": "sparse"}
     root = PurePosixPath(archive.folder, scene)
     with filling(folder) as whole, reading(file, "a zip archive"), zipfile.ZipFile(file) as stored:
-        found = set()
-        for entry in stored.infolist():
-            path = PurePosixPath(entry.filename)
-            if entry.is_dir() or not path.is_relative_to(root):
-                continue
-            top, *rest = path.relative_to(root).parts
-            if top not in kept or not rest:
-                continue
-            if ".." in rest:
-                raise InputError(file, entry.filename, expected="a file below its folder", found="a path out of it")
-            target = whole.joinpath(kept[top], *rest)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with stored.open(entry) as source, target.open("wb") as copy:
-                shutil.copyfileobj(source, copy)
-            found.add(top)
-        if found != kept.keys():
-            raise InputError(file, scene, expected=f"photographs in {' and '.join(kept)}", found="none")
+        for top, name in ((archive.photographs[scene], "images"), ("sparse", "sparse")):
+            entries = [entry for entry in stored.infolist() if entry.filename.startswith(f"{root / top}/")]
+            if not entries:
+                raise InputError(file, scene, expected=f"files in {root / top}", found="none")
+            for entry in (entry for entry in entries if not entry.is_dir()):
+                path = PurePosixPath(entry.filename).relative_to(root / top)
+                if ".." in path.parts:
+                    raise InputError(file, entry.filename, expected="a file below its folder", found="a path out of it")
+                target = whole / name / path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                with stored.open(entry) as source, target.open("wb") as copy:
+                    shutil.copyfileobj(source, copy)
         settings = {"url": archive.url, "images": archive.photographs[scene]}
         write_provenance(whole, "download", inputs={}, settings=settings)
 

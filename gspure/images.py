@@ -29,7 +29,6 @@ FORMATS: Final = {
 }
 """What photographs come in, and their suffixes. Pillow knows more formats, some of which start other programs."""
 
-_SEVERAL: Final = "MPO"  # JPEG files of some cameras, with the photograph first and previews after it
 _DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, which Pillow cuts to 8 bits
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many
@@ -39,10 +38,10 @@ logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks o
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[ImageFile]:
-    """Open an image; its pixels are not decoded.
+    """Open an image, the first one of a file; its pixels are not decoded.
 
-    Raise `InputError` if the file is missing or none of `FORMATS`, has more than `MOST_PIXELS`, more than 8 bits per
-    channel or several pictures; or the block fails.
+    Raise `InputError` if the file is missing or none of `FORMATS`, or has more than `MOST_PIXELS` or more than 8 bits
+    per channel; or the block fails.
     """
     from PIL import Image
 
@@ -53,10 +52,8 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
             if image.width * image.height > MOST_PIXELS:
                 found = f"{image.width}x{image.height}"
                 raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
-            if image.mode[0] in "IF" or any(_is_deep(tile.codec_name, tile.args) for tile in image.tile):
+            if image.mode[0] in "IF" or any(_DEEP.search(str(tile.args)) for tile in image.tile):
                 raise InputError(path, "pixels", expected="8 bits per channel", found="more")
-            if image.format != _SEVERAL and getattr(image, "is_animated", False):
-                raise InputError(path, "pictures", expected="one", found="several")
             yield image
 
 
@@ -65,12 +62,9 @@ def read_image(
 ) -> Float32:
     """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
-    Grey images get three equal channels. Transparent ones are composited on the `levels` of the background; if it is
-    None, they keep their alpha, [H,W,4]. An orientation noted in the file's EXIF data is not applied, as camera poses
-    belong to the pixels as stored.
-
-    An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes
-    float, which is what 3DGS compares with; a smaller one is refused, since enlarging invents detail.
+    Transparent images are composited on the `levels` of the background; if it is None, they keep their alpha, [H,W,4].
+    The orientation in EXIF data is not applied, as camera poses belong to the pixels as stored. An image larger than
+    `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes float, as in 3DGS.
 
     Raise `InputError` if the file is missing, corrupt, not 8-bit, too large, or smaller than `size`.
     """
@@ -100,8 +94,7 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
 
 def levels(array: NDArray[np.floating]) -> UInt8:
     """Return values clipped to 0..1 as the nearest of 256 levels, a half upwards."""
-    rounded: UInt8 = np.floor(np.clip(array, 0, 1) * 255 + 0.5).astype(np.uint8)
-    return rounded
+    return np.asarray(np.floor(np.clip(array, 0, 1) * 255 + 0.5), np.uint8)
 
 
 def read_back(array: NDArray[np.floating]) -> Float32:
@@ -123,11 +116,3 @@ def is_blank(image: Float32) -> bool:
 def is_flat(image: Float32) -> bool:
     """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
     return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())
-
-
-def _is_deep(codec: str, args: object) -> bool:
-    """Return whether Pillow cuts what it decodes to 8 bits per channel."""
-    match codec, args:
-        case "ppm", (_, int(largest)):
-            return largest > 255
-    return _DEEP.search(str(args)) is not None

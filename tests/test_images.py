@@ -59,43 +59,35 @@ def test_a_photograph_is_reduced_to_the_size_of_its_view(tmp_path):
     assert read_image(tmp_path / "a.png", size=(64, 32)).tolist() == read_image(tmp_path / "a.png").tolist()
 
 
-def test_a_missing_broken_or_deep_image_is_refused_by_name(tmp_path):
+def test_a_missing_or_broken_image_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"none\.png: no such file"):
         read_image(tmp_path / "none.png")
     write_image(tmp_path / "cut.png", np.random.default_rng(0).random((40, 40, 3)))
     (tmp_path / "cut.png").write_bytes((tmp_path / "cut.png").read_bytes()[:-900])
     with pytest.raises(InputError, match=r"cut\.png: file: expected an image"):
         read_image(tmp_path / "cut.png")
-    Image.fromarray(np.zeros((2, 2), np.uint16)).save(tmp_path / "deep.png")
-    with pytest.raises(InputError, match=r"deep\.png: pixels: expected 8 bits per channel"):
-        read_image(tmp_path / "deep.png")
 
 
-def png(width, height, depth=8, colour=2, pixels=b"", interlaced=False):
+def png(width, height, depth=8, colour=2, pixels=b""):
     """A PNG file; by default, it claims a size and holds next to nothing."""
-    header = struct.pack(">2I5B", width, height, depth, colour, 0, 0, interlaced)
+    header = struct.pack(">2I5B", width, height, depth, colour, 0, 0, 0)
     chunks = {b"IHDR": header, b"IDAT": zlib.compress(pixels), b"IEND": b""}
     parts = (struct.pack(">I", len(c)) + t + c + struct.pack(">I", zlib.crc32(t + c)) for t, c in chunks.items())
     return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
-@pytest.mark.parametrize("read", [read_image, photograph_size])
 @pytest.mark.parametrize("size", [(10_000, 14_000), (2**27 + 1, 1)])
-def test_an_image_with_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, read, size):
+def test_an_image_with_too_many_pixels_is_refused_before_it_is_decoded(tmp_path, size):
     (tmp_path / "a.png").write_bytes(png(*size))
     with pytest.raises(InputError, match=r"a\.png: size: expected at most 134217728 pixels"):
-        read(tmp_path / "a.png")
+        photograph_size(tmp_path / "a.png")
 
 
-@pytest.mark.parametrize("read", [read_image, photograph_size])
-@pytest.mark.parametrize("kind", ["EPS", "PCX", "TGA"])
-def test_formats_in_which_no_photographs_come_are_refused_without_starting_other_programs(
-    tmp_path, monkeypatch, read, kind
-):
+def test_other_formats_are_refused_without_starting_other_programs(tmp_path, monkeypatch):
     monkeypatch.setattr("subprocess.Popen", None)
-    Image.new("L", (4, 4)).save(tmp_path / "a.png", kind)
+    Image.new("L", (4, 4)).save(tmp_path / "a.png", "EPS")
     with pytest.raises(InputError, match=r"a\.png: file: expected an image"):
-        read(tmp_path / "a.png")
+        read_image(tmp_path / "a.png")
 
 
 SUFFIXES = [(suffix, kind) for kind, suffixes in FORMATS.items() for suffix in suffixes] + [(".JPG", "MPO")]
@@ -109,16 +101,8 @@ def test_photographs_of_every_format_are_recognized_by_their_suffix_and_read(tmp
     assert read_image(photograph(view))[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
 
 
-DEEP = {
-    f"{colour}.png": png(4, 3, 16, colour, 3 * (b"\0" + bytes(range(8 * n))))
-    for colour, n in {0: 1, 2: 3, 4: 2, 6: 4}.items()
-}
-DEEP |= {f"{kind}.ppm": b"P%d 4 3 1023\n" % kind + bytes(24 * n) for kind, n in ((5, 1), (6, 3))}
-
-
-@pytest.mark.parametrize(("name", "content"), DEEP.items(), ids=DEEP)
-def test_more_than_8_bits_per_channel_are_refused_and_not_cut(tmp_path, name, content):
-    (tmp_path / name).write_bytes(content)
-    for read in (read_image, photograph_size):
-        with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
-            read(tmp_path / name)
+@pytest.mark.parametrize(("colour", "channels"), [(0, 1), (2, 3), (4, 2), (6, 4)])
+def test_more_than_8_bits_per_channel_are_refused_and_not_cut(tmp_path, colour, channels):
+    (tmp_path / "a.png").write_bytes(png(4, 3, 16, colour, 3 * (b"\0" + bytes(8 * channels))))
+    with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
+        read_image(tmp_path / "a.png")
