@@ -9,16 +9,14 @@ import pytest
 
 from tests.plugin_path import register
 
-# A busy machine is no failure, and a change is to blame for what fails after it: every run takes the same examples.
-# HYPOTHESIS_PROFILE=search looks for new ones.
+# Every run takes the same examples, in any time; HYPOTHESIS_PROFILE=search looks for new ones.
 hypothesis.settings.register_profile("patient", deadline=None, derandomize=True)
 hypothesis.settings.register_profile("search", deadline=None, max_examples=1000)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 register()
 
-# Compiled kernels are kept between test runs, apart from the user's own; PoCL reads this when it is loaded. Of several
-# test processes, each has its own cache, and one thread.
+# PoCL reads these when it is loaded. Of several test processes, each has its own cache of kernels, and one thread.
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
 os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl" / _WORKER))
 if _WORKER:

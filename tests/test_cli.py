@@ -1,6 +1,5 @@
 """The command line: help, refusals in one line, exit statuses, interruptions."""
 
-import re
 import shlex
 import subprocess
 import sys
@@ -110,27 +109,6 @@ def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
     assert line.startswith("warning: ")
     assert main(RENDER) == 0
     assert len(capsys.readouterr().err.splitlines()) > 1
-
-
-INTERRUPTED = """
-import os, runpy, signal, sys
-
-class Finder:
-    def find_spec(self, name, *_):
-        if name == "datetime":
-            os.kill(os.getpid(), signal.SIGINT)
-
-sys.meta_path.insert(0, Finder())
-runpy.run_module("gspure", run_name="__main__", alter_sys=True)
-"""
-
-
-def test_an_interruption_of_an_import_ends_in_one_line(asset):
-    """Of datetime: numpy replaces an interruption of that import by an error."""
-    command = [sys.executable, "-c", INTERRUPTED, "info", "model.ply"]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (130, "")
-    assert re.fullmatch(r"gspure( info)?: interrupted\n", run.stderr)
 
 
 def test_results_are_written_before_anything_is_printed(asset):

@@ -10,7 +10,7 @@ from gspure.cameras import read_cameras, split, write_cameras
 from gspure.cli import main
 from gspure.evaluation.comparison import read_metrics
 from gspure.files import file_digest, read_json, run_of
-from gspure.images import read_image, write_image
+from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.renderer import Renderer
 from tests.models import blobs, camera
@@ -49,21 +49,21 @@ def record(path):
     return found["command"], {name: entry["path"] for name, entry in found["inputs"].items()}, found.get("run")
 
 
-def test_embed_gives_public_model_and_key_one_run_and_keeps_the_seed_private(folder, capsys):
+def test_public_model_key_and_results_have_one_run_and_only_the_key_names_the_seed(folder, capsys):
     run = run_of(Path("marked"))
     assert run == file_digest(Path("marked/public/point_cloud.ply"))[: len(run)]
     assert run_of(Path("marked/public")) == run_of(Path("marked/key")) == run != run_of(Path("other/key"))
     assert read_json(Path("marked/key/provenance.json"))["settings"]["seed"] == 0
     assert read_json(Path("marked/public/provenance.json"))["settings"] == {"scheme": "planted"}
     assert "readable" in read_json(Path("marked/key/readability.json"))
+    assert gspure("attack random_pruning --model marked/public/point_cloud.ply --out attacked/point_cloud.ply") == 0
+    assert record("attacked") == ("attack", {"model": "marked/public/point_cloud.ply"}, run)
+    assert gspure("render attacked/point_cloud.ply --cameras pair --split test --out after") == 0
+    assert gspure("render marked/public --cameras pair --split test --out before") == 0
+    assert gspure("metrics before after --out measured/metrics.csv") == 0
+    assert {run_of(Path(name)) for name in ("after", "before", "measured")} == {run}
     assert gspure("info marked/public/point_cloud.ply") == 0
     assert f"  run {run}\n" in capsys.readouterr().out
-
-
-def test_a_clean_model_has_no_key(folder):
-    assert gspure("embed planted pair --set gaussians=200 --set message_weight=0 --out marked") == 0
-    assert not [*Path("marked/key").glob("*")]
-    assert len(read_model("marked/public/point_cloud.ply")) == 100
 
 
 def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
@@ -82,19 +82,6 @@ def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
     assert (images[0] != images[1]).any()
 
 
-def test_results_of_an_attacked_model_belong_to_the_run_of_the_model(folder, capsys):
-    run = run_of(Path("marked"))
-    assert gspure("attack random_pruning --model marked/public/point_cloud.ply --out attacked/point_cloud.ply") == 0
-    assert record("attacked") == ("attack", {"model": "marked/public/point_cloud.ply"}, run)
-    assert gspure("render attacked/point_cloud.ply --cameras pair --split test --out renders") == 0
-    assert gspure("render marked/public --cameras pair --split test --out before") == 0
-    assert gspure("metrics before renders --out measured/metrics.csv") == 0
-    assert {run_of(Path(name)) for name in ("renders", "before", "measured")} == {run}
-    words = "extract attacked/point_cloud.ply --scheme planted --cameras pair --split test --out message --key"
-    assert gspure(words, "other/key") == 2
-    assert gspure(words, "marked/key") == 0
-
-
 def test_render_names_images_after_views(folder):
     assert gspure("render model.ply --cameras cameras.json --split test --npy --background 0 0.5 1 --out renders") == 0
     held_out = split(read_cameras("cameras.json"))[1]
@@ -104,24 +91,6 @@ def test_render_names_images_after_views(folder):
     np.testing.assert_array_equal(floats, Renderer(blobs(30)).image(held_out[0], background=(0, 0.5, 1)))
     image = read_image(f"renders/{held_out[0].name}.png")
     np.testing.assert_allclose(image, np.clip(floats, 0, 1), atol=0.5 / 255 + 1e-6)
-
-
-def test_a_killed_render_leaves_no_mixture_of_two_models(folder, monkeypatch):
-    words = "render model.ply --cameras cameras.json --out renders"
-    assert gspure(words) == 0
-    before = {path: path.read_bytes() for path in Path("renders").iterdir()}
-    write_model("model.ply", blobs(40))
-    images = []
-
-    def interrupted(path, image):
-        if images:
-            raise KeyboardInterrupt
-        images.append(path)
-        write_image(path, image)
-
-    monkeypatch.setattr("gspure.images.write_image", interrupted)
-    assert gspure(words) == 130
-    assert {path: path.read_bytes() for path in Path("renders").iterdir()} == before
 
 
 def test_a_moved_model_looks_the_same_in_views_that_move_with_it(folder):
@@ -144,7 +113,7 @@ def test_attack_writes_the_mask_of_removed_rows_and_its_settings(folder, capsys)
     assert read_json(Path("provenance.json"))["settings"]["set"] == {"fraction": 0.5}
 
 
-def test_attack_searches_for_a_damage(folder, capsys):
+def test_attack_searches_for_a_damage(folder):
     words = "attack random_pruning --model model.ply --damage 1 --cameras cameras.json --out damaged/model.ply"
     assert gspure(words) == 0
     assert 0 < read_json(Path("damaged/provenance.json"))["settings"]["set"]["fraction"] < 1

@@ -22,27 +22,16 @@ def content(folder):
     return {path.relative_to(folder).as_posix(): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_file_replaces_another_when_it_is_whole(tmp_path):
-    for text in ("old", "new"):
-        with files.replacing(tmp_path / "sub" / "file.txt") as temporary:
-            temporary.write_text(text)
-            assert text not in content(tmp_path).get("sub/file.txt", "")
-        assert content(tmp_path) == {"sub/file.txt": text}
-
-
 def test_the_files_of_a_folder_appear_together_beside_others(tmp_path):
-    for name in ("sub", ".gspure-left"):  # the latter of a killed process
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "a").write_text("old")
-    (tmp_path / "other").write_text("kept")
+    for name in ("sub/a", ".gspure-left/a", "other"):  # the second of a killed process
+        files.write_text(tmp_path / name, "old")
     with files.filling(tmp_path) as folder:
-        (folder / "sub").mkdir()
-        (folder / "sub" / "a").write_text("new")
-        (folder / "b").write_text("new")
+        for name in ("sub/a", "b"):
+            files.write_text(folder / name, "new")
         assert content(tmp_path)["sub/a"] == "old"
         with files.filling(tmp_path):
             assert folder.is_dir()
-    assert content(tmp_path) == {"sub/a": "new", "b": "new", "other": "kept"}
+    assert content(tmp_path) == {"sub/a": "new", "b": "new", "other": "old"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "other", "sub"]
 
 

@@ -31,13 +31,9 @@ def test_every_number_of_attacks_and_schemes_has_bounds_that_admit_its_default(n
         assert limits.kind is type(default)
 
 
-def settings_of_a_kind(kind):
-    return next(pair for pair in SETTINGS.values() if type(defaults(pair[0])[pair[1]]) is kind)
-
-
-@pytest.mark.parametrize("kind", [int, float])
-def test_values_out_of_bounds_and_of_other_types_are_refused(kind):
-    function, setting = settings_of_a_kind(kind)
+@pytest.mark.parametrize("name", ["attack quantize bits", "attack plain_weight tau"])
+def test_values_out_of_bounds_and_of_other_types_are_refused(name):
+    function, setting = SETTINGS[name]
     limits = bounds(function)[setting]
     require_settings("test", function, {setting: limits.least + 1})
     for value in (*WRONG, limits.least - 1, limits.most + 1):

@@ -11,12 +11,10 @@ import pytest
 from gspure.cameras import read_cameras
 from gspure.cli import main
 from gspure.evaluation.comparison import read_metrics
-from gspure.files import read_json
 from gspure.model import read_model
 from gspure.model.inria import training_arguments
 from gspure.renderer import Renderer
 from gspure.training import checkpoints
-from gspure.training.dataset import read_dataset
 from tests.models import gaussians
 from tests.training_cases import blender_scene, colmap_project, ring
 
@@ -96,13 +94,6 @@ def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, mo
     assert "continuing from iteration" in capsys.readouterr().err
     assert ply(tmp_path) == ply(trained)
     assert not (tmp_path / "checkpoint.npz").exists()
-
-
-def test_growth_is_bounded(project, trained, tmp_path):
-    most = read_dataset(project, "320px").max_gaussians
-    assert read_json(trained / "provenance.json")["settings"]["max_gaussians"] == most
-    assert main(words(project, tmp_path, "--max-gaussians", "50")) == 0
-    assert len(read_model(tmp_path)) <= 50 < len(read_model(trained)) <= most
 
 
 def test_transparent_photographs_train_to_the_background_of_option_or_cfg_args(tmp_path):
