@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from gspure.evaluation.outcomes import Outcome
-from gspure.figures import charts, panels, style
+from gspure.figures import charts, style
 from gspure.figures.clouds import Purified
+from gspure.figures.panels import Tile, draw_before_after, write_tiles
+from gspure.images import write_image
 from gspure.public_model import PublicModel
 from tests.contest_cases import measured
 from tests.models import gaussians
@@ -84,11 +86,23 @@ def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None
     assert [label.get_text() for label in drawn[0].axes[0].get_yticklabels()] == ["unattacked", "GSPure"]
 
 
-def test_panels_name_the_views_and_the_psnr_against_the_first_column(tmp_path: Path, drawn) -> None:
-    black = {name: np.zeros((8, 10, 3), np.float32) for name in ("a", "b")}
-    grey = {name: image + np.float32(0.1) for name, image in black.items()}
-    panels.write_panels(tmp_path / "panels.png", {"truth": black, "gspure": grey}, ["a", "b"], difference=True)
-    axes = drawn[0].axes
+def test_tiles_have_titles_labels_and_names_in_blocks(tmp_path: Path, drawn) -> None:
+    grey = Tile(np.full((8, 10, 3), 0.5, np.float32))
+    rows = [[grey._replace(label=f"{name}{i}") for i in range(7)] for name in "ab"]
+    write_tiles(tmp_path / "tiles.png", [f"title {i}" for i in range(7)], rows, ["first", "second"])
+    axes = [ax for part in drawn[0].subfigs for ax in part.axes if ax.axison]
+    assert [ax.get_title() for ax in axes if ax.get_title()] == [f"title {i}" for i in range(7)]
+    assert [ax.get_xlabel() for ax in axes] == [f"{n}{i}" for block in ("0123", "456") for n in "ab" for i in block]
+    assert [ax.get_ylabel() for ax in axes if ax.get_ylabel()] == ["first", "second"] * 2
+
+
+def test_a_difference_is_drawn_beside_the_views_before_and_after(tmp_path: Path, drawn) -> None:
+    for folder, names, value in (("truth", "abcd", 0.0), ("gspure", "bcde", 0.1)):
+        for name in names:
+            write_image(tmp_path / folder / f"{name}.png", np.full((8, 10, 3), value, np.float32))
+    caption = draw_before_after(tmp_path / "panels.png", {name: tmp_path / name for name in ("truth", "gspure")}, 2)
+    assert caption.startswith("2 of 3 views, with their PSNR against truth")
+    axes = drawn[0].subfigs[0].axes
     assert [ax.get_title() for ax in axes] == ["truth", "GSPure", "|difference| × 5", "", "", ""]
-    assert [ax.get_xlabel() for ax in axes] == ["a", "20.00 dB", "", "b", "20.00 dB", ""]
-    assert np.ptp(axes[2].images[0].get_array() - 0.5) < 1e-6
+    assert [ax.get_xlabel() for ax in axes] == ["b", "19.83 dB", "", "d", "19.83 dB", ""]
+    assert np.unique(axes[2].images[0].get_array()).tolist() == [130]

@@ -67,7 +67,9 @@ def test_a_figure_that_fails_is_left_out_with_a_warning(tmp_path: Path, model, m
 
 def test_splats_show_clusters_in_their_colours_and_the_pruned_rows_alone(tmp_path: Path, monkeypatch) -> None:
     images = []
-    monkeypatch.setattr(gallery, "show", lambda axes, image, label: images.append(image))
+    monkeypatch.setattr(
+        gallery, "write_tiles", lambda path, titles, rows: images.extend(tile.image for tile in rows[0])
+    )
     monkeypatch.setattr(style, "DPI", 50)
     weights = np.ones(40, np.float32)
     for labels, weight in ((np.zeros(40, np.int32), weights), (np.full(40, -1, np.int32), weights)):

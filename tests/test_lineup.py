@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
 from gspure.evaluation.outcomes import Outcome
 from gspure.figures import lineup, style
-from gspure.figures.lineup import Column, chosen, draw_attacks, write_lineup
+from gspure.figures.lineup import chosen, draw_attacks
 from gspure.images import write_image
 from tests.contest_cases import measured
 
@@ -52,25 +51,6 @@ def test_the_lineup_shows_gspure_itself_and_the_first_failed_strength():
 
 
 @pytest.fixture
-def drawn(monkeypatch):
-    """The labels and texts of the tiles, as they are drawn."""
-    said: list[str] = []
-    monkeypatch.setattr(lineup, "show", lambda axes, image, label: said.append(label))
-    monkeypatch.setattr(Axes, "text", lambda axes, x, y, text, **style: said.append(text))
-    return said
-
-
-def test_a_tile_shows_psnr_dagger_and_reason_of_failure(tmp_path, drawn):
-    columns = [
-        Column("truth", {"message": PHOTOGRAPH}),
-        Column("noise", {"message": PHOTOGRAPH + np.float32(0.1)}, frozenset({"message"})),
-        Column("gof", {}, failure="no memory"),
-    ]
-    write_lineup(tmp_path / "lineup.png", ["message"], columns)
-    assert drawn == ["", "20.00 dB †", "failed", "no memory"]
-
-
-@pytest.fixture
 def results(tmp_path):
     """Views a, b, c, of which the renders are off by 0.1, 0.2 and 0.3."""
     for target in ("scene", "message"):
@@ -82,10 +62,16 @@ def results(tmp_path):
     return tmp_path
 
 
-def test_the_view_of_median_psnr_is_shown_of_all_variants(results: Path, drawn) -> None:
+def test_the_view_of_median_psnr_is_shown_of_all_variants(results: Path, monkeypatch) -> None:
+    drawn, write_tiles = [], lineup.write_tiles
+    monkeypatch.setattr(lineup, "write_tiles", lambda *facts: (drawn.append(facts), write_tiles(*facts)))
     caption, views = draw_attacks(results / "a.png", results, OUTCOMES, {}, results / "truth")
     assert views == {"scene": "b", "message": "b"}
     assert caption.startswith("View b of 3 after every attack: the one with the median message PSNR before attacks.")
     assert "†" in caption
-    scene, message = (["", "13.98 dB", f"13.98 dB{dagger}", "failed", "no memory"] for dagger in ("", " †"))
-    assert drawn == scene + message
+    ((_, titles, rows, names),) = drawn
+    assert (titles, names) == (["truth", "unattacked", "noise", "GOF"], ["scene", "message"])
+    labels = [[(tile.label, tile.text) for tile in row] for row in rows]
+    assert labels == [
+        [("", ""), ("13.98 dB", ""), (f"13.98 dB{dagger}", ""), ("failed", "no memory")] for dagger in ("", " †")
+    ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -96,112 +96,84 @@ def draw_outcomes(path: Path, outcomes: Sequence[Outcome]) -> str:
     shown = [o for o in outcomes if o.targets.keys() & {SCENE, MESSAGE}]
     targets = [t for t in (SCENE, MESSAGE) if any(t in o.targets for o in shown)]
     thickness = 0.72 / len(targets) if targets else 0
-    rows = np.arange(len(shown))
+    rows, names = np.arange(len(shown)), reached_names(shown)
+    if MESSAGE in targets:
+        title, note, beside = "Score", "its Score, dB", [signed(o.score).strip(UNKNOWN) for o in shown]
+    else:
+        title, note = "rows removed", "the share of the rows that it removed"
+        beside = [percent(o.pruned_share).strip(UNKNOWN) for o in shown]
+    truth = all(o.against_truth for o in shown)
     with style.page(path, style.COLUMN, 0.6 + 0.27 * len(shown), vector=True) as figure:
         axes = figure.add_subplot()
         for i, target in enumerate(targets):
             values = np.array([o.targets[target].psnr if target in o.targets else np.nan for o in shown])
-            y = rows + (i - (len(targets) - 1) / 2) * thickness
-            bars = axes.barh(
-                y,
-                np.where(np.abs(values) < style.MOST_DECIBELS, values, 0),
-                thickness,
-                label=target,
-                color=_COLOURS[target],
-            )
+            widths, y = np.where(np.isfinite(values), values, 0), rows + (i - (len(targets) - 1) / 2) * thickness
+            bars = axes.barh(y, widths, thickness, label=target, color=_COLOURS[target])
             axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
-        beside = [signed(o.score).strip(UNKNOWN) for o in shown]
-        title = "Score"
-        if MESSAGE not in targets:
-            title, beside = "rows removed", [percent(o.pruned_share).strip(UNKNOWN) for o in shown]
+        place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
         for row, text in [(-0.9, title * any(beside)), *enumerate(beside)]:
-            place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
             axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
-        names = reached_names(shown)
         axes.set_yticks(rows, [names[o.variant] for o in shown])
         axes.tick_params(axis="y", length=0)
         axes.spines["left"].set_visible(False)
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.set_xlim(0, axes.get_xlim()[1] * 1.08)
-        truth = all(o.against_truth for o in shown)
         axes.set_xlabel("PSNR (dB)" if truth else "PSNR against renders before the attack (dB)", x=1, ha="right")
         if len(targets) > 1:
             figure.legend(loc="outside upper center", ncols=2)
-    caption = f"PSNR of every variant against {'photographs' if truth else 'renders of the unattacked model'}"
-    if any(beside):
-        caption += ", and its Score, dB" if title == "Score" else ", and the share of the rows that it removed"
-    return f"{caption}; mean over the views."
+    against = "photographs" if truth else "renders of the unattacked model"
+    return f"PSNR of every variant against {against}{f', and {note}' * any(beside)}; mean over the views."
 
 
 def _decibels(value: float) -> str:
     return "" if np.isnan(value) else "identical" if value == np.inf else decimal(value, 1)
 
 
-class Point(NamedTuple):
-    """GSPure with one pair of pruning factors."""
-
-    factors: tuple[float, float]  # tau_n and tau_c
-    means: Mapping[str, Interval]  # over scenes, of scene and message
+Factors = tuple[float, float]
+"""The pruning factors tau_n and tau_c."""
 
 
-def curve(points: Sequence[Point], axis: int, method: tuple[float, float]) -> list[Point]:
-    """Return the points along one factor, in ascending order, where the other one is that of `method`."""
-    chosen = {p.factors[axis]: p for p in points if p.factors[1 - axis] == method[1 - axis]}
-    return [chosen[factor] for factor in sorted(chosen)]
+def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, Factors]) -> str | None:
+    """Draw scene and message of a condition against the pruning factors as PNG and SVG, and return the caption.
 
-
-def write_factor_curves(
-    path: Path, points: Sequence[Point], method: tuple[float, float], message: str = "message PSNR (dB)"
-) -> None:
-    """Write a panel for each factor and target, as PNG and SVG; a ring marks `method`, its tau_n and tau_c.
-
-    A target that some point lacks is left out. `message` is the label of the message's axis.
+    `points` are the factors of variants, those of the method, which a ring marks, first. A target that some point lacks
+    is left out. None if too few of them are known.
     """
-    labels = {SCENE: "scene PSNR (dB)", MESSAGE: message}
-    targets = [target for target in labels if all(target in point.means for point in points)]
+    means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
+    known = {factors: means[name] for name, factors in points.items() if name in means and means[name].scene}
+    method = next(iter(points.values()))
+    if method not in known or len(known) < 2:
+        return None
+    extraction = known[method].extraction
+    bits = any(o.detections[extraction].bits for o in outcomes if extraction in o.detections)
+    unit = "PSNR (dB)" if is_picture(extraction) else "correct bits (%)" if bits else "score"
+    labels = {SCENE: "scene PSNR (dB)", MESSAGE: f"{extraction_name(extraction)} {unit}"}
+    targets = [target for target in labels if all(getattr(row, target) for row in known.values())]
     with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets), vector=True) as figure:
         grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
-        for row, target in zip(grid, targets, strict=True):
+        for target, row in zip(targets, grid, strict=True):
             for axis, axes in enumerate(row):
-                _draw_curve(axes, curve(points, axis, method), axis, target, method)
+                others = {at[axis]: getattr(known[at], target) for at in known if at[1 - axis] == method[1 - axis]}
+                _draw_curve(axes, dict(sorted(others.items())), method[axis], _COLOURS[target])
             row[0].set_ylabel(fill(labels[target], _LETTERS))
         for axes, label in zip(grid[-1], _FACTORS, strict=True):
             axes.set_xlabel(label, parse_math=True)
-
-
-def _draw_curve(axes: Axes, points: Sequence[Point], axis: int, target: str, method: tuple[float, float]) -> None:
-    factors = [point.factors[axis] for point in points]
-    means, low, high = np.array([point.means[target][:3] for point in points]).T
-    axes.fill_between(factors, low, high, color=style.tint(_COLOURS[target], 0.82), linewidth=0)
-    axes.plot(factors, means, "o-", color=_COLOURS[target], linewidth=1.1, markersize=2.6)
-    at = factors.index(method[axis])
-    axes.plot(method[axis], means[at], "o", markersize=6, markerfacecolor="none", markeredgecolor=style.INK, mew=0.7)
-    axes.set_xticks(factors, [f"{factor:g}" for factor in factors])
-    axes.grid(axis="y", color=style.tint(style.FAINT, 0.75), linewidth=0.4)
-    axes.set_axisbelow(True)
-
-
-def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, tuple[float, float]]) -> str | None:
-    """Draw scene and message of a condition against the pruning factors, and return the caption.
-
-    `points` are tau_n and tau_c of variants, those of the method first. None if too few of them are known.
-    """
-    means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
-    known = {
-        name: Point(factors, {t: mean for t in (SCENE, MESSAGE) if (mean := getattr(means[name], t))})
-        for name, factors in points.items()
-        if name in means and means[name].scene
-    }
-    method = next(iter(points.values()), (0.0, 0.0))
-    if next(iter(points), "") not in known or len(known) < 2:
-        return None
-    row = means[next(iter(known))]
-    bits = any(o.detections[row.extraction].bits for o in outcomes if row.extraction in o.detections)
-    unit = "PSNR (dB)" if is_picture(row.extraction) else "correct bits (%)" if bits else "score"
-    write_factor_curves(path, [*known.values()], method, f"{extraction_name(row.extraction)} {unit}")
-    scenes = max(mean.scenes for point in known.values() for mean in point.means.values())
+    scenes = max(mean.scenes for row in known.values() for mean in (row.scene, row.message) if mean)
     band = " and 95% interval" if scenes > 5 else " and their range" if scenes > 1 else ""
     return (
         f"PSNR after GSPure with other pruning factors: one varies, the other is τ_n = {method[0]:g} or τ_c = "
         f"{method[1]:g} (ring: both). Mean over {scenes} scene{'s' * (scenes != 1)}{band}."
     )
+
+
+def _draw_curve(axes: Axes, means: Mapping[float, Interval], ringed: float, colour: str) -> None:
+    """Draw means with their intervals by factor."""
+    factors = [*means]
+    level, low, high = np.array([mean[:3] for mean in means.values()]).T
+    axes.fill_between(factors, low, high, color=style.tint(colour, 0.82), linewidth=0)
+    axes.plot(factors, level, "o-", color=colour, linewidth=1.1, markersize=2.6)
+    ring: dict[str, Any] = {"markersize": 6, "markerfacecolor": "none", "markeredgecolor": style.INK, "mew": 0.7}
+    axes.plot(ringed, means[ringed].mean, "o", **ring)
+    axes.set_xticks(factors, [f"{factor:g}" for factor in factors])
+    axes.grid(axis="y", color=style.tint(style.FAINT, 0.75), linewidth=0.4)
+    axes.set_axisbelow(True)

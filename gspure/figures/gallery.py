@@ -10,10 +10,9 @@ from numpy.lib.recfunctions import repack_fields
 
 from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
-from gspure.figures import style
 from gspure.figures.charts import write_weight_histogram
 from gspure.figures.clouds import Colouring, Purified
-from gspure.figures.panels import show
+from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
@@ -30,7 +29,7 @@ _NO_OPENGL: Final = (
     "libegl1 libgl1-mesa-dri`"
 )
 _PLATE: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
-_SPLATS: Final = ("model", "clusters", "pruned rows alone")
+_SPLATS: Final = ("model", "clusters", "pruned rows")
 _WIDEST: Final = 640  # pixels of a view of splats
 _FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
 _WHITE: Final = (1.0, 1.0, 1.0)
@@ -105,7 +104,7 @@ def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -
         row = [*views(("message", "rank"), every, camera), *views(("message",), kept[thinned(len(kept))], camera)]
         keys = [model.colourings[name] for name in ("message", "rank", "message")]
         if has_render:
-            row.insert(0, _bytes(model.public.scene(device, _WHITE)(camera)))
+            row.insert(0, as_bytes(model.public.scene(device, _WHITE)(camera)))
             keys.insert(0, Colouring(np.empty((0, 3), np.uint8)))
         write_plate(path, row, keys, _PLATE[-len(row) :])
         return f"{shown['hidden'][1]} {_RANKS} {_pruned_weight(model, hidden)}{thin}"
@@ -154,18 +153,14 @@ def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | No
     public, pruned = model.public, model.pruned
     colours = (model.colourings["cluster"].colours / 255).astype(np.float32)
     alone = public.with_model(public.model[pruned]).scene(device, _WHITE)
-    aspect = sum(view.height / view.width for view in shown)
-    with style.page(path, style.PAGE, aspect * style.PAGE / len(_SPLATS) + 0.06 * len(shown) + 0.26) as figure:
-        grid = figure.subplots(len(shown), len(_SPLATS), squeeze=False)
-        for axes, title in zip(grid[0], _SPLATS, strict=True):
-            axes.set_title(title, pad=4, fontsize=11)
-        for view, row in zip(shown, grid, strict=True):
-            width = min(view.width, _WIDEST)
-            camera = view.resized(width, max(round(view.height * width / view.width), 1))
-            gaussians, rows = public.gaussians(camera)
-            show(row[0], public.scene(device)(camera), "")
-            show(row[1], _clusters(gaussians, model.labels[rows], colours[rows], camera, device), "")
-            show(row[2], alone(camera), "")
+    rows = []
+    for view in shown:
+        width = min(view.width, _WIDEST)
+        camera = view.resized(width, max(round(view.height * width / view.width), 1))
+        gaussians, drawn = public.gaussians(camera)
+        clusters = _clusters(gaussians, model.labels[drawn], colours[drawn], camera, device)
+        rows.append([Tile(public.scene(device)(camera)), Tile(clusters), Tile(alone(camera))])
+    write_tiles(path, _SPLATS, rows)
     return (
         f"{' and '.join(view.name for view in shown)}, from left to right: the model; its clusters, pale if GSPure "
         "keeps them, and noise in faint grey; only the rows that GSPure prunes."
@@ -178,7 +173,3 @@ def _clusters(gaussians: Gaussians, labels: Int32, colours: Float32, camera: Cam
     faint = np.where(labels == NOISE_LABEL, np.minimum(logits, _FAINT), logits).astype(np.float32)
     shapes = Gaussians(repack_fields(gaussians.table[[*CORE]])).with_columns({"opacity": faint})
     return Renderer(shapes, device).feature_map(camera, colours, _WHITE)
-
-
-def _bytes(image: Float32) -> UInt8:
-    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)

@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 
 COLUMN: Final = 3.4  # width of a figure in one column of a two-column paper, inches
 PAGE: Final = 7.0  # width of a figure across both columns, inches
-
 DPI: Final = 300
-
-MOST_DECIBELS: Final = 1e4  # upper bound of drawn values, above the PSNR of any two images; larger ones are labels only
 
 INK: Final = "#222222"
 FAINT: Final = "#8a8a8a"
@@ -35,6 +32,9 @@ RANKS: Final = "viridis"
 CLUSTERS: Final = ("#332288", "#88ccee", "#117733", "#ddcc77", "#cc6677", "#44aa99", "#aa4499", "#999933", "#882255")
 """Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
 
+_TICKS: Final = {"color": INK, "major.width": 0.6, "labelsize": 6.5}
+_LEGEND: Final = {"frameon": False, "fontsize": 6.5, "handletextpad": 0.3, "handlelength": 1.2, "columnspacing": 0.7}
+_LAYOUT: Final = {"h_pad": 0.02, "w_pad": 0.02, "hspace": 0.0, "wspace": 0.0}
 _RC: Final[dict[str, Any]] = {
     "font.family": "DejaVu Sans",  # ships with matplotlib, so it is the same on every machine
     "font.size": 7,
@@ -47,34 +47,19 @@ _RC: Final[dict[str, Any]] = {
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.minor.width": 0.4,
-    "xtick.labelsize": 6.5,
-    "ytick.labelsize": 6.5,
-    "legend.frameon": False,
-    "legend.fontsize": 6.5,
-    "legend.handletextpad": 0.3,
-    "legend.handlelength": 1.2,
-    "legend.columnspacing": 0.7,
     "axes.titlesize": 7,
     "svg.hashsalt": "gspure",
-    "figure.constrained_layout.h_pad": 0.02,
-    "figure.constrained_layout.w_pad": 0.02,
-    "figure.constrained_layout.hspace": 0.0,
-    "figure.constrained_layout.wspace": 0.0,
+    **{f"{axis}tick.{name}": value for axis in "xy" for name, value in _TICKS.items()},
+    **{f"legend.{name}": value for name, value in _LEGEND.items()},
+    **{f"figure.constrained_layout.{name}": value for name, value in _LAYOUT.items()},
 }
 
-
-_FORMATS: Final[dict[str, dict[str, Any]]] = {
+_SAVING: Final[dict[str, dict[str, Any]]] = {
     # Without these entries, the bytes depend neither on matplotlib's version nor on the date. Pictures are noise to
     # PNG's compression: higher levels take several times as long and save a few percent.
     "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 1}},
     "svg": {"metadata": {"Creator": None, "Date": None}},
 }
-"""Settings of savefig by suffix."""
 
 
 @contextmanager
@@ -101,7 +86,7 @@ def page(
             figure.set_layout_engine(None)  # with one, savefig would draw all pictures twice
         for kind in ("png", "svg")[: 1 + vector]:
             with replacing(path.with_suffix(f".{kind}")) as temporary:
-                figure.savefig(temporary, format=kind, **_FORMATS[kind])
+                figure.savefig(temporary, format=kind, **_SAVING[kind])
 
 
 def rgb(colour: str) -> UInt8:

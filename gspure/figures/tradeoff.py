@@ -43,7 +43,7 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
     known: dict[str, dict[tuple[str, int], tuple[float, float]]] = {}
     for o in outcomes:
         point = (o.psnr_drop(SCENE), o.level(MESSAGE))
-        if not o.is_control and np.isfinite(o.psnr_drop(MESSAGE)) and (np.abs(point) < style.MOST_DECIBELS).all():
+        if not o.is_control and np.isfinite(o.psnr_drop(MESSAGE)) and np.isfinite(point).all():
             known.setdefault(o.variant, {})[o.scene, o.seed] = point
     cells = max(known.values(), key=len, default={}).keys()
     at = {
