@@ -71,7 +71,14 @@ def read_spz(path: Path) -> Gaussians:
         if not is_known or header.degree >= len(COEFFICIENTS) or header.fraction_bits > 24:
             raise ValueError(str(header))
         require_room(path, len(data), header.rows, COEFFICIENTS[header.degree])
-        body, extensions = _unzipped(unpack, header) if gzipped else _unpacked(path, data, header)
+        if gzipped:
+            size = sum(header.sizes())
+            body = unpack.decompress(unpack.unconsumed_tail, size + _MOST_EXTENSIONS)
+            if len(body) < size or not unpack.eof:
+                raise ValueError(f"streams of other sizes than its {header.rows} rows")
+            body, extensions = body[:size], body[size:]
+        else:
+            body, extensions = _unpacked(path, data, header)
         if header.flags & _EXTENDED:
             _require_usual_values(extensions)
         model = _model(header, np.frombuffer(body, np.uint8))
@@ -102,17 +109,8 @@ def _require_usual_values(extensions: bytes) -> None:
             raise ValueError(f"other axes than right, up, back, or scaled colours: extension {kind:#x}")
 
 
-def _unzipped(unpack: zlib._Decompress, header: _Header) -> tuple[bytes, bytes]:
-    """Return the streams and the extensions."""
-    size = sum(header.sizes())
-    body = unpack.decompress(unpack.unconsumed_tail, size + _MOST_EXTENSIONS)
-    if len(body) < size or not ((unpack.eof and len(body) == size) or header.flags & _EXTENDED):
-        raise ValueError(f"streams of other sizes than its {header.rows} rows")
-    return body[:size], body[size:]
-
-
 def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
-    """Return the streams and the extensions."""
+    """Return the streams and the extensions of a file of version 4."""
     try:
         import zstandard
     except ImportError as error:
@@ -120,17 +118,14 @@ def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
         raise InputError(path, "zstandard", expected="the package zstandard", found=str(error), hint=hint) from None
     table = int.from_bytes(data[_HEADER.size : _HEADER.size + 4], "little")
     pairs = np.frombuffer(data, "<u8", 2 * header.streams, max(table, _PLAIN_HEADER)).reshape(-1, 2).tolist()
-    sizes = header.sizes()
-    if [size for _, size in pairs[: len(sizes)]] != sizes:
-        raise ValueError(f"streams of other sizes than its {header.rows} rows")
-    at, streams = table + 16 * header.streams, []
-    for packed, size in pairs[: len(sizes)]:
-        stream = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(data[at : at + packed])
-        streams.append(stream.read(size))
-        if len(streams[-1]) < size:
-            raise ValueError("a stream that ends early")
+    at, body = table + 16 * header.streams, b""
+    for (packed, _), size in zip(pairs, header.sizes(), strict=False):
+        unpack = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(data[at : at + packed])
+        body += unpack.read(size)
         at += packed
-    return b"".join(streams), data[_PLAIN_HEADER:table]
+    if len(body) != sum(header.sizes()):
+        raise ValueError(f"streams of other sizes than its {header.rows} rows")
+    return body, data[_PLAIN_HEADER:table]
 
 
 def _model(header: _Header, body: UInt8) -> Gaussians:
@@ -141,20 +136,14 @@ def _model(header: _Header, body: UInt8) -> Gaussians:
     if harmonics:
         sh[:] = (harmonics[0].reshape(sh.shape) - np.float32(128)) / 128
     rgb = (colours / 255 - 0.5) / _COLOUR_SCALE
+    fixed = np.pad(means.reshape(-1, 3), ((0, 0), (1, 0))).view("<i4").reshape(-1, 3) >> 8  # of 24 bits, signed
     return Gaussians.from_stored(
-        means=_fixed_point(means, header.fraction_bits) * TURNED,
+        means=np.asarray(fixed / (1 << header.fraction_bits), np.float32) * TURNED,
         quats=_quats(rotations) * TURNED_QUATS,
         log_scales=scales / 16 - 10,
         opacity_logits=byte_logits(alphas[:, 0]),
         sh_coeffs=np.concatenate([rgb[:, None], sh * TURNED_HARMONICS[: sh.shape[1]]], 1),
     )
-
-
-def _fixed_point(stored: UInt8, fraction_bits: int) -> Float32:
-    """Return fixed-point numbers of 24 bits, in two's complement."""
-    low, middle, high = stored.reshape(len(stored), 3, 3).astype(np.int32).transpose(2, 0, 1)
-    values = (low | middle << 8 | high << 16) << 8 >> 8
-    return np.asarray(values / (1 << fraction_bits), np.float32)
 
 
 def _quats(stored: UInt8) -> Float32:

@@ -43,23 +43,16 @@ _KINDS: Final = {
 
 @dataclass(frozen=True)
 class Summary:
-    """Statistics of a model.
-
-    `further_columns` are those that vanilla models do not have. The quantiles at `LEVELS` are those of the finite
-    values of x, y, z (world units), opacity (0 to 1), largest_scale and smallest_scale (of each Gaussian's three
-    standard deviations, world units); empty if no value is finite. `non_finite_rows` have an infinity or a not-a-number
-    in any column; `non_finite_columns` are, for each such column, the number of these rows and the first of them.
-    `repeated_position_rows` have exactly the centre of an earlier row. `suspicious` are `suspicious_rows`.
-    """
+    """Statistics of a model."""
 
     kind: str
-    further_columns: tuple[str, ...]
-    quantiles: dict[str, tuple[float, ...]]
-    non_finite_rows: int
-    non_finite_columns: dict[str, tuple[int, int]]
+    further_columns: tuple[str, ...]  # that vanilla models do not have
+    quantiles: dict[str, tuple[float, ...]]  # of finite values at `LEVELS`, world units; empty without one
+    non_finite_rows: int  # with an infinity or a not-a-number in any column
+    non_finite_columns: dict[str, tuple[int, int]]  # the number of such rows, and the first of them
     zero_quaternion_rows: int
-    repeated_position_rows: int
-    suspicious: dict[str, Indices]
+    repeated_position_rows: int  # with exactly the centre of an earlier row
+    suspicious: dict[str, Indices]  # `suspicious_rows`
 
 
 @np.errstate(invalid="ignore")  # signalling not-a-numbers
