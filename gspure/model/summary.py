@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.files import Float32, Float64, Indices
 from gspure.model.filtered import FILTER, filtered
@@ -65,6 +64,9 @@ def summarize(model: Gaussians) -> Summary:
         "largest_scale": model.scales.max(axis=1),
         "smallest_scale": model.scales.min(axis=1),
     }
+    finite = model.means[np.isfinite(model.means).all(axis=1)] + np.float32(
+        0
+    )  # -0 becomes 0: equal numbers, equal bits
     return Summary(
         kind=kind(model),
         further_columns=tuple(name for name in model.names if name not in vanilla),
@@ -72,7 +74,7 @@ def summarize(model: Gaussians) -> Summary:
         non_finite_rows=len(set().union(*(rows.tolist() for rows in non_finite.values()))),
         non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},
         zero_quaternion_rows=int(np.count_nonzero(~model.quats.any(axis=1))),
-        repeated_position_rows=_repeated(model.means),
+        repeated_position_rows=len(finite) - len(np.unique(finite.view("V12"))),
         suspicious=suspicious_rows(model),
     )
 
@@ -87,12 +89,6 @@ def _quantiles(values: Float32) -> tuple[float, ...]:
     return tuple(np.quantile(finite, LEVELS).tolist()) if len(finite) else ()
 
 
-def _repeated(means: Float32) -> int:
-    finite = means[np.isfinite(means).all(axis=1)] + np.float32(0)  # -0 becomes 0: equal numbers, equal bits
-    rows: NDArray[Any] = finite.view("V12")
-    return len(rows) - len(np.unique(rows))
-
-
 def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     """Return the suspicious rows, sorted, for each of `REASONS` that applies; a row may have several.
 
@@ -105,14 +101,14 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     means = model.means[rows].astype(np.float64)
     scales = np.sort(filtered(model).scales[rows].astype(np.float64), axis=1)
     extent, distances = extent_and_distances(means)
-    pile, repeated = coincident_rows(model.means[rows])
+    sharing = _sharing(model.means[rows])
     by_reason = {
         "undrawable": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
         "far": rows[distances > FAR],
-        "duplicate": _copies(model, rows[np.sort(repeated)]),
-        "pile": rows[np.sort(pile)],
+        "duplicate": _copies(model, rows[sharing > 1]),
+        "pile": rows[sharing >= PILE],
     }
     return {reason: at for reason, at in by_reason.items() if len(at)}
 
@@ -134,14 +130,14 @@ def to_json(suspicious: Mapping[str, Indices]) -> dict[str, list[int]]:
     return {reason: rows.tolist() for reason, rows in suspicious.items()}
 
 
-def coincident_rows(means: Float32) -> tuple[Indices, Indices]:
-    """Return, for finite centres [K,3], the rows in piles, and all rows with the centre of another row."""
+def _sharing(means: Float32) -> Indices:
+    """Return, for finite centres [K,3], the number of rows [K] with the same centre."""
     order = np.lexsort(means.T)
-    ordered = means[order]
+    ordered, sharing = means[order], np.empty(len(means), np.intp)
     starts = np.flatnonzero(np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1)))[: len(means)]
     sizes = np.diff(np.append(starts, len(means)))
-    size_of = np.repeat(sizes, sizes)
-    return order[size_of >= PILE], order[size_of > 1]
+    sharing[order] = np.repeat(sizes, sizes)
+    return sharing
 
 
 def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tuple[float, Float64]:
