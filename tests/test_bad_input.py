@@ -14,7 +14,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.files import save_array
 from gspure.images import write_image
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import read_model, write_model
 from tests.models import blobs, camera
 
 ROOT = Path(__file__).parents[1]
@@ -65,16 +65,6 @@ def cut(path, size):
     Path(path).write_bytes(Path(path).read_bytes()[:size])
 
 
-def in_doubles():
-    table = read_model("model.ply").table
-    write_model("model.ply", Gaussians(table.astype([(name, "<f8") for name in table.dtype.names])))
-
-
-def without_rows():
-    header, _, _ = Path("model.ply").read_bytes().partition(b"end_header\n")
-    Path("model.ply").write_bytes(header.replace(b"vertex 60", b"vertex 0") + b"end_header\n")
-
-
 def edited(**values):
     """Return a function that changes the third view of cameras.json."""
 
@@ -90,17 +80,12 @@ BAD = {
     "model.ply": {
         "truncated": (lambda: cut("model.ply", -10), "model.ply: element vertex: expected 60 rows, found room for 59"),
         "empty": (lambda: cut("model.ply", 0), "model.ply: file: expected a 3DGS .ply"),
-        "wrong type": (in_doubles, "model.ply: x: expected a float32 property, found float64"),
-        "no rows": (without_rows, "model.ply: element vertex: expected at least one row, found 0 rows"),
         "missing": (lambda: Path("model.ply").unlink(), "model.ply: no such file"),
     },
     "cameras.json": {
         "empty": (lambda: cut("cameras.json", 0), "cameras.json: file: expected "),
-        "binary": (lambda: Path("cameras.json").write_bytes(bytes(range(256))), "cameras.json: file: expected "),
         "no view": (lambda: Path("cameras.json").write_text("[]"), "cameras.json: views: expected at least one"),
         "NaN focal length": (edited(fy=float("nan")), "cameras.json: [2].fy: expected a positive number up to 1e+18"),
-        "size in words": (edited(width="wide"), "cameras.json: [2].width: expected a whole number of pixels"),
-        "no rotation": (edited(rotation=[[1, 0, 0]] * 3), "cameras.json: [2].rotation: expected a rotation"),
         "a name twice": (edited(img_name="view_0"), "cameras.json: view names: expected each name once"),
     },
     "weights.npy": {
@@ -112,7 +97,6 @@ BAD = {
             lambda: save_array(Path("weights.npy"), np.full(COUNT, np.nan, np.float32)),
             "weights.npy: array: expected finite numbers of at least 0, found nan in row 0",
         ),
-        "cut": (lambda: cut("weights.npy", -4), "weights.npy: array: expected 240 bytes of data, found 236 bytes"),
         "pickle": (
             lambda: np.save("weights.npy", np.array([{}]), allow_pickle=True),
             "weights.npy: array: expected numbers, found pickled objects",
@@ -129,20 +113,12 @@ BAD = {
             lambda: save_array(Path("transform.npy"), np.diag([2.0, 2, 2, 1])),
             "transform.npy: array: expected a rotation without scale, shear or mirroring",
         ),
-        "too far": (
-            lambda: save_array(Path("transform.npy"), np.eye(4) + 1e300 * np.eye(4, k=3)),
-            "transform.npy: array: expected ",
-        ),
     },
     "a b": {
         "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
         "missing": (
             lambda: Path("a/2.png").unlink(),
             "a/2.png: file: expected a counterpart of b/2.png, found nothing",
-        ),
-        "other size": (
-            lambda: write_image("b/2.png", np.zeros((9, 9, 3))),
-            "b/2.png: size: expected 30x20, as a/2.png",
         ),
         "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
     },
@@ -167,15 +143,6 @@ def test_a_model_without_a_finite_row_is_refused(folder, capsys, command):
     write_model("model.ply", read_model("model.ply").with_columns({"y": np.full(COUNT, np.nan)}))
     line = "model.ply: y: expected finite numbers, found infinity or not-a-number in 60 of 60 rows"
     assert refusal(folder, capsys, COMMANDS[command]).startswith(line)
-
-
-def test_a_row_that_is_not_finite_is_named(folder, capsys):
-    spoilt = np.where(np.arange(COUNT) == 7, np.nan, read_model("model.ply").table["y"])
-    write_model("model.ply", read_model("model.ply").with_columns({"y": spoilt}))
-    assert main(COMMANDS["attack"].split()) == 0
-    (warning,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning: model.ply: ")]
-    assert "1 of 60 rows" in warning
-    assert warning.endswith(": 7")
 
 
 @pytest.mark.parametrize(
@@ -213,22 +180,3 @@ def test_a_machine_without_devices_is_told_the_remedy(folder):
         r"gspure purify: OpenCL: device: expected .*found no device \(see `gspure doctor`.*\n", done.stderr
     )
     assert not Path("out").exists()
-
-
-@pytest.mark.workflow
-@pytest.mark.parametrize(
-    ("config", "line"),
-    [
-        ("assets: {m: {model: model.ply, cameras: orbit}}\ntau: 3\n", "tau"),
-        ("assets: {m: {model: no.ply, cameras: orbit}}\n", "no.ply"),
-    ],
-    ids=["unknown key", "missing model"],
-)
-def test_a_wrong_configuration_is_refused_by_snakemake(folder, config, line):
-    Path("mine.yaml").write_text(config)
-    done = python(
-        "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--configfile", "mine.yaml", "--cores", "1", "--quiet"
-    )
-    assert done.returncode
-    assert line in done.stderr
-    assert not Path("results").exists()

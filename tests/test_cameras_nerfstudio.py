@@ -81,12 +81,11 @@ def test_a_blender_file_takes_its_size_from_the_image_and_its_focal_length_from_
         ({"ftheta_p0": 0, "ftheta_p1": 0.001}, "frames[0].ftheta_p1"),
     ],
 )
-@pytest.mark.parametrize("shared", [False, True])
-def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, field, shared):
-    content = SHARED | change | {"frames": [FRAME]} if shared else SHARED | {"frames": [FRAME | change]}
-    with pytest.raises(InputError, match="colmap image_undistorter") as caught:
-        read_cameras(written(tmp_path, content))
-    assert caught.value.field == field
+def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, field):
+    for content in (SHARED | change | {"frames": [FRAME]}, SHARED | {"frames": [FRAME | change]}):
+        with pytest.raises(InputError, match="colmap image_undistorter") as caught:
+            read_cameras(written(tmp_path, content))
+        assert caught.value.field == field
 
 
 @pytest.mark.parametrize(
@@ -94,12 +93,9 @@ def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, 
     [
         ({"fl_x": 0}, "fl_x"),
         ({"fl_y": "wide"}, "fl_y"),
-        ({"w": -1}, "w"),
-        ({"k1": None}, "k1"),
         ({"camera_model": ["OPENCV"]}, "camera_model"),
         ({"file_path": "images/.."}, "file_path"),
         ({"transform_matrix": (2 * np.eye(4)).tolist()}, "transform_matrix"),
-        ({"transform_matrix": np.diag([1.0, 1, -1, 1]).tolist()}, "transform_matrix"),
         ({"transform_matrix": [*POSE[:3], [0, 0, 0, 2]]}, "transform_matrix"),
         ({"transform_matrix": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, math.nan]]}, "transform_matrix"),
     ],

@@ -87,13 +87,9 @@ def test_shells_surround_the_model_at_their_radii():
     ("setting", "field"),
     [
         ({"count": 0}, "count"),
-        ({"count": -3}, "count"),
-        ({"width": 0}, "width"),
         ({"height": 2.5}, "height"),
-        ({"fov_degrees": 0}, "fov_degrees"),
         ({"fov_degrees": 180}, "fov_degrees"),
         ({"up": (0, 0, 0)}, "up"),
-        ({"up": (0, np.nan, 0)}, "up"),
     ],
 )
 def test_a_setting_out_of_range_is_refused_by_name(setting, field):

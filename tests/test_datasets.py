@@ -23,7 +23,6 @@ class Server:
 
     def __init__(self, content=CONTENT, *, hang_up_after=None, version="one"):
         self.content, self.hang_up_after, self.version = content, hang_up_after, version
-        self.length = None
         self.asked = []
 
     def __enter__(self):
@@ -66,7 +65,7 @@ class Handler(BaseHTTPRequestHandler):
         total = len(self.file.content)
         self.send_response(status)
         self.send_header("ETag", f'"{self.file.version}"')
-        self.send_header("Content-Length", self.file.length or str(total - start))
+        self.send_header("Content-Length", str(total - start))
         if status == 206:
             self.send_header("Content-Range", f"bytes {start}-{total - 1}/{total}")
         self.end_headers()

@@ -10,11 +10,10 @@ from gspure.constants import ALPHA_MAX
 from gspure.model.gaussians import Gaussians
 from gspure.renderer import Renderer
 from tests.agreement import SHAPES, VIEW, Cell, agreement
-from tests.models import blobs, camera, gaussians, joined, tilted_camera
+from tests.models import blobs, camera, gaussians
 from tests.reference.blending import render
 
 SHARED_FIXTURES = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
-NEEDLES = ((1e-6, 1e-6, 1e6), (1e-6, 1e-6, 1e2))
 COLUMNS = ("x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
 
 
@@ -29,22 +28,6 @@ def assert_sound(renderer: Renderer, view) -> None:
     assert contributions["sum"].sum(dtype=np.float64) == pytest.approx(blended, rel=1e-4, abs=1e-4)
     assert np.isfinite(renderer.image(view)).all()
     assert not np.isnan(renderer.depth(view)).any()
-
-
-@pytest.mark.parametrize("scales", NEEDLES)
-def test_planted_needles_leave_the_other_rows_alone(device, style, scales):
-    """Needles a millionth thick are between the pixels, whatever their length and direction."""
-    rng = np.random.default_rng(4)
-    model, view = blobs(300, 1, sh_degree=0), tilted_camera()
-    planted = joined(
-        model, gaussians(means=rng.normal((0, 0, 5), 1.0, (2, 3)), quats=rng.normal(size=(2, 4)), scales=scales)
-    )
-    before = Renderer(model, device, energy="ray", style=style).contributions(view)
-    renderer = Renderer(planted, device, energy="ray", style=style)
-    assert_sound(renderer, view)
-    after = renderer.contributions(view)
-    np.testing.assert_array_equal(after["index"][after["index"] < len(model)], before["index"])
-    assert after["sum"].sum() == pytest.approx(before["sum"].sum(), rel=1e-3)
 
 
 FINITE = np.finfo(np.float32).max

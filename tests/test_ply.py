@@ -120,12 +120,6 @@ def test_elements_after_the_vertices_are_skipped(tmp_path):
     assert read_model(save(tmp_path / "m.ply", content)).table.tobytes() == table.tobytes()
 
 
-def test_every_line_of_remark_in_the_header_is_kept_as_a_comment(tmp_path):
-    table = random_table(floats(CORE), 1)
-    content = header(table.dtype, 1, lines=["comment a", "obj_info b"]).replace(b"vertex 1\n", b"vertex 1\ncomment c\n")
-    assert read_model(save(tmp_path / "m.ply", content + table.tobytes())).comments == ("a", "b", "c")
-
-
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
@@ -182,11 +176,3 @@ def test_a_missing_file_and_a_model_without_rows_are_refused(tmp_path):
     assert str(refusal(tmp_path / "absent.ply")).endswith("absent.ply: no such file")
     with pytest.raises(InputError, match=r"m\.ply: element vertex: expected at least one row"):
         write_model(tmp_path / "m.ply", blobs(1)[np.zeros(1, np.bool_)])
-
-
-def test_released_pages_are_read_again_as_they_were(tmp_path):
-    write_model(tmp_path / "model.ply", blobs(3000))
-    model = read_model(tmp_path / "model.ply")
-    before = model.table.tobytes()
-    model.release_pages()
-    assert model.table.tobytes() == before

@@ -11,7 +11,6 @@ import os
 import resource
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from gspure.cameras import read_cameras, read_points
-from gspure.cameras.reading import camera_object, read_lenses
+from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from gspure.images import read_image
 from gspure.model import read_model, write_model
@@ -39,19 +38,7 @@ MOST_MEMORY = 1 << 29  # bytes by which one file may raise the memory of the pro
 
 NUMBERS = [0, 1, -1, 2**31, 2**32 - 1, 2**63, 10**400, 1e308, float("inf"), float("nan")]
 VALUES = st.sampled_from([*NUMBERS, None, True, "", "nan", "../../x", "\x1b[2J\n", [], [[]], {}, [1e30] * 3])
-WORDS = [
-    b"nan",
-    b"inf",
-    b"-1",
-    b"1e999",
-    b"99999999999999999999",
-    b"\xff",
-    b"",
-    b"0",
-    b"float",
-    b"list uchar int",
-    b"#",
-]
+WORDS = [b"nan", b"inf", b"-1", b"1e999", b"99999999999999999999", b"\xff", b"", b"0", b"list uchar int", b"#"]
 
 
 def written(write: Callable[[Path], None]) -> bytes:
@@ -160,19 +147,6 @@ def drawn_zip(data: st.DataObject, content: bytes) -> bytes:
     return stream.getvalue()
 
 
-def drawn_png(data: st.DataObject, content: bytes) -> bytes:
-    """Change the content of a chunk, whose checksum becomes that of the change."""
-    parts, at = [content[:8]], 8
-    chosen = data.draw(st.integers(0, 2))
-    while at < len(content):
-        length = int.from_bytes(content[at : at + 4], "big")
-        kind, body = content[at + 4 : at + 8], content[at + 8 : at + 8 + length]
-        body = drawn_bytes(data, body) if len(parts) - 1 == chosen else body
-        parts.append(len(body).to_bytes(4, "big") + kind + body + zlib.crc32(kind + body).to_bytes(4, "big"))
-        at += length + 12
-    return b"".join(parts)
-
-
 def read_any_model(path: Path) -> None:
     summarize(read_model(path))
 
@@ -202,12 +176,8 @@ CASES: dict[str, tuple[dict[str, bytes], tuple[Mutator, ...], Callable[[Path], o
     ),
     "cameras.json": ({"cameras.json": json.dumps(CAMERAS).encode()}, JSON, read_cameras),
     "transforms.json": ({"transforms.json": json.dumps(TRANSFORMS).encode()}, JSON, read_lenses),
-    "scene.json": ({"scene.json": json.dumps(TRANSFORMS).encode()}, JSON, camera_object),
-    "a.png": ({"a.png": image("PNG")}, (drawn_png, drawn_png, drawn_bytes), read_image),
-    **{
-        f"a.{kind.lower()}": ({f"a.{kind.lower()}": image(kind)}, BYTES, read_image)
-        for kind in ("JPEG", "TIFF", "WEBP")
-    },
+    "a.png": ({"a.png": image("PNG")}, BYTES, read_image),
+    "a.tiff": ({"a.tiff": image("TIFF")}, BYTES, read_image),
     **{name: (files, TEXT, read_colmap) for files in (binary(), text()) for name in files},
     "model.splat": ({"model.splat": COMPRESSED["model.splat"]}, BYTES, read_any_model),
     "v3.spz": ({"v3.spz": COMPRESSED["v3.spz"]}, (drawn_gzip, drawn_gzip, drawn_bytes), read_any_model),
@@ -238,22 +208,13 @@ def test_a_corrupt_file_is_read_or_refused_in_one_line(tmp_path: Path, name: str
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 < MOST_MEMORY
 
 
-@pytest.mark.parametrize("special", ["folder", "link to itself", "endless device", "pipe"])
-@pytest.mark.parametrize(
-    "name", ["model.ply", "model.splat", "v3.spz", "model.sog", "cameras.json", "a.png", "cameras.txt"]
-)
-def test_what_is_no_regular_file_is_refused(tmp_path: Path, name: str, special: str) -> None:
-    files, _, read = CASES[name]
-    for each, content in files.items():
-        (tmp_path / each).write_bytes(content)
-    path = tmp_path / name
-    path.unlink()
-    {
-        "folder": path.mkdir,
-        "link to itself": lambda: path.symlink_to(path),
-        "endless device": lambda: path.symlink_to("/dev/zero"),
-        "pipe": lambda: os.mkfifo(path),
-    }[special]()
-    with pytest.raises(InputError) as caught:
-        read_lenses(path.parent) if name == "cameras.txt" else read(path)
-    assert str(caught.value).isprintable()
+@pytest.mark.parametrize("name", ["model.ply", "model.splat", "v3.spz", "model.sog", "cameras.json", "a.png"])
+def test_a_pipe_or_a_device_is_refused(tmp_path: Path, name: str) -> None:
+    _, _, read = CASES[name]
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError):
+        read(tmp_path / name)
+    (tmp_path / name).unlink()
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(InputError):
+        read(tmp_path / name)
