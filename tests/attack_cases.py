@@ -3,24 +3,29 @@
 import numpy as np
 from hypothesis import settings
 
-from gspure.attacks import Measurements
+from gspure.attacks import Attacked, Measurements, find_attack
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from gspure.schemes.gs_hider.model import FeatureModel
 from gspure.schemes.secure_gs.model import AnchorModel
 from tests.models import blobs
 
+unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure
+
 
 def features(count: int, seed: int = 0) -> Gaussians:
     """Gaussians that colour by features, as GS-Hider's."""
-    return _renamed(blobs(count, seed, sh_degree=1), {f"f_dc_{i}": f"semantic_{i}" for i in range(3)}, "f_rest_")
+    return _renamed(blobs(count, seed, sh_degree=1), {f"f_dc_{i}": f"semantic_{i}" for i in range(3)})
 
 
 def anchors(count: int, seed: int = 0) -> Gaussians:
     """Anchors of one Gaussian each, as Scaffold-GS's; their opacities are all the same."""
     names = {f"f_dc_{i}": f"f_anchor_feat_{i}" for i in range(3)} | {f"f_rest_{i}": f"f_offset_{i}" for i in range(3)}
-    model = _renamed(blobs(count, seed, sh_degree=1), names, "f_rest_")
+    model = _renamed(blobs(count, seed, sh_degree=1), names)
     return model.with_columns({"opacity": np.full(count, -2.1972246, np.float32)})
+
+
+KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
 
 
 class FeatureRows(PublicModel):
@@ -43,11 +48,6 @@ def public(model: Gaussians) -> PublicModel:
     return FeatureRows(model) if model.columns_named("semantic_") else PublicModel(model)
 
 
-unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure
-
-KINDS = {"harmonics": blobs, "features": features, "anchors": anchors}
-
-
 def measurements(count: int, seed: int = 1) -> Measurements:
     """Weights, a decision, opacities, distances and clusters, all random."""
     rng = np.random.default_rng(seed)
@@ -57,14 +57,20 @@ def measurements(count: int, seed: int = 1) -> Measurements:
     return Measurements(weights, weights < 1, opacities, 6 * distances, labels)
 
 
+def apply(name: str, model: Gaussians, seed: int = 0, **settings) -> Attacked:
+    """Attack a model of any kind with all that is known of it."""
+    return find_attack(name).apply(public(model), measurements(len(model)), seed=seed, **settings)
+
+
 def changed(before: Gaussians, after: Gaussians) -> set[str]:
     """Return the columns that differ between two models of the same rows."""
-    return {name for name in before.table.dtype.names if (before.table[name] != after.table[name]).any()}
+    return {name for name in before.names if (before.table[name] != after.table[name]).any()}
 
 
-def _renamed(model: Gaussians, names: dict[str, str], dropped: str) -> Gaussians:
-    columns = {names.get(name, name): model.table[name] for name in model.table.dtype.names}
-    columns = {name: column for name, column in columns.items() if not name.startswith(dropped)}
+def _renamed(model: Gaussians, names: dict[str, str]) -> Gaussians:
+    """Return the model with other names for some columns, without the further harmonics."""
+    columns = {names.get(name, name): model.table[name] for name in model.names}
+    columns = {name: column for name, column in columns.items() if not name.startswith("f_rest_")}
     table = np.empty(len(model), [(name, "<f4") for name in columns])
     for name, column in columns.items():
         table[name] = column

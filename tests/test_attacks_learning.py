@@ -1,36 +1,33 @@
-"""Attacks that learn from the public model's own renders: what they are given, change and keep."""
+"""Attacks that learn from the public model's own renders: what they change and keep, through frozen networks too."""
 
 import numpy as np
 import pytest
 
-from gspure.attacks import Attacked, Measurements, find_attack
+from gspure.attacks import Attacked, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
 from gspure.method.pruning import plain_prune_mask
 from gspure.public_model import PublicModel
-from tests.attack_cases import changed
+from tests.anchor_cases import random_public
+from tests.attack_cases import changed, measurements
 from tests.models import blobs, camera, tilted_camera
 
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
 ROWS = 80
-WEIGHTS = np.random.default_rng(0).lognormal(0, 1, ROWS).astype(np.float32)
-LABELS = np.arange(ROWS, dtype=np.int32) % 4 - 1
-NAMES = [attack.name for attack in ATTACKS]
 GEOMETRY = {"x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3))}
 
 
-def attacked_by(name: str, seed: int = 0, **settings) -> Attacked:
-    measurements = Measurements(WEIGHTS, labels=LABELS) if find_attack(name).needs else Measurements()
+def attacked_by(name: str, public: PublicModel | None = None, seed: int = 0, **settings) -> Attacked:
+    public = public or PublicModel(blobs(ROWS))
     settings = {"iterations": 6, **settings}
-    return find_attack(name).apply(PublicModel(blobs(ROWS)), measurements, seed=seed, cameras=VIEWS, **settings)
+    return find_attack(name).apply(public, measurements(len(public.model)), seed=seed, cameras=VIEWS, **settings)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [attack.name for attack in ATTACKS])
 def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) -> None:
-    one, other = attacked_by(name), attacked_by(name)
-    assert one.model.table.tobytes() == other.model.table.tobytes()
-    assert one.model.table.tobytes() != blobs(ROWS).table.tobytes()
-    assert one.model.table.tobytes() != attacked_by(name, seed=1).model.table.tobytes()
+    one, again, other = (attacked_by(name, seed=seed).model.table.tobytes() for seed in (0, 0, 1))
+    assert one == again
+    assert len({one, other, blobs(ROWS).table.tobytes()}) == 3
 
 
 @pytest.mark.parametrize("name", ["finetune", "prune_repair", "gspure_repair"])
@@ -44,28 +41,16 @@ def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) ->
 
 def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene() -> None:
     attacked = attacked_by("prune_repair", tau=1.5, iterations=60)
-    np.testing.assert_array_equal(attacked.prune_mask, plain_prune_mask(WEIGHTS, 1.5))
+    np.testing.assert_array_equal(attacked.prune_mask, plain_prune_mask(measurements(ROWS).weights, 1.5))
     damage_of = scene_damage(PublicModel(blobs(ROWS)), VIEWS)
     pruned = PublicModel(blobs(ROWS)[~attacked.prune_mask])
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.5])
-def test_gspure_repair_removes_the_rows_that_gspure_scaled_removes(scale: float) -> None:
-    factors = {"scale": scale, "tau_c": 2.0, "tau_n": 1.5}
-    measurements = Measurements(WEIGHTS, labels=LABELS)
-    pruned = find_attack("gspure_scaled").apply(PublicModel(blobs(ROWS)), measurements, **factors)
+def test_gspure_repair_removes_the_rows_that_gspure_scaled_removes() -> None:
+    factors = {"scale": 0.5, "tau_c": 2.0, "tau_n": 1.5}
+    pruned = find_attack("gspure_scaled").apply(blobs(ROWS), measurements(ROWS), **factors)
     np.testing.assert_array_equal(attacked_by("gspure_repair", **factors).prune_mask, pruned.prune_mask)
-
-
-def test_reestimate_changes_all_colours_and_keeps_the_rest_and_the_scene() -> None:
-    attacked = attacked_by("reestimate", iterations=150)
-    before = blobs(ROWS)
-    colours = {name for name in before.table.dtype.names if name.startswith("f_")}
-    assert changed(before, attacked.model) == colours
-    zeros = PublicModel(before.with_columns(dict.fromkeys(colours, np.zeros(ROWS, np.float32))))
-    damage_of = scene_damage(PublicModel(before), VIEWS)
-    assert damage_of(PublicModel(attacked.model)) < 0.5 * damage_of(zeros)
 
 
 def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
@@ -73,3 +58,49 @@ def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
     assert attacked.prune_mask.all()
     assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)
     assert attacked.model.sh_degree == 3
+
+
+def gs_hider() -> PublicModel:
+    pytest.importorskip("torch")
+    from gspure.schemes.gs_hider.decoder import untrained
+    from gspure.schemes.gs_hider.files import FEATURES, SCENE_DECODER, DecoderFile
+    from gspure.schemes.gs_hider.model import FeatureModel
+    from gspure.schemes.gs_hider.training import Field
+    from gspure.training.initialization import gaussians_at
+
+    rng = np.random.default_rng(0)
+    depths = rng.uniform(3, 9, 60)
+    points = np.stack([*(rng.uniform(-0.6, 0.6, (2, 60)) * depths), depths], axis=1)
+    rows = Field(gaussians_at(points, np.zeros((60, 3), np.uint8)), None).model()
+    columns = {name: rng.normal(0, 2, 60).astype(np.float32) for name in FEATURES}
+    opaque = rows.with_columns({**columns, "opacity": np.full(60, 3, np.float32)})
+    (decoder,) = untrained(1, 0)
+    for name, parameter in decoder.named_parameters():
+        parameter.data *= 2.4 if name.endswith("weight") else 1  # else its image hardly depends on the features
+    decoder.conv5.bias.data += 0.5
+    return FeatureModel(opaque, DecoderFile.of(decoder, 1, SCENE_DECODER))
+
+
+MODELS = {"vanilla": lambda: PublicModel(blobs(ROWS)), "gs_hider": gs_hider, "secure_gs": lambda: random_public(60)}
+
+
+@pytest.mark.parametrize("scheme", MODELS)
+def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(scheme: str) -> None:
+    public = MODELS[scheme]()
+    attacked = attacked_by("reestimate", public, iterations=150)
+    colours = set(public.columns["colour"])
+    assert changed(public.model, attacked.model) == colours
+    blank = public.model.with_columns(dict.fromkeys(colours, np.zeros(len(public.model), np.float32)))
+    damage_of = scene_damage(public, VIEWS)
+    assert damage_of(public.with_model(attacked.model)) < 0.5 * damage_of(public.with_model(blank))
+
+
+@pytest.mark.parametrize(("scheme", "kept"), [("gs_hider", {"scale_0", "x", "rot_0"}), ("secure_gs", {"x", "rot_0"})])
+def test_finetuning_everything_learns_what_the_networks_read(scheme: str, kept: set[str]) -> None:
+    public = MODELS[scheme]()
+    one, again = (attacked_by("finetune", public).model for _ in range(2))
+    assert one.table.tobytes() == again.table.tobytes()
+    difference = changed(public.model, one)
+    assert difference & set(public.columns["colour"])
+    assert not difference & kept
+    assert scheme == "gs_hider" or difference & {f"f_offset_{i}" for i in range(12)}

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from gspure.attacks import Measurements, Strength, find_attack
-from gspure.attacks.attack import Attack
-from gspure.attacks.attacked import Attacked
+from gspure.attacks import Attack, Attacked, Measurements, Strength, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.evaluation.matched import DAMAGE_TOLERANCE
@@ -20,6 +18,16 @@ from tests.documentation import ROOT
 from tests.models import blobs, camera, tilted_camera
 
 STRONG = [attack for attack in BUILT_IN if attack.strength]
+PUBLISHED = {
+    "random_pruning": ("fraction", {0.05, 0.1, 0.15, 0.25, 0.3, 0.5, 0.7}),
+    "lowest_opacity": ("fraction", {0.1, 0.25, 0.3, 0.5}),
+    "inject": ("fraction", {0.05, 0.1, 0.3}),
+    "gaussian_noise": ("sigma", {0.0005, 0.001, 0.005, 0.01, 0.02}),
+    "opacity_noise": ("sigma", {0.05, 0.1, 0.2}),
+    "position_noise": ("sigma", {0.001, 0.005, 0.01}),
+    "quantize": ("bits", {16, 8, 6, 4}),
+    "sh_truncation": ("degree", {2, 1, 0}),
+}
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
 
 
@@ -44,26 +52,18 @@ def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> N
 
 
 @pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
-def test_both_ends_of_every_strength_are_valid_and_the_strong_one_damages_more(attack) -> None:
+def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack) -> None:
     public = PublicModel(blobs(200))
-    rng = np.random.default_rng(0)
-    weights, surface = rng.lognormal(0, 2, (2, 200)).astype(np.float32)
-    known = Measurements(weights, None, public.model.opacities, surface, np.repeat(np.int32([-1, 0, 1, 2]), 50))
     damage_of = scene_damage(public, VIEWS)
-    ends = [
-        damage_of(PublicModel(attack.apply(public, known, **{attack.strength.setting: attack.strength.at(end)}).model))
-        for end in (0.0, 1.0)
-    ]
-    assert ends[0] < ends[1]
+    values = (attack.strength.at(end) for end in (0.0, 1.0))
+    ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}).model for value in values]
+    assert damage_of(PublicModel(ends[0])) < damage_of(PublicModel(ends[1]))
 
 
-@pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
-def test_gspure_scaled_multiplies_both_factors(scale: float) -> None:
-    rng = np.random.default_rng(0)
-    weights, labels = rng.lognormal(0, 2, 60).astype(np.float32), rng.permutation(np.int32([-1, 0, 1] * 20))
-    known = Measurements(weights, labels=labels)
-    removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=scale, tau_c=3.0, tau_n=2.0).prune_mask
-    np.testing.assert_array_equal(removed, prune_mask(labels, weights, 3 * scale, 2 * scale))
+def test_gspure_scaled_multiplies_both_factors() -> None:
+    known = measurements(60)
+    removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=0.5, tau_c=3.0, tau_n=2.0).prune_mask
+    np.testing.assert_array_equal(removed, prune_mask(known.labels, known.weights, 1.5, 1.0))
 
 
 def test_views_move_with_the_model_whose_damage_is_searched() -> None:
@@ -82,37 +82,15 @@ def test_views_move_with_the_model_whose_damage_is_searched() -> None:
     assert in_place > 2  # what the search would have seen
 
 
-GRID = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
-COUNT = 200
-
-
-def grid(name: str) -> tuple[str, dict]:
-    """Return attack and settings of an entry."""
-    settings = {key: value for key, value in GRID[name].items() if key not in ("attack", "damage")}
-    return GRID[name].get("attack", name), settings
-
-
-@pytest.mark.parametrize("name", GRID)
-def test_every_entry_runs(name: str) -> None:
-    attack, settings = grid(name)
-    attacked = find_attack(attack).apply(blobs(COUNT), measurements(COUNT), **settings)
-    assert np.isfinite(attacked.model.columns(*attacked.model.table.dtype.names)).all()
-
-
-@pytest.mark.parametrize(
-    ("attack", "setting", "published"),
-    [
-        ("random_pruning", "fraction", {0.05, 0.1, 0.15, 0.25, 0.3, 0.5, 0.7}),
-        ("lowest_opacity", "fraction", {0.1, 0.25, 0.3, 0.5}),
-        ("inject", "fraction", {0.05, 0.1, 0.3}),
-        ("gaussian_noise", "sigma", {0.0005, 0.001, 0.005, 0.01, 0.02}),
-        ("opacity_noise", "sigma", {0.05, 0.1, 0.2}),
-        ("position_noise", "sigma", {0.001, 0.005, 0.01}),
-        ("quantize", "bits", {16, 8, 6, 4}),
-        ("sh_truncation", "degree", {2, 1, 0}),
-    ],
-)
-def test_the_published_strengths_are_there(attack: str, setting: str, published: set) -> None:
-    found = {settings[setting] for name, settings in map(grid, GRID) if name == attack and setting in settings}
-    default = {find_attack(attack).settings[setting]} if any(grid(n) == (attack, {}) for n in GRID) else set()
-    assert published <= found | default
+def test_every_published_strength_is_a_variant_of_the_configuration_of_severities() -> None:
+    variants = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
+    values: dict[str, set] = {name: set() for name in PUBLISHED}
+    for variant, entry in variants.items():
+        settings = {key: value for key, value in entry.items() if key not in ("attack", "damage")}
+        name = entry.get("attack", variant)
+        attacked = find_attack(name).apply(blobs(200), measurements(200), **settings)
+        assert np.isfinite(attacked.model.columns(*attacked.model.names)).all()
+        if name in PUBLISHED:
+            setting = PUBLISHED[name][0]
+            values[name].add(settings.get(setting, find_attack(name).settings[setting]))
+    assert [name for name, (_, expected) in PUBLISHED.items() if not expected <= values[name]] == []

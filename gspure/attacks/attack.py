@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gspure import __version__
 from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Damage, Match, Strength, search
-from gspure.cameras.camera import Camera, require_rigid
+from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.files import Bools, Float32, Int32
 from gspure.model.finite import non_finite_rows
@@ -25,28 +25,22 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Measurements:
-    """What an attacker has measured on the public model.
-
-    Parameters
-    ----------
-    weights : array [K], float32, optional
-        Weights ω_k.
-    prune_mask : array [K], bool, optional
-        GSPure's decision, true where pruned.
-    opacities : array [K], float32, optional
-        Opacity of each row, 0 to 1: stored in a Gaussian, computed by the networks for an anchor.
-    surface : array [K], float32, optional
-        Distance of each row from the visible surface, in units of the row's scales (`gspure.surface`).
-    labels : array [K], int32, optional
-        GSPure's clusters 0 .. M-1; -1 is noise.
-
-    """
+    """What an attacker has measured on the public model, one number per row."""
 
     weights: Float32 | None = None
+    """Weights ω_k [K]."""
+
     prune_mask: Bools | None = None
+    """GSPure's decision [K], true where a row is removed."""
+
     opacities: Float32 | None = None
+    """Opacities [K], 0 to 1: stored in Gaussians, computed by the networks for anchors."""
+
     surface: Float32 | None = None
+    """Distances from the visible surface [K], in the row's own scales (`gspure.surface`)."""
+
     labels: Int32 | None = None
+    """GSPure's clusters [K], 0 .. M-1; -1 is noise."""
 
 
 MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))
@@ -54,11 +48,8 @@ PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
 """Parameters that any attack may have without a measurement: the columns that the scheme declares for each attribute
 (`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
 
-
 RESERVED: Final = PUBLIC | {"attack", "damage", "decision", "measurements", "seed"}
 """Names that settings must not have: options of commands, configurations and `Attack.apply`."""
-
-NO_MEASUREMENTS: Final = Measurements()
 
 
 @dataclass(frozen=True)
@@ -89,13 +80,10 @@ class Attack:
     sweep: str = ""
 
     def __post_init__(self) -> None:
-        """Check that the strength is a setting, and that no setting has the name of something else."""
+        """Refuse settings that have the name of something else."""
         for name in sorted(RESERVED & self.settings.keys()):
             expected = "a name that is not reserved"
             raise InputError(f"attack {self.name}", "setting", expected=expected, found=name, hint="rename it")
-        if self.strength and self.strength.setting not in self.settings:
-            expected = " or ".join(self.settings) or "none"
-            raise InputError(f"attack {self.name}", "strength", expected=expected, found=self.strength.setting)
 
     @property
     def needs(self) -> frozenset[str]:
@@ -122,7 +110,7 @@ class Attack:
     def apply(
         self,
         public: PublicModel | Gaussians,
-        measurements: Measurements = NO_MEASUREMENTS,
+        measurements: Measurements = Measurements(),
         *,
         seed: int = 0,
         cameras: Sequence[Camera] = (),
@@ -141,14 +129,14 @@ class Attack:
         SEED.require(f"attack {self.name}", "seed", seed)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
-        arguments: dict[str, Any] = {name: self._measured(name, measurements, len(model)) for name in self.needs}
-        public_arguments = {
+        known: dict[str, Any] = {
             "columns": public.columns,
             "public": public,
             "cameras": [replace(camera, image=None) for camera in cameras],
             "device": device,
         }
-        arguments |= {name: public_arguments[name] for name in self.parameters & PUBLIC}
+        known |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
+        arguments = {name: known[name] for name in self.parameters}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
             attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
@@ -158,51 +146,32 @@ class Attack:
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
 
     def matching(
-        self,
-        public: PublicModel,
-        measurements: Measurements,
-        wanted: float,
-        damage_of: Damage,
-        *,
-        seed: int = 0,
-        cameras: Sequence[Camera] = (),
-        device: Device | None = None,
-        **settings: Setting,
+        self, public: PublicModel, measurements: Measurements, wanted: float, damage_of: Damage, **how: Any
     ) -> Match:
         """Return the strength whose damage is `wanted` dB, or the nearest to it that `search` finds.
 
-        `damage_of` comes from `gspure.attacks.strength.scene_damage`. The other parameters are those of `apply`;
-        `settings` must not include the strength.
+        `damage_of` comes from `gspure.attacks.strength.scene_damage`; `how` are further arguments of `apply`, without
+        the strength.
         """
         strength = self.strength
-        if strength is None:
-            raise InputError(f"attack {self.name}", "damage", expected="an attack with a strength", found="none")
-        if strength.setting in settings:
-            expected = "no value, since a damage is given"
-            raise InputError(f"attack {self.name}", strength.setting, expected=expected, found="one")
+        if strength is None or strength.setting in how:
+            expected = f"no {strength.setting}, since a damage is given" if strength else "an attack with a strength"
+            raise InputError(f"attack {self.name}", "damage", expected=expected, found="one" if strength else "none")
 
         def damage_at(value: float) -> float:
-            chosen = {**settings, strength.setting: value}
-            attacked = self.apply(public, measurements, seed=seed, cameras=cameras, device=device, **chosen)
+            chosen: dict[str, Any] = {**how, strength.setting: value}
+            attacked = self.apply(public, measurements, **chosen)
             return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else np.inf
 
         return search(strength, damage_at, wanted)
 
-    def _require_result(self, attacked: Any, before: Gaussians, listed: str) -> None:
+    def _require_result(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
         """Refuse rows that are none of the model `before`, and new infinities and not-a-numbers."""
-        source, count = f"attack {self.name}", len(before)
-        if not isinstance(attacked, Attacked):
-            raise InputError(source, "result", expected=Attacked.__name__, found=type(attacked).__name__)
-        rows = attacked.rows
-        if rows.shape != (len(attacked.model),) or not ((rows >= -1) & (rows < count)).all() or attacked.count != count:
-            expected, found = (
-                f"[{len(attacked.model)}] indices of {count} rows",
-                f"{list(rows.shape)} of {attacked.count}",
-            )
-            raise InputError(source, "rows", expected=expected, found=found)
-        if attacked.transform is not None:
-            require_rigid(source, "transform", attacked.transform)
-        for name, changed in non_finite_rows(attacked.model, sorted({*before.names} & {*attacked.model.names})).items():
+        source, rows, after = f"attack {self.name}", attacked.rows, attacked.model
+        if rows.shape != (len(after),) or not ((rows >= -1) & (rows < len(before))).all():
+            expected = f"[{len(after)}] indices of {len(before)} rows"
+            raise InputError(source, "rows", expected=expected, found=f"{list(rows.shape)} others")
+        for name, changed in non_finite_rows(after, sorted({*before.names} & {*after.names})).items():
             if len(bad := changed[np.isfinite(before.table[name][rows[changed]])]):
                 found = f"infinity or not-a-number in {len(bad)} of {len(rows)} rows, first in row {bad[0]}"
                 raise InputError(source, name, expected="finite numbers", found=found, hint=listed)

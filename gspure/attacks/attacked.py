@@ -14,8 +14,6 @@ from gspure.model.gaussians import Gaussians
 from gspure.progress import Described
 from gspure.public_model import Columns
 
-Rows = Indices
-
 
 class NotApplicable(InputError):  # noqa: N818
     """An attack has nothing to act on in a model, or leaves nothing of it: an outcome, not a mistake."""
@@ -26,9 +24,6 @@ class NotApplicable(InputError):  # noqa: N818
 
     def __str__(self) -> str:
         return f"{self.source}: not applicable: {self.reason}"
-
-    def __reduce__(self) -> tuple[Any, tuple[str, str]]:
-        return type(self), (self.attack, self.reason)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,7 +44,7 @@ class Attacked(Described):
     """
 
     model: Gaussians
-    rows: Rows
+    rows: Indices
     count: int
     transform: Float64 | None = None
 
@@ -79,7 +74,7 @@ class Attacked(Described):
         return cls(model.with_columns(values), np.arange(len(model)), len(model), transform)
 
     @classmethod
-    def copied(cls, model: Gaussians, rows: Rows, values: Mapping[str, NDArray[Any]] | None = None) -> Self:
+    def copied(cls, model: Gaussians, rows: Indices, values: Mapping[str, NDArray[Any]] | None = None) -> Self:
         """Return copies of the given `rows` [K'] of `model`, with new `values` (each [K']) in the named columns."""
         return cls(Gaussians(model.table[rows], model.comments).with_columns(values or {}), rows, len(model))
 

@@ -1,4 +1,12 @@
-"""Attacks on where the model is: cropping and rigid motion."""
+r"""Attacks that crop, move, copy or reorder the rows.
+
+`densify_clone` replaces a Gaussian of opacity :math:`\alpha` by two in the same place with opacity :math:`\alpha'`.
+They transmit as much at their centre if
+
+.. math:: (1 - \alpha')^2 = 1 - \alpha
+
+so images change little, while every chosen row has another opacity and occurs twice.
+"""
 
 from typing import Annotated, Final
 
@@ -8,9 +16,9 @@ from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
 from gspure.files import Float64
+from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import moved, rotation
-from gspure.progress import warn
 from gspure.public_model import Columns
 from gspure.settings import Range, Share
 
@@ -18,9 +26,9 @@ CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
 FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours
 INNER: Final = 0.9  # fraction of the rows within the radius; ours
 FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds centres to a thousandth of the radius; ours
-
-COARSE: Final = 1e-3  # steps of float32 in radii, from which on moved centres are too coarse; ours
-
+CLONED: Final = 0.25  # fraction of the rows to clone; ours
+INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of the published range, 0.05 to 0.3
+DISTANCE: Final = 0.02  # standard deviation of an injected row's offset along each axis, in radii of the model; ours
 ANGLE: Final = 30.0
 DEGREES: Final = Range(-3600.0, 3600.0)
 AXIS: Final = "0,1,0"
@@ -29,8 +37,6 @@ TRANSLATION: Final = "0,0,0"
 
 def crop(model: Gaussians, _rng: Rng, *, fraction: Share = CROPPED) -> Attacked:
     """Keep the rows in a box around the median of the centres, `fraction` (0 to 1) of the model's along each axis."""
-    if not len(model):
-        return Attacked.without(model, np.zeros(0, np.bool_))
     means = model.means.astype(np.float64)
     low, median, high = np.quantile(means, [FLOATERS, 0.5, 1 - FLOATERS], axis=0)
     inside = (means >= median + fraction * (low - median)) & (means <= median + fraction * (high - median))
@@ -66,18 +72,34 @@ def rigid_transform(
     transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
-    warn_of_coarse_centres("rigid_transform", model)
     return Attacked(moved(model, rotvec, shift), np.arange(len(model)), len(model), transform)
 
 
-def warn_of_coarse_centres(attack: str, model: Gaussians) -> None:
-    """Warn of a model so far from the origin that float32 rounds its moved centres by a thousandth of its radius."""
-    farthest = np.abs(np.median(model.means, axis=0)).max(initial=0.0) if len(model) else 0.0
-    step, size = float(np.spacing(np.float32(farthest))), radius(model)
-    if step > COARSE * size > 0:
-        far = f"the model is far from the origin (coordinate {farthest:.3g})"
-        apart = f"where float32 values are {step:.2g} apart ({step / size:.2g} radii of the model)"
-        warn(f"{attack}: {far}, {apart}, so moved centres are rounded; first move model and cameras near the origin")
+def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: Share = CLONED) -> Attacked:
+    """Clone a random `fraction` (0 to 1) of the rows; the clones come last, in the order of their originals."""
+    require_attribute("densify_clone", columns, "opacity")
+    count = len(model)
+    chosen = np.sort(rng.choice(count, round(fraction * count), replace=False))
+    rows = np.concatenate([np.arange(count), chosen])
+    opacity = model.table["opacity"][rows]
+    doubled = np.concatenate([chosen, np.arange(count, len(rows))])
+    opacity[doubled] = logit(1 - np.sqrt(1 - model.opacities[rows[doubled]].astype(np.float64)), LEAST_OPACITY)
+    return Attacked.copied(model, rows, {"opacity": opacity})
+
+
+def inject(model: Gaussians, rng: Rng, *, fraction: Share = INJECTED) -> Attacked:
+    """Append copies of a random `fraction` (0 to 1) of the rows, each moved a little."""
+    count = len(model)
+    chosen = rng.choice(count, round(fraction * count), replace=False)
+    rows = np.concatenate([np.arange(count), chosen])
+    means = model.means[rows]
+    means[count:] += DISTANCE * radius(model) * rng.standard_normal((len(chosen), 3))
+    return Attacked.copied(model, rows, dict(zip("xyz", means.T, strict=True)))
+
+
+def reorder(model: Gaussians, rng: Rng) -> Attacked:
+    """Shuffle the rows; no image depends on their order."""
+    return Attacked.copied(model, rng.permutation(len(model)))
 
 
 def radius(model: Gaussians) -> float:
@@ -85,8 +107,6 @@ def radius(model: Gaussians) -> float:
 
     A few floaters do not change it.
     """
-    if not len(model):
-        return 0.0
     means = model.means.astype(np.float64)
     return float(np.quantile(np.linalg.norm(means - np.median(means, axis=0), axis=1), INNER))
 
@@ -101,4 +121,12 @@ def _vector(setting: str, text: str) -> Float64:
     return vector
 
 
-ATTACKS = named({crop: Strength("fraction", 1.0, 0.0), rigid_transform: None})
+ATTACKS = named(
+    {
+        crop: Strength("fraction", 1.0, 0.0),
+        rigid_transform: None,
+        densify_clone: Strength("fraction", 0.0, 1.0),
+        inject: Strength("fraction", 0.0, 1.0),
+        reorder: None,
+    }
+)

@@ -1,17 +1,15 @@
 """All attacks by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.attacks``)."""
 
-from gspure.attacks import appearance, compression, geometry, learning, noise, pruning, rows
+from gspure.attacks import compression, geometry, learning, pruning, values
 from gspure.attacks.attack import MEASUREMENTS, PUBLIC, Attack
 from gspure.errors import InputError
 from gspure.plugins import registered
 
 BUILT_IN = (
     *pruning.ATTACKS,
-    *noise.ATTACKS,
-    *appearance.ATTACKS,
+    *values.ATTACKS,
     *compression.ATTACKS,
     *geometry.ATTACKS,
-    *rows.ATTACKS,
     *learning.ATTACKS,
 )
 GROUP = "gspure.attacks"

@@ -35,12 +35,6 @@ class Strength:
     strong: float
     scale: Literal["linear", "log"] = "linear"  # how to divide the range
 
-    def __post_init__(self) -> None:
-        """Check that a logarithmic scale has ends above 0."""
-        if self.scale == "log" and min(self.weak, self.strong) <= 0:
-            found = f"{self.weak:g} to {self.strong:g}"
-            raise InputError("strength", self.setting, expected="ends above 0 on a logarithmic scale", found=found)
-
     def at(self, position: float) -> float:
         """Return the value at a position between the weak end (0) and the strong end (1)."""
         if self.scale == "log":
@@ -104,33 +98,28 @@ def scene_damage(
 
     with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
 
-    Views move with the model, by the transform of the attack.
-
-    Raise `InputError` if every photograph is identical to the unattacked render, so there is no PSNR to drop from.
+    Views move with the model, by the transform of the attack. Views that equal their photograph do not count; if no
+    other is left, the damage is minus infinity.
     """
 
     def renders(model: PublicModel, transform: Float64 | None = None) -> list[Float32]:
         scene = model.scene(device, model.model.background)
         return [read_back(scene(view if transform is None else view.moved(transform))) for view in views]
 
-    def psnrs(model: PublicModel, references: Images, transform: Float64 | None = None) -> Float64:
+    references = renders(public) if photographs is None else photographs
+
+    def psnrs(model: PublicModel, transform: Float64 | None = None) -> Float64:
         return np.array([psnr(a, b) for a, b in zip(references, renders(model, transform), strict=True)])
 
+    def estimate(model: PublicModel, transform: Float64 | None = None) -> float:
+        return float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - psnrs(model, transform)) / 10))))
+
     if photographs is None:
-        unattacked = renders(public)
-
-        def estimate(model: PublicModel, transform: Float64 | None = None) -> float:
-            nearness = psnrs(model, unattacked, transform)
-            return float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - nearness) / 10))))
-
         return estimate
-    before = psnrs(public, photographs)
-    if not np.isfinite(before).any():
-        expected = "images that the model does not reproduce exactly"
-        raise InputError("attack", "photographs", expected=expected, found="its renders")
+    before = psnrs(public)
 
     def drop(model: PublicModel, transform: Float64 | None = None) -> float:
-        after = psnrs(model, photographs, transform)
+        after = psnrs(model, transform)
         compared = np.isfinite(before) & np.isfinite(after)
         return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
 

@@ -1,25 +1,54 @@
-"""Attacks that change how rows look: scaling, rounding, fewer spherical harmonics."""
+"""Attacks that change stored values: noise, scaling, rounding, fewer spherical harmonics."""
 
 from typing import Annotated, Final
 
 import numpy as np
 
 from gspure.attacks.attack import Rng, named
-from gspure.attacks.attacked import Attacked, NotApplicable, require, select_columns
+from gspure.attacks.attacked import Attacked, NotApplicable, require, require_attribute, select_columns
+from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
 from gspure.constants import MAX_SH_DEGREE
 from gspure.files import Float32
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import Gaussians
-from gspure.progress import warn
 from gspure.public_model import ATTRIBUTES, Columns
 from gspure.settings import Amount, Range
 
+SIGMA: Final = 0.1  # standard deviation of attribute noise, in units of the stored values; ours: the paper names none
+OPACITY_SIGMA: Final = 0.1  # relative to each opacity; ours: the middle of the published range, 0.05 to 0.2
+POSITION_SIGMA: Final = 0.005  # in radii of the model; ours: the middle of the published range, 0.001 to 0.01
 FACTOR: Final = 1.2  # scale of the features; ours: the paper says "amplifies", without a value
-
 BITS: Final = 8
 QUANTIZED: Final = "colour,opacity,scale,rotation"  # ours: formats keep 16 bits and more for positions
 HALF: Final = 16  # bits of IEEE-754 half precision
+COLOURS: Final = ("colour", "base_colour", "opacity")
+
+
+def gaussian_noise(
+    model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = SIGMA, attributes: str = "colour"
+) -> Attacked:
+    """Add independent Gaussian noise to stored attributes of every row (paper, §Intuitive Methods, 3).
+
+    Its standard deviation `sigma` is the same for every column. Attributes are ``colour`` (spherical harmonics or
+    features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
+    """
+    names = select_columns("gaussian_noise", columns, attributes, COLOURS)
+    noisy = {name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in names}
+    return Attacked.changed(model, noisy)
+
+
+def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = OPACITY_SIGMA) -> Attacked:
+    """Multiply every opacity by an independent 1 + `sigma` ε, ε normal; the result is clipped to 0 to 1."""
+    require_attribute("opacity_noise", columns, "opacity")
+    noisy = model.opacities * (1 + sigma * rng.standard_normal(len(model)))
+    return Attacked.changed(model, {"opacity": logit(noisy, LEAST_OPACITY)})
+
+
+def position_noise(model: Gaussians, rng: Rng, *, sigma: Amount = POSITION_SIGMA) -> Attacked:
+    """Move every centre by independent Gaussian noise of `sigma` times the model's radius along each axis."""
+    moved = model.means + sigma * radius(model) * rng.standard_normal((len(model), 3))
+    return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
 
 
 def feature_scaling(
@@ -30,7 +59,7 @@ def feature_scaling(
     Attributes are ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one).
     The paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
     """
-    names = select_columns("feature_scaling", columns, attributes, ("colour", "base_colour", "opacity"))
+    names = select_columns("feature_scaling", columns, attributes, COLOURS)
     scaled = {name: model.table[name] * np.float32(factor) for name in names}
     if "opacity" in scaled:
         scaled["opacity"] = logit(model.opacities.astype(np.float64) * factor, LEAST_OPACITY)
@@ -47,13 +76,15 @@ def quantize(
 ) -> Attacked:
     """Round stored values of some `ATTRIBUTES` to few bits, as files for the web do.
 
-    16 `bits` are half precision; greater numbers become its largest, with a warning. 1 to 8 are 2^bits equally spaced
+    16 `bits` are half precision; greater numbers become its largest. 1 to 8 are 2^bits equally spaced
     levels between a column's extremes, so one extreme value coarsens all others.
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
     names = select_columns("quantize", columns, attributes, ATTRIBUTES)
     if bits == HALF:
-        return Attacked.changed(model, {name: _to_half(name, model.table[name]) for name in names})
+        largest = np.finfo(np.float16).max
+        halves = {name: np.clip(model.table[name], -largest, largest).astype(np.float16) for name in names}
+        return Attacked.changed(model, {name: column.astype(np.float32) for name, column in halves.items()})
     return Attacked.changed(model, {name: _to_levels(model.table[name], 2**bits) for name in names})
 
 
@@ -71,15 +102,6 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     return Attacked.changed(model, dict.fromkeys(above, np.zeros(len(model), np.float32)))
 
 
-def _to_half(name: str, values: Float32) -> Float32:
-    """Return the nearest half-precision numbers of a column; overflow saturates, with a warning."""
-    largest = np.finfo(np.float16).max
-    if beyond := np.count_nonzero(np.abs(values) > largest):
-        affected = f"{beyond} of {len(values)} rows beyond half precision are set to ±{largest}"
-        warn(f"attack quantize: {name}: {affected}")
-    return np.clip(values, -largest, largest).astype(np.float16).astype(np.float32)
-
-
 def _to_levels(values: Float32, levels: int) -> Float32:
     """Return the nearest of `levels` equally spaced numbers between the extremes of `values`."""
     if not len(values) or values.min() == values.max():
@@ -91,5 +113,12 @@ def _to_levels(values: Float32, levels: int) -> Float32:
 
 
 ATTACKS = named(
-    {feature_scaling: Strength("factor", 1.01, 10.0, "log"), quantize: Strength("bits", 8, 1), sh_truncation: None}
+    {
+        gaussian_noise: Strength("sigma", 1e-3, 10.0, "log"),
+        opacity_noise: Strength("sigma", 1e-2, 10.0, "log"),
+        position_noise: Strength("sigma", 1e-5, 0.1, "log"),
+        feature_scaling: Strength("factor", 1.01, 10.0, "log"),
+        quantize: Strength("bits", 8, 1),
+        sh_truncation: None,
+    }
 )
