@@ -1,7 +1,9 @@
 """Attacks and schemes of installed packages, and the optional packages that attacks and schemes need."""
 
+import sys
 from collections.abc import Callable, Iterable, Mapping
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Protocol, TypeVar
 
@@ -26,7 +28,7 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
     imported, is not of this kind, is unsuitable, or takes a name that is already in use.
     """
     by_name = {plugin.name: plugin for plugin in built_in}
-    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+    for entry in _entries(group, tuple(sys.path)):
         source = f"{entry.dist.name if entry.dist else 'unknown package'} (entry point {entry.name!r} of {group})"
         expected = f"an importable {group}.{kind.__name__}"
         try:
@@ -41,6 +43,11 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
             raise InputError(source, "name", expected="a name not in use", found=repr(plugin.name))
         by_name[plugin.name] = plugin
     return by_name
+
+
+@cache
+def _entries(group: str, path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (which packages there are)
+    return sorted(entry_points(group=group), key=lambda entry: entry.name)
 
 
 def require_packages(packages: Mapping[str, str], user: str) -> None:

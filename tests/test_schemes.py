@@ -207,7 +207,7 @@ def mirrored(tmp_path, monkeypatch):
     """A plug-in scheme, a model that it drew, and the same model as vanilla 3DGS; folders and options by name."""
     scheme = Scheme("mirrored", splats_in_splats.SCHEME.embed, Mirrored.read, Mirrored.read, {}, signature=("mirror",))
     entry = SimpleNamespace(name="mirrored", value="m:S", dist=None, load=lambda: scheme)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == "gspure.schemes" else [])
+    monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == "gspure.schemes" else [])
     shown = blobs(300)
     table = np.zeros(300, [*shown.table.dtype.descr, ("mirror", "<f4")])
     for name in shown.table.dtype.names:

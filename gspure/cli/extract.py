@@ -1,7 +1,5 @@
 """``gspure extract``: render the message with the owner's key."""
 
-from typing import Final
-
 import numpy as np
 
 from gspure.cameras.reading import read_transform
@@ -16,7 +14,7 @@ from gspure.public_model import Lesson
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import ADAPTIVE
+from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS
 
 EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out message
@@ -25,9 +23,6 @@ EXAMPLES = """\
   gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out wrong_key \\
       --wrong-key 1                                                                  # a negative control
 """
-
-FIT_STEPS: Final = 300
-"""Training steps of a decoder, or of private networks, on an attacked model. Ours."""
 
 
 def add_arguments(parser: Parser) -> None:

@@ -26,6 +26,7 @@ from gspure.training.initialization import gaussians_at, thinned
 
 MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
+FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
 REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
 
 _STREAMS: Final = 3  # of random numbers, tried for a wrong key

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gspure.cameras.reading import read_transform
-from gspure.cli.extract import FIT_STEPS
 from gspure.evaluation.comparison import Reference, compare, pair_images, write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
@@ -23,7 +22,7 @@ from gspure.public_model import Lesson, PublicModel, RenderView
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme, read_public_model
-from gspure.schemes.scheme import ADAPTIVE, Key, wrong_key
+from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key, wrong_key
 from gspure.workflow.step import run, views_of
 
 Variant = dict[str, Any]  # `gspure.workflow.plan.Variant.evaluation`
