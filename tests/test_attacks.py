@@ -96,7 +96,7 @@ def offer(monkeypatch: pytest.MonkeyPatch):
 
     def register(target: str) -> None:
         entry = EntryPoint("theirs", f"{__name__}:{target}", registry.GROUP)
-        monkeypatch.setattr(plugins, "entry_points", lambda group: [entry] if group == registry.GROUP else [])
+        monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == registry.GROUP else [])
 
     return register
 
