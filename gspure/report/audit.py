@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal
 
-from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import DAMAGE_TOLERANCE, MATCHED_DAMAGES
-from gspure.evaluation.names import CLEAN, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, display_name, extraction_name
+from gspure.evaluation.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name
 from gspure.evaluation.outcomes import BITS, MESSAGE, Condition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.progress import decimal, significant
@@ -64,27 +63,26 @@ def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[A
     ]
 
 
-def is_allowed(scene_drop: Interval | None) -> bool:
-    """Return whether an attack that harms the scene so much counts for the verdict; searched damages are inexact."""
-    return scene_drop is not None and scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE
-
-
 def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
     extraction = _judged_by(outcomes, rows)
     known = {row.variant: row for row in rows if row.extraction == extraction}
     attacks = [row for variant, row in known.items() if variant != UNATTACKED]
     judged = [row for row in attacks if row.present and row.reached is not False]
-    strongest = _strongest(judged)
-    verdict: Verdict = "unknown"
-    reason = "" if strongest else _why_unknown(outcomes, known)
+    strongest, present = _strongest(judged), any(row.present for row in known.values())
+    verdict: Verdict
+    reason = ""
     if strongest:
         left = strongest.survived + strongest.only_retrieved
         verdict = "removed" if not left else "survived" if strongest.survived == strongest.present else "partly"
-    elif not reason:
-        present = any(row.present for row in known.values())
-        verdict = "not affected" if present and attacks and not judged else "unknown" if present else "not present"
-        reason = f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
-    return Audit(outcomes[0].condition, extraction, verdict, strongest, reason, _remarks(outcomes, extraction, judged))
+    elif reason := _why_unknown(outcomes, known):
+        verdict = "unknown"
+    elif not present:
+        verdict = "not present"
+    elif attacks and not judged:
+        verdict = "not affected"
+    else:
+        verdict, reason = "unknown", f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
+    return Audit(outcomes[0].condition, extraction, verdict, strongest, reason, _remarks(outcomes, extraction))
 
 
 def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
@@ -104,7 +102,10 @@ def _strongest(judged: Sequence[Survival]) -> Survival | None:
     within = [
         row
         for row in judged
-        if is_allowed(row.scene_drop) and row.message_drop and (row.scenes == most or row.survived < row.present)
+        if row.scene_drop
+        and row.scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE  # searched damages are inexact
+        and row.message_drop
+        and (row.scenes == most or row.survived < row.present)
     ]
 
     def strength(row: Survival) -> tuple[float, float, float]:
@@ -131,28 +132,20 @@ def _why_unknown(outcomes: Sequence[Outcome], known: Mapping[str, Survival]) -> 
     return "" if judged else "there are too few views or, for scores, no clean model to compare with"
 
 
-def _remarks(outcomes: Sequence[Outcome], extraction: str, judged: Sequence[Survival]) -> list[str]:
+def _remarks(outcomes: Sequence[Outcome], extraction: str) -> list[str]:
     """Return what limits the verdict, one sentence each."""
     known = [o for o in outcomes if not o.failure and extraction in o.messages]
     scenes = {o.scene for o in known if o.variant == UNATTACKED}
     controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
     unchecked = len(scenes - {o.scene for o in known if o.variant in controls})
     in_clean = len(doubtful_scenes(known, extraction))
-    same_mark = [
-        o for o in known if o.variant == OTHER_SCENE and extraction in o.detections and o.detections[extraction].present
-    ]
-    scored = any(not read.bits for o in known for name, read in o.detections.items() if name == extraction)
     unaffected = dict.fromkeys(o.variant for o in known if not o.is_control and o.reaches(extraction) is False)
     unaffected.pop(UNATTACKED, None)
-    contradicted = dict.fromkeys(o.variant for o in known if o.contradicts(extraction))
     facts = [
         (len(scenes) == 1, "Tested on one scene: the result may not hold for others."),
-        (unchecked and judged, f"Read from no model without the message in {unchecked} of {len(scenes)} scenes."),
+        (unchecked, f"Read from no model without the message in {unchecked} of {len(scenes)} scenes."),
         (in_clean, f"The clean model shows the mark, too, or is missing, in {in_clean} of {len(scenes)} scenes."),
-        (same_mark, "The other scene's model holds the same mark, and is no control."),
-        (scored and judged, "Scores are compared with those of the unattacked clean model."),
         (unaffected, f"Changed nothing that the extraction reads: {', '.join(map(display_name, unaffected))}."),
-        (contradicted, f"Incomplete `reads` of the scheme: {', '.join(map(display_name, contradicted))} changed it."),
     ]
     return [sentence for holds, sentence in facts if holds]
 

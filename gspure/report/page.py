@@ -5,23 +5,21 @@ from __future__ import annotations
 import base64
 import io
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gspure.evaluation.matched import reached_names
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import condition_name, display_name, extraction_name, model_name
+from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import Outcome
 from gspure.figures import style
-from gspure.files import read_json, write_text
+from gspure.files import write_text
 from gspure.images import opened
 from gspure.progress import percent
 from gspure.report.audit import ALLOWED, Audit
 from gspure.report.table import Table
-from gspure.report.tables import failures, model_table
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -50,14 +48,6 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Lineup:
-    """One view of a model after every attack: images by variant and target, as data URIs."""
-
-    view: str
-    images: dict[str, dict[str, str]]
-
-
-@dataclass(frozen=True)
 class Model:
     """One model as the page shows it.
 
@@ -67,31 +57,19 @@ class Model:
     scheme: str
     folder: str
     outcomes: Sequence[Outcome]
+    names: Mapping[str, str]  # of the variants, with the damage that the search for their strength reached
     attack: str  # the variant that pictures compare with the unattacked model
-    pictures: Sequence[Picture] = ()
-    files: Sequence[Link] = ()  # figures that renders or viewer replace on the page
-    lineup: Lineup | None = None
-    viewer: Mapping[str, Any] = field(default_factory=dict)
-    diagnosis: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def names(self) -> dict[str, str]:
-        """The display name of every variant, with the damage that the search for its strength reached."""
-        return reached_names(self.outcomes)
-
-    @property
-    def table(self) -> Table:
-        """The metrics of all variants."""
-        return model_table(self.outcomes)
-
-    @property
-    def failures(self) -> list[str]:
-        """What is missing, and why."""
-        return failures(self.outcomes)
+    table: Table
+    failures: Sequence[str]
+    pictures: Sequence[Picture]
+    files: Sequence[Link]  # figures that renders or viewer replace on the page
+    view: str
+    images: Mapping[str, Mapping[str, str]]  # this view by variant and target, as data URIs
+    viewer: Mapping[str, Any]
+    diagnosis: Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(NamedTuple):
     """One condition over all of its scenes."""
 
     audit: Audit
@@ -99,50 +77,38 @@ class Comparison:
     tables: Sequence[Table]
     pictures: Sequence[Picture]
 
-    @property
-    def shown(self) -> Model | None:
-        """The first model with renders that holds the message; without one, the first with renders."""
-        models = [model for model in self.models if model.lineup]
-        holding = (m for m in models if any(self.audit.extraction in o.messages for o in m.outcomes))
-        return next(holding, next(iter(models), None))
 
-
-def write_page(path: Path, comparisons: Sequence[Comparison], links: Sequence[Path] = ()) -> None:
-    """Write the page, whole or not at all. It loads nothing from outside itself, and links the files of the run."""
+def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence[Path]) -> None:
+    """Write ``report.html``, whole or not at all. It loads nothing from outside itself, and links files of the run."""
     from gspure import __version__
 
-    linked = [link(file, path) for file in links]
+    linked = [_link(file, results) for file in links]
     page = environment().get_template("page.html.j2")
-    write_text(path, page.render(version=__version__, comparisons=comparisons, links=linked, allowed=ALLOWED))
+    text = page.render(version=__version__, comparisons=comparisons, links=linked, allowed=ALLOWED)
+    write_text(results / "report.html", text)
 
 
-def link(file: Path, page: Path) -> Link:
-    """Return a link from a page to a file."""
-    return Link(file.name, Path(os.path.relpath(file.resolve(), page.resolve().parent)).as_posix())
+def _link(file: Path, results: Path) -> Link:
+    return Link(file.name, Path(os.path.relpath(file.resolve(), results.resolve())).as_posix())
 
 
-def picture(file: Path, caption: str, page: Path) -> Picture:
+def picture(file: Path, caption: str, results: Path) -> Picture:
     """Return a PNG figure with its caption, and links to it and to its vector graphic."""
-    files = [link(path, page) for suffix in (".png", ".svg") if (path := file.with_suffix(suffix)).exists()]
+    files = [_link(path, results) for suffix in (".png", ".svg") if (path := file.with_suffix(suffix)).exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         return Picture(display_name(file.stem), caption, _embedded(image, _WIDEST), wide, files)
 
 
-def lineup(folder: Path, variants: Sequence[str], views: Mapping[str, str]) -> Lineup | None:
-    """Return the renders ``folder/VARIANT/renders/TARGET/VIEW.png``, with a view of every target; None without any."""
+def renders(folder: Path, variants: Iterable[str], views: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return the renders ``folder/VARIANT/renders/TARGET/VIEW.png`` by variant and target, with a view per target."""
     images: dict[str, dict[str, str]] = {}
     for variant in dict.fromkeys(variants):
         for target, view in views.items():
             if (file := folder / variant / "renders" / target / f"{view}.png").is_file():
                 with opened(file) as image:
                     images.setdefault(variant, {})[target] = _embedded(image, _RENDER)
-    return Lineup(next(iter(views.values())), images) if "unattacked" in images else None
-
-
-def read_parts(*files: Path) -> dict[str, Any]:
-    """Return the entries of those JSON files that exist."""
-    return {name: value for file in files if file.is_file() for name, value in dict(read_json(file)).items()}
+    return images if UNATTACKED in images else {}
 
 
 def _embedded(image: Any, widest: int) -> str:

@@ -8,21 +8,9 @@ from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.progress import UNKNOWN, decimal, percent
 
-_LATEX: Final = str.maketrans(
-    {
-        **{character: f"\\{character}" for character in "&%$#_{}"},
-        "\\": r"\textbackslash{}",
-        "~": r"\textasciitilde{}",
-        "^": r"\textasciicircum{}",
-        "−": "$-$",
-        "–": "--",
-        "∞": r"$\infty$",
-        "≤": r"$\le$",
-        "≥": r"$\ge$",
-        "<": r"\textless{}",
-        ">": r"\textgreater{}",
-        "†": r"\dag{}",
-    }
+_LATEX: Final = {ord(character): f"\\{character}" for character in "&%$#_{}"} | str.maketrans(
+    {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}"}
+    | {">": r"\textgreater{}", "−": "$-$", "–": "--", "∞": r"$\infty$", "≤": r"$\le$", "≥": r"$\ge$", "†": r"\dag{}"}
 )
 
 

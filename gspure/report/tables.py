@@ -1,6 +1,7 @@
 """The tables of models: every variant with its metrics, means over scenes, and these beside the paper's."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from math import isfinite, nan
 from typing import Final
 
@@ -44,43 +45,64 @@ def results_markdown(outcomes: Sequence[Outcome]) -> str:
 def model_table(outcomes: Sequence[Outcome]) -> Table:
     """Return every variant of one model with its metrics."""
     measured = [o for o in outcomes if not o.failure]
-    targets = ordered({target for o in measured for target in o.targets})
-    extractions = [*filter(is_picture, targets)]
-    detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
-    shares = [name for name in SHARES if any(isfinite(getattr(o, name)) for o in measured)]
-    has_strengths, names = any(o.strength for o in measured), reached_names(measured)
+    names, targets = reached_names(measured), ordered({target for o in measured for target in o.targets})
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
-    columns = [
-        Column("variant"),
-        *[Column("strength", main=False)] * has_strengths,
-        *(
-            Column(m.title, display_name(target), main=target in (SCENE, MESSAGE) and name == "psnr")
-            for target in targets
-            for name, m in METRICS.items()
-        ),
-        *(Column(display_name(target), "Score", main=target == MESSAGE) for target in extractions),
-        *(
-            Column(title, display_name(name), main=title != "TPR 0.1%")
-            for name, bits in detectors.items()
-            for title in ("correct bits" if bits else "score", "TPR 1%", "TPR 0.1%")
-        ),
-        *(Column(name.removesuffix("_share"), main=name == "pruned_share") for name in shares),
+    detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
+    columns: list[tuple[Column, Callable[[Outcome], Cell]]] = [(Column("variant"), lambda o: Cell(names[o.variant]))]
+    if any(o.strength for o in measured):
+        columns.append((Column("strength", main=False), lambda o: Cell(o.strength or UNKNOWN)))
+    for target in targets:
+        for metric in METRICS:
+            is_main = target in (SCENE, MESSAGE) and metric == "psnr"
+            column = Column(METRICS[metric].title, display_name(target), main=is_main)
+            columns.append((column, partial(_metric, target=target, name=metric)))
+    for i, target in enumerate(filter(is_picture, targets)):
+        column = Column(display_name(target), "Score", main=target == MESSAGE)
+        columns.append((column, partial(_score, target=target, best=nan if i else best)))
+    for name, bits in detectors.items():
+        for title in ("correct bits" if bits else "score", "TPR 1%", "TPR 0.1%"):
+            column = Column(title, display_name(name), main=title != "TPR 0.1%")
+            columns.append((column, partial(_detection, name=name, title=title)))
+    for name in SHARES:
+        if any(isfinite(getattr(o, name)) for o in measured):
+            column = Column(name.removesuffix("_share"), main=name == "pruned_share")
+            columns.append((column, partial(_share, name=name)))
+    rows = [
+        Row([cell(o) for _, cell in columns], "control" if o.is_control else "best" if o.score == best else "")
+        for o in measured
     ]
-    rows = []
-    for o in measured:
-        scores = [Cell(signed(o.score_of(target))) for target in extractions]
-        if is_best := o.score == best:
-            scores[0] = scores[0]._replace(best=True)
-        cells = [
-            Cell(names[o.variant]),
-            *[Cell(o.strength or UNKNOWN)] * has_strengths,
-            *(cell for target in targets for cell in _metrics(o, target)),
-            *scores,
-            *(cell for name in detectors for cell in _detection(o, name)),
-            *(share(getattr(o, name)) for name in shares),
-        ]
-        rows.append(Row(cells, "control" if o.is_control else "best" if is_best else ""))
-    return Table("Metrics of every variant", columns, rows, _MODEL)
+    return Table("Metrics of every variant", [column for column, _ in columns], rows, _MODEL)
+
+
+def _metric(o: Outcome, target: str, name: str) -> Cell:
+    """Return a metric of one target, PSNR with its change against the unattacked model."""
+    if target not in o.targets:
+        return Cell()
+    text = METRICS[name].text(o.targets[target].values[name])
+    if name != "psnr":
+        return Cell(text)
+    missed, drop = o.variant != UNATTACKED and o.reaches(target) is False, o.psnr_drop(target)
+    return Cell(text + " †" * missed, f"({signed(-drop)})" if isfinite(drop) and drop != 0 else "")
+
+
+def _score(o: Outcome, target: str, best: float) -> Cell:
+    return Cell(signed(o.score_of(target)), best=o.score == best)
+
+
+def _detection(o: Outcome, name: str, title: str) -> Cell:
+    """Return the mean reading of a detector with its standard deviation, or one of its rates."""
+    if name not in o.detections:
+        return Cell()
+    read = o.detections[name]
+    if title.startswith("TPR"):
+        return share(read.tpr if title == "TPR 1%" else read.tpr_strict)
+    return Cell(
+        percent(read.level / 100) if read.bits else significant(read.level), f"(± {significant(read.spread, 2)})"
+    )
+
+
+def _share(o: Outcome, name: str) -> Cell:
+    return share(getattr(o, name))
 
 
 def summary_table(outcomes: Sequence[Outcome]) -> Table:
@@ -126,27 +148,6 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
         for name, reason in o.failures.items():
             failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.folder)}")
     return [f"Without results: {'; '.join(names)} ({reason})." for reason, names in failed.items()]
-
-
-def _detection(o: Outcome, name: str) -> list[Cell]:
-    """Return the mean reading of a detector with its standard deviation, and its rates."""
-    if name not in o.detections:
-        return [Cell()] * 3
-    read = o.detections[name]
-    level = percent(read.level / 100) if read.bits else significant(read.level)
-    return [Cell(level, f"(± {significant(read.spread, 2)})"), share(read.tpr), share(read.tpr_strict)]
-
-
-def _metrics(o: Outcome, target: str) -> Iterator[Cell]:
-    """Yield the metrics of one target, PSNR with its change against the unattacked model."""
-    missed, drop = o.variant != UNATTACKED and o.reaches(target) is False, o.psnr_drop(target)
-    changed = f"({signed(-drop)})" if isfinite(drop) and drop != 0 else ""
-    for name, metric in METRICS.items():
-        if target in o.targets:
-            text = metric.text(o.targets[target].values[name])
-            yield Cell(text + " †" * missed, changed) if name == "psnr" else Cell(text)
-        else:
-            yield Cell()
 
 
 def text_of(extraction: str) -> Callable[[float], str]:

@@ -9,7 +9,7 @@ from gspure.errors import InputError
 from gspure.evaluation.collecting import ModelPlan, collect, write_results
 from gspure.evaluation.contest import Contest, contest
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.matched import Matched, Sweeps, match
+from gspure.evaluation.matched import Matched, Sweeps, match, reached_names
 from gspure.evaluation.names import GSPURE, model_name
 from gspure.evaluation.outcomes import Condition, Outcome, by_model
 from gspure.evaluation.summary import Summary, summarize
@@ -23,8 +23,8 @@ from gspure.files import read_json, write_text
 from gspure.progress import track, warn
 from gspure.report.attack_tables import condition_tables, conditions_markdown
 from gspure.report.audit import Audit, audits
-from gspure.report.page import Comparison, Model, Picture, lineup, picture, read_parts, write_page
-from gspure.report.tables import results_markdown, summary_table
+from gspure.report.page import Comparison, Model, Picture, picture, renders, write_page
+from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
 
@@ -56,7 +56,6 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
     _write_tables(results / "tables", outcomes, survivals, contests, matched)
     _warn(outcomes)
-    page = results / "report.html"
     models = {(o.scheme, o.folder): variants for (scheme, folder), variants in by_model(outcomes) for o in variants[:1]}
     comparisons = []
     for audit in audits(outcomes, survivals):
@@ -66,7 +65,7 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
         pictures = _condition_pictures(results, audit.condition, [o for v in alike.values() for o in v], plan)
         comparisons.append(Comparison(audit, shown, tables, pictures))
     names = ("results", "summary", "survival", "contest", "matched")
-    write_page(page, comparisons, [*(results / "tables" / f"{name}.csv" for name in names), *plan.links])
+    write_page(results, comparisons, [*(results / "tables" / f"{name}.csv" for name in names), *plan.links])
     return outcomes
 
 
@@ -104,38 +103,43 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
 
 def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, audit: Audit) -> Model:
     """Draw the figures of a model, and return it as the page shows it."""
-    folder, page = results / key[0] / key[1], results / "report.html"
-    figures, settings = folder / "figures", plan.models["/".join(key)]
-    pictures: dict[str, Picture] = {}
-    if caption := _drawn(draw_outcomes, figures / "outcomes.png", variants):
-        pictures["outcomes"] = picture(figures / "outcomes.png", caption, page)
+    folder, settings = results / key[0] / key[1], plan.models["/".join(key)]
+    figures, drawn = folder / "figures", folder / "figures" / "model"
+    captions = {figures / "outcomes.png": _drawn(draw_outcomes, figures / "outcomes.png", variants)}
     path = figures / "attacks.png"
     attacks: Attacks | None = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
-    if attacks:
-        pictures["attacks"] = picture(path, attacks.caption, page)
+    captions[path] = attacks and attacks.caption
     for target in settings.targets:
         columns = _columns(folder, target, settings.photographs)
-        if len(columns) > 1 and (caption := _drawn(draw_before_after, figures / f"{target}.png", columns)):
-            pictures[target] = picture(figures / f"{target}.png", caption, page)
-    captions = figures / "model" / CAPTIONS
-    for name, caption in (read_json(captions) if captions.is_file() else {}).items():
-        pictures[Path(name).stem] = picture(captions.with_name(name), caption, page)
+        if len(columns) > 1:
+            captions[figures / f"{target}.png"] = _drawn(draw_before_after, figures / f"{target}.png", columns)
+    captions |= {drawn / name: caption for name, caption in _parts(drawn / CAPTIONS).items()}
+    pictures = {path.stem: picture(path, text, results) for path, text in captions.items() if text}
     attack = audit.strongest.variant if audit.strongest else GSPURE
-    names = [*(o.variant for o in chosen(variants, plan.sweeps) if o.targets), attack]
-    renders = lineup(folder, names, attacks.views) if attacks else None
-    viewer = read_parts(figures / "model" / "viewer.json")
-    replaced = {"attacks", *settings.targets} if renders else set()
+    compared = [*(o.variant for o in chosen(variants, plan.sweeps) if o.targets), attack]
+    views = attacks.views if attacks else {}
+    images, viewer = renders(folder, compared, views), _parts(drawn / "viewer.json")
+    replaced = {"attacks", *settings.targets} if images else set()
     replaced |= {*_CLOUDS} if viewer else set()
     return Model(
         *key,
-        variants,
-        attack,
-        [shown for name, shown in pictures.items() if name not in replaced],
-        [file for name, shown in pictures.items() if name in replaced for file in shown.files],
-        renders,
-        viewer,
-        read_parts(folder / "diagnosis.json", folder / "hidden.json"),
+        outcomes=variants,
+        names=reached_names(variants),
+        attack=attack,
+        table=model_table(variants),
+        failures=failures(variants),
+        pictures=[shown for name, shown in pictures.items() if name not in replaced],
+        files=[file for name, shown in pictures.items() if name in replaced for file in shown.files],
+        view=next(iter(views.values()), ""),
+        images=images,
+        viewer=viewer,
+        diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )
+
+
+def _parts(file: Path) -> dict[str, Any]:
+    """Return the entries of a JSON file; none if it does not exist."""
+    return dict(read_json(file)) if file.is_file() else {}
 
 
 def _columns(folder: Path, target: str, photographs: Path | None) -> dict[str, Path]:
@@ -155,7 +159,7 @@ def _condition_pictures(
         folder / "tradeoff.png": _drawn(draw_tradeoff, folder / "tradeoff.png", outcomes),
         folder / "sweep.png": _drawn(draw_factors, folder / "sweep.png", outcomes, points) if points else None,
     }
-    return [picture(path, caption, results / "report.html") for path, caption in drawn.items() if caption]
+    return [picture(path, caption, results) for path, caption in drawn.items() if caption]
 
 
 def _drawn(draw: Callable[..., Drawn | None], path: Path, *facts: Any) -> Drawn | None:

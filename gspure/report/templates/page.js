@@ -13,21 +13,8 @@ addEventListener("click", event => {
 addEventListener("hashchange", () => reveal(location.hash)?.scrollIntoView());
 reveal(location.hash)?.scrollIntoView();
 
-// Print everything, and a picture of every viewer.
-const folded = () => document.querySelectorAll("details:not([open])");
-let unfolded = [];
-addEventListener("beforeprint", () => {
-  unfolded = [...folded()];
-  for (const part of unfolded) part.open = true;
-  for (const form of document.querySelectorAll(".viewer")) {
-    if (!form.classList.contains("started")) start(form);
-    form.addStill?.();
-  }
-});
-addEventListener("afterprint", () => {
-  for (const part of unfolded) part.open = false;
-  for (const still of document.querySelectorAll(".still")) still.remove();
-});
+// Print everything but the 3-D view, which browsers print blank.
+addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details")) part.open = true; });
 
 // Sort a table by the column whose heading is clicked, numbers from the highest, unknown ones last.
 function sort(heading) {

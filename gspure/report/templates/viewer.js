@@ -70,7 +70,7 @@ function explain(key, { legend, ramp, words }) {
 
 function start(form) {
   const canvas = form.querySelector("canvas"), controls = form.elements;
-  const gl = canvas.getContext("webgl", { preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl");
   if (!gl) { form.querySelector(".warning").hidden = false; canvas.hidden = true; return; }
   const data = JSON.parse(form.querySelector("script").textContent);
   const positions = unpack(data.positions, Int16Array), removal = unpack(data.removal, Uint16Array);
@@ -121,13 +121,6 @@ function start(form) {
     gl.uniform1f(at("selected"), selected);
     gl.drawArrays(gl.POINTS, 0, data.points);
   }
-  form.addStill = () => {  // browsers print WebGL blank
-    draw();
-    const still = canvas.cloneNode();
-    still.className = "still";
-    still.getContext("2d").drawImage(canvas, 0, 0);
-    canvas.after(still);
-  };
   const redraw = () => { if (!scheduled) scheduled = requestAnimationFrame(draw); };
 
   function recolour() {
@@ -229,7 +222,7 @@ function start(form) {
   controls.cut.oninput = prune;
   controls.decision.onclick = () => { controls.cut.value = data.decision; prune(); };
   new ResizeObserver(redraw).observe(canvas);
-  form.classList.add("started");  // print hides other viewers
+  form.classList.add("started");
   recolour();
   prune();
   draw();
