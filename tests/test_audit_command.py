@@ -76,7 +76,7 @@ def test_a_lock_is_removed_unless_a_run_holds_it(folder, words, monkeypatch, cap
 
 def test_jobs_and_reasons_take_the_place_of_snakemake_s_lines(capfd):
     lines = ["Building DAG", "Job 3: Attacking", "1 of 4 steps (25%) done", "Job 2: Evaluating", "gspure: broken"]
-    program = f"import sys; print({chr(10).join(lines)!r}, file=sys.stderr); sys.exit(3)"
+    program = f"import sys; print(*{lines}, sep='\\n', file=sys.stderr); sys.exit(3)"
     assert audit._shown([sys.executable, "-c", program]) == 3
     shown = capfd.readouterr().err.splitlines()
     assert shown == ["0:00:00: Attacking", "1 of 4 jobs done, 0:00:00: Evaluating", "gspure: broken", ""]

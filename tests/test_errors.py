@@ -36,11 +36,10 @@ def test_bad_input_is_caught_as_python_names_it(tmp_path):
 @pytest.mark.parametrize(
     ("error", "found"),
     [
-        (PermissionError(13, "Permission denied", ".secret.1234.npy"), "Permission denied"),
-        (ValueError("two\n\n  lines"), "two lines"),
+        (OSError(13, "denied", ".secret.npy"), "denied"),
+        (ValueError("2\n\n  lines"), "2 lines"),
         (EOFError(), "EOFError"),
     ],
-    ids=["of the system", "of two lines", "empty"],
 )
 def test_an_error_while_reading_becomes_one_line(error, found):
     with pytest.raises(InputError) as caught, reading("x.json", "JSON"):

@@ -76,9 +76,9 @@ def test_a_terminated_command_leaves_no_half_file_and_says_so_in_one_line(tmp_pa
     assert content(tmp_path) == {"ready": ""}
 
 
-def with_header(shape, descr="'<f8'"):
-    """Return an .npy file of 24 bytes with this shape and type in its header, whatever they are."""
-    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}}}\n"
+def with_header(shape):
+    """Return an .npy file of 24 bytes with this shape in its header, whatever it is."""
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}}}\n"
     return b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode("latin1") + bytes(24)
 
 
@@ -94,7 +94,6 @@ HOSTILE = {
     "deep nesting": with_header("(" * 9000),
     "a huge length": with_header(f"({10**15},)"),
     "a product beyond int64": with_header(f"({2**40}, {2**40})"),
-    "objects": with_header("(3,)", "'O'"),
     "shortened": stored(np.arange(3.0))[:-1],
     "longer": stored(np.arange(3.0)) + b"\0",
     "another precision": stored(np.zeros(3, np.float32)),

@@ -6,9 +6,7 @@ import yaml
 
 from tests.documentation import ROOT
 
-SLURM, DEFAULT = (
-    yaml.safe_load((ROOT / "profiles" / name / "config.yaml").read_text()) for name in ("slurm", "default")
-)
+PROFILE = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text())
 
 
 def rules_on_the_device():
@@ -23,10 +21,5 @@ def rules_on_the_device():
 
 
 def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has():
-    asked = {rule for rule, resources in SLURM["set-resources"].items() if resources.get("gpu")}
+    asked = {rule for rule, resources in PROFILE["set-resources"].items() if resources.get("gpu")}
     assert asked == rules_on_the_device()
-
-
-def test_jobs_take_turns_on_one_machine_and_not_on_a_cluster():
-    assert "opencl_device=1" in DEFAULT["resources"]
-    assert "resources" not in SLURM

@@ -65,13 +65,9 @@ def test_the_commands_run_one_after_the_other(folder, capsys, monkeypatch):
 
 
 @pytest.mark.workflow
-@pytest.mark.parametrize("source", ["model", "configuration"])
-def test_a_model_or_its_configuration_is_all_that_the_workflow_needs(folder, source):
-    (arguments,) = (arguments for arguments in COMMANDS if arguments[0] == "audit")
-    if source == "configuration":
-        Path("mine.yaml").write_text(blocks(README, "yaml")[0])
-        arguments = ["audit", "mine.yaml"]
-    command = [sys.executable, "-m", "gspure", *arguments, "--dry-run", "--cores", "1"]
+def test_the_configuration_is_all_that_the_workflow_needs(folder):
+    Path("mine.yaml").write_text(blocks(README, "yaml")[0])
+    command = [sys.executable, "-m", "gspure", "audit", "mine.yaml", "--dry-run", "--cores", "1"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert re.search(r"^attack_model +8$", done.stdout, re.MULTILINE)

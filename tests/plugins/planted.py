@@ -2,11 +2,6 @@
 
 Nothing is trained. Public rows stand at the points of both captures, in random order; only opacity distinguishes those
 of the message.
-
-::
-
-    <key>/planted.npz         positions of all rows of the public model; private opacity and colour of those that carry
-    <key>/message_rows.npy    the rows that carry the message
 """
 
 from dataclasses import dataclass
@@ -46,10 +41,7 @@ def embed(
     message_weight: Annotated[int, Range(0, 1)] = 1,
     gaussians: Annotated[int, Range(100, 10_000_000)] = 4000,
 ):
-    """Plant the pair's message in its scene, with at most `gaussians` rows, about half of them the message's.
-
-    A message weight of 0 gives the clean model, and no key.
-    """
+    """Plant the pair's message in its scene, with at most `gaussians` rows, about half of them the message's."""
     rng = np.random.default_rng(seed)
     clouds = [(c.dataset.xyz, c.dataset.rgb) for c in (pair.scene, pair.message)]
     shown, hidden = (
