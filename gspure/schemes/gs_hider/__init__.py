@@ -1,24 +1,16 @@
 """GS-Hider (Zhang et al. 2024): one feature map; a public network decodes the scene, a private one the message."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
-
-import numpy as np
+from typing import Annotated, Final
 
 from gspure.opencl.device import Device, choose_device
-from gspure.progress import say
 from gspure.schemes.gs_hider.files import MESSAGE_DECODER, SCENE_DECODER, DecoderFile, decoder_name
 from gspure.schemes.gs_hider.model import DecoderKey, FeatureModel
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
-
-if TYPE_CHECKING:
-    from gspure.schemes.gs_hider.training import Training
 
 ITERATIONS: Final = 2_000  # ours, for small views; the authors take 50 000 for large ones
 MESSAGE_WEIGHT: Final = 0.5  # lambda, the authors' for a hidden scene
@@ -50,19 +42,9 @@ def embed(
     run = Training(settings, begin, falls=not constant_rate)
     for _ in watched(run, iterations, lambda: f"{pair.quality(*run.views)}  {len(run.field)} Gaussians"):
         pass
-    _say_gains(run, seed)
     roles = ((SCENE_DECODER, MESSAGE_DECODER), run.branches)
     decoders = [DecoderFile.of(branch.decoder, iterations, role) for role, branch in zip(*roles, strict=False)]
     return FeatureModel(run.field.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
-
-
-def _say_gains(run: Training, seed: int) -> None:
-    """Report how much each decoder amplifies noise in the feature map."""
-    from gspure.schemes.gs_hider.decoder import noise_gain
-
-    maps = [run.field.feature_map(camera)[0] for camera, _ in run.pair.scene.probes]
-    gains = (noise_gain(branch.decoder, maps, np.random.default_rng(seed)) for branch in run.branches)
-    say(f"noise gain of the decoders, scene and message: {', '.join(f'{gain:.3g}' for gain in gains)}")
 
 
 READS = ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*")

@@ -1,10 +1,8 @@
 """The network that decodes an image from a feature map: the scene (public) or the message (private)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
-
-import numpy as np
 
 from gspure.cameras.camera import Camera
 from gspure.files import Float32
@@ -20,8 +18,6 @@ LAYERS: Final = 5
 
 BFLOAT16: Final = torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (PyTorch 2.6 has no public function)
 """Whether training multiplies in bfloat16, at twice the speed; sums, parameters and their moments have 32 bits."""
-
-NOISE: Final = 1e-3  # standard deviation of the noise that measures a decoder's gain, in features of 0 to 1; ours
 
 
 class Decoder(torch.nn.Module):  # type: ignore[misc]
@@ -73,18 +69,3 @@ def decoded(feature_map: Callable[[Camera], Float32], decoder: Decoder, source: 
         return image
 
     return view
-
-
-def noise_gain(decoder: Decoder, feature_maps: Sequence[Float32], rng: np.random.Generator) -> float:
-    """Return a decoder's gain of noise in the feature map: RMS of its output's change over RMS of the noise.
-
-    Scene and message are blended with the same weights. An attack by weight harms one more than the other only as far
-    as one decoder is more sensitive.
-    """
-    changes = []
-    with torch.inference_mode():
-        for feature_map in feature_maps:
-            noise = NOISE * rng.standard_normal(feature_map.shape, np.float32)
-            clean, noisy = (decoder(torch.from_numpy(x)) for x in (feature_map, feature_map + noise))
-            changes.append(float((noisy - clean).square().mean()))
-    return float(np.sqrt(np.mean(changes))) / NOISE

@@ -13,7 +13,6 @@ are in one folder and the private decoder in another. Both layouts are read.
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +25,7 @@ from gspure.files import replacing
 from gspure.model import Gaussians, read_model
 from gspure.model.gaussians import CORE, NORMALS
 from gspure.progress import warn
-from gspure.schemes.tensors import Tensor, read_tensors
+from gspure.schemes.tensors import read_tensors
 
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
@@ -79,7 +78,7 @@ def _iteration(file: Path, role: str) -> int:
 LARGEST: Final = 16 << 20  # largest file in bytes; a decoder has half a megabyte
 
 _CONTENT: Final = "a decoder's state dict"
-_FORK: Final = "a fork's decoder, with batch normalization or channel attention; GS-Hider's own has neither"
+_FORK: Final = "decoders of forks, with batch normalization or channel attention, are not read"
 
 
 @dataclass(frozen=True)
@@ -126,24 +125,13 @@ class DecoderFile:
 
         state = read_tensors(self.source, io.BytesIO(self.content))
         decoder = Decoder()
-        self._require_names(state, decoder)
-        for name, parameter in decoder.state_dict().items():
-            self._require_shape(name, tuple(parameter.shape), state[name])
+        expected = {name: ("float32", tuple(tensor.shape)) for name, tensor in decoder.state_dict().items()}
+        found = {name: (str(tensor.dtype), tensor.shape) for name, tensor in state.items()}
+        for name in sorted(expected.keys() | found.keys()):
+            if expected.get(name) != found.get(name):
+                here, there = (str(known.get(name, "no such tensor")) for known in (expected, found))
+                raise InputError(self.source, name[:80], expected=here, found=there, hint=_FORK)
+            if not np.isfinite(state[name]).all():
+                raise InputError(self.source, name, expected="finite numbers", found="others")
         decoder.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in state.items()})
         return decoder
-
-    def _require_names(self, state: Mapping[str, Tensor], decoder: Decoder) -> None:
-        if any(name.startswith(("bn", "ca")) for name in state):
-            layers = ", ".join(name for name, _ in decoder.named_children())
-            raise InputError(self.source, "layers", expected=layers, found="further layers", hint=_FORK)
-        for name in decoder.state_dict().keys() ^ state.keys():
-            found = "a tensor of that name" if name in state else "no such tensor"
-            expected = "a tensor" if name not in state else "none"
-            raise InputError(self.source, name[:80], expected=expected, found=found)
-
-    def _require_shape(self, name: str, shape: tuple[int, ...], tensor: Tensor) -> None:
-        if tensor.dtype != np.float32 or tensor.shape != shape:
-            found = f"{tensor.dtype} {list(tensor.shape)}"
-            raise InputError(self.source, name, expected=f"float32 {list(shape)}", found=found)
-        if not np.isfinite(tensor).all():
-            raise InputError(self.source, name, expected="finite numbers", found="others")

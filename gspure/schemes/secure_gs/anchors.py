@@ -95,17 +95,13 @@ def require_anchors(source: Path, table: Gaussians) -> None:
         raise InputError(source, "f_offset_*", expected=expected, found=f"{len(offsets)}", hint="a Scaffold-GS .ply?")
     if not features:
         raise InputError(source, "f_anchor_feat_*", expected="an anchor's features", found="no such property")
-    scalings = tuple(f"scale_{i}" for i in range(SCALINGS))
-    numbered = [
-        f"{prefix}{i}"
-        for prefix, columns in (("f_offset_", offsets), ("f_anchor_feat_", features))
-        for i in range(len(columns))
-    ]
-    for name in (*numbered, *scalings):
+    numbers = (("f_offset_", len(offsets)), ("f_anchor_feat_", len(features)), ("scale_", SCALINGS))
+    numbered = [f"{prefix}{i}" for prefix, count in numbers for i in range(count)]
+    for name in numbered:
         if name not in table.names or table.table.dtype[name] != np.float32:
             found = str(table.table.dtype[name]) if name in table.names else "no such property"
             raise InputError(source, name, expected="a float32 property", found=found)
-    geometry = ("x", "y", "z", *numbered, *scalings, "rot_0", "rot_1", "rot_2", "rot_3")
+    geometry = ("x", "y", "z", *numbered, "rot_0", "rot_1", "rot_2", "rot_3")
     for name, rows in non_finite_rows(table, geometry).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
         raise InputError(source, name, expected="finite numbers", found=found)

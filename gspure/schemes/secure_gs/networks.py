@@ -92,14 +92,11 @@ PRIVATE: Final = ("offset", *PUBLIC)
 UNITED: Final = "checkpoints.pth"
 HIDDEN: Final = "securegs_hidden.npz"
 
-_APPEARANCE: Final = ("appearance", "embedding_appearance")
-
 
 def read_networks(folder: Path) -> Loaded:
     """Read the public networks in a folder.
 
-    Raise `InputError` if a file or parameter is missing, a file holds more than tensors, or there are appearance
-    embeddings.
+    Raise `InputError` if a file or parameter is missing, or a file holds more than tensors.
     """
     united = folder / UNITED
     if united.is_file():
@@ -140,9 +137,6 @@ def write_hidden(folder: Path, networks: Networks) -> None:
 
 
 def _by_network(source: Path, tensors: Mapping[str, Tensor]) -> Loaded:
-    if any(name.split(".")[0] in _APPEARANCE for name in tensors):
-        hint = "train with appearance_dim 0, as Scaffold-GS's own scripts do"
-        raise InputError(source, "appearance", expected="none", found="an embedding per photograph", hint=hint)
     names = [*PUBLIC, *([BANK] if any(name.startswith(f"{BANK}_mlp.") for name in tensors) else [])]
     for missing in {f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys():
         raise InputError(source, missing, expected="a network's parameter", found="no such tensor")
