@@ -19,9 +19,9 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
-from gspure.opencl.opacity_field import centre_contributions, opacities_at
+from gspure.opencl.opacity_field import blended_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
-from gspure.opencl.storage import store, upload_features, upload_sh_coeffs
+from gspure.opencl.storage import positions_of, store, upload_features, upload_sh_coeffs
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
@@ -128,10 +128,11 @@ class Renderer:
         return touched
 
     def _centre_contributions(self, camera: Camera) -> NDArray[np.void]:
-        by_row = centre_contributions(self._engine, self._storage, camera, self.model.means, self._entry_budget)
-        rows = np.flatnonzero(by_row)
+        owners = positions_of(self._storage.order)
+        shares = blended_at(self._engine, self._storage, camera, self.model.means, self._entry_budget, owners)
+        rows = np.flatnonzero(shares)
         touched = np.ones(len(rows), CONTRIBUTION)
-        touched["index"], touched["sum"], touched["max"] = rows, by_row[rows], by_row[rows]
+        touched["index"], touched["sum"], touched["max"] = rows, shares[rows], shares[rows]
         return touched
 
     def transmittance(self, camera: Camera) -> Float32:
@@ -153,7 +154,7 @@ class Renderer:
         """
         if self.energy != "ray":
             raise ValueError("opacities of points exist for the energy 'ray'")
-        return opacities_at(self._engine, self._storage, camera, points, self._entry_budget)
+        return blended_at(self._engine, self._storage, camera, points, self._entry_budget)
 
     def vjp(
         self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None

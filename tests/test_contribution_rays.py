@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from gspure.constants import ALPHA_MAX
 from gspure.errors import InputError
-from gspure.method.contributions import require_valid
 from gspure.method.subpixel import subpixel_rows
 from gspure.method.weights import REDUCTIONS, accumulate
 from gspure.opencl.conservation import require_conservation
@@ -20,7 +19,7 @@ from tests.reference.projection import project
 
 def measured(model, view, device=None, style=None, **budget):
     records = Renderer(model, device, energy="center_ray", style=style, **budget).contributions(view)
-    require_valid("view", records)
+    assert (np.diff(records["index"].astype(int)) > 0).all()
     assert (records["pixels"] == 1).all()
     assert (records["sum"] == records["max"]).all()
     contributions = np.zeros(len(model))

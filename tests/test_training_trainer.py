@@ -9,7 +9,7 @@ from gspure.renderer import Renderer
 from gspure.training.checkpoints import read_checkpoint, write_checkpoint
 from gspure.training.initialization import gaussians_at
 from gspure.training.schedule import Schedule
-from gspure.training.trainer import RECOVERY, Trainer, beginning
+from gspure.training.trainer import Trainer, beginning
 from tests.models import gaussians
 from tests.training_cases import parameters, ring, same_bits, statistics
 
@@ -54,19 +54,6 @@ def test_every_view_is_taken_once_before_any_is_taken_again():
     rounds = [tuple(model.steps[i : i + 7]) for i in range(0, 56, 7)]
     assert all(sorted(taken) == list(range(7)) for taken in rounds)
     assert len(set(rounds)) > 1
-
-
-def test_a_reset_of_opacities_is_reported_until_images_have_recovered():
-    schedule = Schedule(
-        iterations=1000, sh_every=10, densify_from=8, densify_until=700, densify_every=10, reset_every=300
-    )
-    trainer, _ = recorded(schedule)
-    known = [trainer.recovering_from for _ in trainer]
-    for reset in (300, 600):
-        assert known[reset - 2] is None
-        assert known[reset - 1 : reset - 1 + RECOVERY] == [reset] * RECOVERY
-        assert known[reset - 1 + RECOVERY] is None
-    assert set(known) == {None, 300, 600}
 
 
 def test_a_run_without_remaining_gaussians_ends_with_an_error():

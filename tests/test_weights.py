@@ -13,6 +13,7 @@ from gspure.method.weights import (
     evenly_spread,
     few_in_view,
     heavy_rows,
+    holding_rows,
     require_in_view,
     view_weights,
 )
@@ -122,3 +123,9 @@ def test_a_row_is_heavy_beyond_a_tenth_of_all_weights_or_a_hundred_times_their_m
 def test_views_that_see_less_than_a_hundredth_of_the_rows_are_named() -> None:
     assert few_in_view(100, 10_000) == []
     assert len(few_in_view(99, 10_000)) == 1
+
+
+def test_the_heaviest_rows_that_hold_99_percent_of_all_weight_are_counted() -> None:
+    assert holding_rows(np.array([30.0, *[0.01] * 50, 60.0, 9.5])) == 3
+    assert holding_rows(np.array([0.0, 1.0, 0.0])) == 1
+    assert holding_rows(np.zeros(4)) == 4

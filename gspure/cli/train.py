@@ -123,9 +123,7 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
 
     def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
-        state = f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
-        reset = trainer.recovering_from
-        return f"{state}  (opacities were reset at {reset}: PSNR drops, then recovers)" if reset else state
+        return f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
 
     began = saved = time.monotonic()
     for _ in watched(trainer, args.iterations, quality, start.iteration):

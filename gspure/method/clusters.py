@@ -45,7 +45,11 @@ def select(
 
     Raise `InputError` if a setting is out of range.
     """
-    _check(min_cluster_size, selection, max_cluster_share)
+    CLUSTER_SIZE.require("clustering", "min_cluster_size", min_cluster_size)
+    if selection not in SELECTIONS:
+        raise InputError("clustering", "selection", expected=f"one of {', '.join(SELECTIONS)}", found=repr(selection))
+    if not 0 < max_cluster_share <= 1:
+        raise InputError("clustering", "max_cluster_share", expected="in (0, 1]", found=str(max_cluster_share))
     min_cluster_size = int(min_cluster_size)  # the device gets no integers of numpy
     count = len(tree) + 1
     if count < 2 * min_cluster_size:
@@ -114,14 +118,6 @@ def _labels(condensed: Condensed, chosen: Bools) -> Labels:
     numbers = np.full(len(chosen) + 1, NOISE_LABEL, np.int32)
     numbers[taken] = np.arange(len(taken))
     return np.asarray(numbers[owners[condensed.point_clusters]])
-
-
-def _check(min_cluster_size: int, selection: str, max_cluster_share: float) -> None:
-    CLUSTER_SIZE.require("clustering", "min_cluster_size", min_cluster_size)
-    if selection not in SELECTIONS:
-        raise InputError("clustering", "selection", expected=f"one of {', '.join(SELECTIONS)}", found=repr(selection))
-    if not 0 < max_cluster_share <= 1:
-        raise InputError("clustering", "max_cluster_share", expected="in (0, 1]", found=str(max_cluster_share))
 
 
 class Clusters(NamedTuple):

@@ -58,22 +58,20 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
     return Subpixel(rows[small], float(1 / np.sqrt(np.median(largest[small])))) if small.any() else None
 
 
-def near_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
-    """Return the rows of weight 0 that lie between camera and near plane in every view that shows them."""
-    rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
+def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> list[str]:
+    """Return a line of text if more than `NEAR_SHARE` of all rows have weight 0, nearer than every view's near plane.
+
+    Rows that no view shows do not count.
+    """
+    rows, count = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN)), len(model)
     means = model.means[rows].astype(np.float64)
     near, drawn = (np.zeros(len(rows), np.bool_) for _ in range(2))
     for camera in cameras:
         near[points_shown(camera, means, near=0.0)[0]] = True
         drawn[points_shown(camera, means)[0]] = True
-    return rows[near & ~drawn]
-
-
-def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> list[str]:
-    """Return a line of text about the `near_rows`, if they are more than `NEAR_SHARE` of all."""
-    rows, count = near_rows(model, weights, cameras), len(model)
-    if len(rows) <= NEAR_SHARE * count:
+    hidden = int(np.count_nonzero(near & ~drawn))
+    if hidden <= NEAR_SHARE * count:
         return []
-    near = f"lie between the camera and the near plane (depth {NEAR_PLANE})"
-    text = f"{len(rows)} of {count} Gaussians have weight 0 and {near}"
-    return [f"{text}; if the whole scene is only a few units in size, scale up model and cameras by the same factor"]
+    text = f"{hidden} of {count} Gaussians have weight 0 and lie between the camera and the near plane"
+    advice = "if the whole scene is only a few units in size, scale up model and cameras by the same factor"
+    return [f"{text} (depth {NEAR_PLANE}); {advice}"]

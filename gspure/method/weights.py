@@ -70,8 +70,7 @@ def accumulate(views: Iterable[NDArray[Any]], count: int, reduction: Reduction =
 def require_in_view(weights: NDArray[Any]) -> None:
     """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
-        hint = "do cameras and model belong together, are the images large enough, and is the model farther than "
-        hint += f"{NEAR_PLANE} from the cameras?"
+        hint = f"do cameras and model belong together, and is the model farther than {NEAR_PLANE} from the cameras?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 

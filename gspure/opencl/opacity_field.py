@@ -13,7 +13,7 @@ from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
-from gspure.opencl.storage import Rows, Storage, positions_of
+from gspure.opencl.storage import Rows, Storage
 
 FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
 
@@ -27,21 +27,7 @@ class Placed:
     positions: Float32
 
 
-def opacities_at(
-    engine: Engine, storage: Storage, camera: Camera, points: NDArray[np.floating], entry_budget: int
-) -> Float32:
-    """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it."""
-    return _blended(engine, storage, camera, points, entry_budget)
-
-
-def centre_contributions(
-    engine: Engine, storage: Storage, camera: Camera, means: NDArray[np.floating], entry_budget: int
-) -> Float32:
-    """Return the contribution [K] of each Gaussian on the ray through its centre; 0 where the view does not show it."""
-    return _blended(engine, storage, camera, means, entry_budget, positions_of(storage.order))
-
-
-def _blended(
+def blended_at(
     engine: Engine,
     storage: Storage,
     camera: Camera,
@@ -49,7 +35,11 @@ def _blended(
     entry_budget: int,
     owners: Rows | None = None,
 ) -> Float32:
-    """Return the opacity at each point or, of the centres of `owners`, the contribution."""
+    """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it.
+
+    If the points are the centres of Gaussians, at the positions `owners` [P] in storage, return the contribution of
+    each on the ray through its centre; 0 where the view does not show it.
+    """
     fine = camera.resized(FINER * camera.width, FINER * camera.height)
     frame = Frame(engine, storage, fine, Traversal("ray", points=True))
     placed = place(frame, points)

@@ -127,23 +127,18 @@ class TrainableModel:
         rates: LearningRates,
         *,
         background: Sequence[float] = (0.0, 0.0, 0.0),
-        ssim_weight: float = SSIM_WEIGHT,
     ) -> float:
         """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss.
 
         Raise ValueError if the photograph is not of the camera's size.
         """
-        loss, rendered, gradients = self.differentiate(camera, target, background, ssim_weight)
+        loss, rendered, gradients = self.differentiate(camera, target, background)
         self._count_view(rendered, gradients)
         self.update(rates, gradients)
         return loss
 
     def differentiate(
-        self,
-        camera: Camera,
-        target: int,
-        background: Sequence[float] = (0.0, 0.0, 0.0),
-        ssim_weight: float = SSIM_WEIGHT,
+        self, camera: Camera, target: int, background: Sequence[float]
     ) -> tuple[float, Rendered, DeviceGradients]:
         """Return the loss of a view, its frame and gradients; these stay valid until the next view."""
         photograph = self._photographs[target]
@@ -151,7 +146,7 @@ class TrainableModel:
         if (width, height) != (camera.width, camera.height):
             raise ValueError(f"a photograph of {width}x{height} for a view of {camera.width}x{camera.height}")
         rendered = self._forward(camera, background)
-        loss, image_gradient = photograph.compare(rendered.canvas.image, ssim_weight)
+        loss, image_gradient = photograph.compare(rendered.canvas.image, SSIM_WEIGHT)
         return loss, rendered, backward(rendered, image_gradient)
 
     def update(self, rates: LearningRates, gradients: DeviceGradients) -> None:
@@ -175,11 +170,6 @@ class TrainableModel:
         norms[order] = self.engine.read(self._norms, (count,), np.float32)
         views[order] = self.engine.read(self._views, (count,), np.uint32)
         return Statistics(norms, views)
-
-    def reset_statistics(self) -> None:
-        """Set the statistics to zero."""
-        for buffer in (self._norms, self._views):
-            self.engine.clear(buffer, 4 * self.count)
 
     def state(self) -> TrainState:
         """Read parameters and moments."""
@@ -211,7 +201,8 @@ class TrainableModel:
         self._storage = Storage.along(engine, order, activated)
         self._adam = Adam(engine, count, geometry, channels, 3 * (self.sh_degree + 1) ** 2, activated)
         self._norms, self._views = engine.allocate(4 * count), engine.allocate(4 * count)
-        self.reset_statistics()
+        for buffer in (self._norms, self._views):
+            engine.clear(buffer, 4 * count)
 
     def _count_view(self, rendered: Rendered, gradients: DeviceGradients) -> None:
         """Add a view to the statistics (statistics.cl)."""

@@ -106,11 +106,6 @@ class Schedule:
         """Tell whether opacities are reset after this iteration."""
         return iteration < self.densify_until and iteration % self.reset_every == 0
 
-    def last_reset(self, iteration: int) -> int:
-        """Return the last iteration up to this one with a reset of opacities; 0 if there was none."""
-        last = min(iteration, self.densify_until - 1) // self.reset_every * self.reset_every
-        return max(last, 0)
-
     def prunes_big(self, iteration: int) -> bool:
         """Tell whether densification after this iteration prunes big Gaussians too."""
         return iteration > self.reset_every

@@ -23,8 +23,6 @@ Show = Callable[[int, str], None]
 
 _SECONDS: Final = {True: 1.0, False: 10.0}  # between two reports, on a terminal (True) and in a log (False)
 
-RECOVERY: Final = 150  # iterations after which images have recovered from a reset of opacities
-
 
 class Trainer:
     """A run; iterating over it trains and yields the loss of each iteration.
@@ -59,12 +57,6 @@ class Trainer:
     def __iter__(self) -> Iterator[float]:
         while self.iteration < self._schedule.iterations:
             yield self._iterate()
-
-    @property
-    def recovering_from(self) -> int | None:
-        """The iteration of the last reset of opacities, while images are still darker than before; else None."""
-        last = self._schedule.last_reset(self.iteration)
-        return last if last and self.iteration - last < RECOVERY else None
 
     @property
     def rests(self) -> bool:
