@@ -7,7 +7,7 @@ https://colmap.github.io/cameras.html.
 """
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -41,25 +41,6 @@ _HINT: Final = (
 )
 
 
-class Lens(NamedTuple):
-    """Intrinsics, shared by one or more images."""
-
-    camera_id: int
-    width: int
-    height: int
-    parameters: dict[str, float]
-
-
-class Pose(NamedTuple):
-    """An image; `quat` (w, x, y, z) and `translation` map world to camera."""
-
-    image_id: int
-    quat: list[float]
-    translation: list[float]
-    camera_id: int
-    name: str
-
-
 class Points(NamedTuple):
     """The sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
 
@@ -81,19 +62,16 @@ def read_colmap(folder: Path) -> list[Camera]:
     camera has a fisheye lens.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
-    with reading(cameras_file, "cameras of a COLMAP sparse model"):
-        lenses = [*_lenses(cameras_file)]
-    with reading(images_file, "images of a COLMAP sparse model"):
-        poses = [*_poses(images_file)]
     optics: dict[int, dict[str, Any]] = {}
-    for lens in lenses:
-        if lens.camera_id in optics:
-            number = f"camera {lens.camera_id}"
-            raise InputError(cameras_file, number, expected="one of this number", found="a second one")
-        optics[lens.camera_id] = _optics(cameras_file, lens)
+    with reading(cameras_file, "cameras of a COLMAP sparse model"):
+        for number, lens in _lenses(cameras_file):
+            if number in optics:
+                raise InputError(cameras_file, lens.where, expected="one of this number", found="a second one")
+            optics[number] = _optics(lens)
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
-    return distinct([_camera(images_file, pose, optics, photographs) for pose in poses], images_file)
+    with reading(images_file, "images of a COLMAP sparse model"):
+        return distinct([_camera(pose, optics, photographs) for pose in _poses(images_file)], images_file)
 
 
 def read_points(folder: Path) -> Points:
@@ -114,54 +92,63 @@ def _file(folder: Path, stem: str) -> Path:
     raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")
 
 
-def _optics(source: Path, lens: Lens) -> dict[str, Any]:
+def _optics(lens: Entry) -> dict[str, Any]:
     """Return the fields of a `Camera` that a lens determines."""
-    entry = Entry(source, f"camera {lens.camera_id}", {"width": lens.width, "height": lens.height, **lens.parameters})
-    fx, fy = (entry.positive("f" if "f" in entry else key) for key in ("fx", "fy"))
-    K = intrinsics(fx, fy, entry.number("cx"), entry.number("cy"))
-    size = {"width": entry.pixels("width"), "height": entry.pixels("height")}
-    return {**size, "K": K, "distortion": entry.distortion(COEFFICIENTS)}
+    fx, fy = (lens.positive("f" if "f" in lens else key) for key in ("fx", "fy"))
+    K = intrinsics(fx, fy, lens.number("cx"), lens.number("cy"))
+    size = {"width": lens.pixels("width"), "height": lens.pixels("height")}
+    return {**size, "K": K, "distortion": lens.distortion(COEFFICIENTS)}
 
 
-def _camera(source: Path, pose: Pose, optics: dict[int, dict[str, Any]], photographs: Path | None) -> Camera:
-    entry = Entry(source, f"image {pose.image_id}", pose._asdict())
-    if pose.camera_id not in optics:
-        raise entry.refusal("camera_id", expected="a camera of the file of cameras", found=str(pose.camera_id))
-    quat = entry.array("quat", (4,))
+def _camera(pose: Entry, optics: dict[int, dict[str, Any]], photographs: Path | None) -> Camera:
+    number = pose.value("camera_id", "a camera of the file of cameras", lambda value: value in optics)
+    quat = pose.array("quat", (4,))
     if not np.linalg.norm(quat) > 0:
-        raise entry.refusal("quat", expected="a rotation", found=" ".join(map(str, pose.quat)))
+        raise pose.refusal("quat", expected="a rotation", found=" ".join(map(str, quat)))
     viewmat = np.eye(4)
     viewmat[:3, :3] = rotation_matrices(quat[None])[0]
-    viewmat[:3, 3] = entry.array("translation", (3,))
-    image = photographs / pose.name if photographs else None
-    return Camera(name=view_name(entry, "name"), viewmat=viewmat, image=image, **optics[pose.camera_id])
+    viewmat[:3, 3] = pose.array("translation", (3,))
+    image = photographs / pose.text("name") if photographs else None
+    return Camera(name=view_name(pose, "name"), viewmat=viewmat, image=image, **optics[number])
 
 
-def _lenses(path: Path) -> Iterator[Lens]:
-    """Read cameras.bin or cameras.txt."""
+def _lenses(path: Path) -> Iterator[tuple[int, Entry]]:
+    """Yield number and values of each camera of cameras.bin or cameras.txt."""
 
-    def lens(line: str) -> Lens:
+    def lens(camera_id: int, model: str, width: int, height: int, numbers: Iterable[float]) -> tuple[int, Entry]:
+        parameters = dict(zip(_parameters(path, camera_id, model), numbers, strict=True))
+        return camera_id, Entry(path, f"camera {camera_id}", {"width": width, "height": height, **parameters})
+
+    def from_text(line: str) -> tuple[int, Entry]:
         camera_id, model, width, height, *numbers = line.split()
-        names = _parameters(path, camera_id, model)
-        return Lens(int(camera_id), int(width), int(height), dict(zip(names, map(float, numbers), strict=True)))
+        return lens(int(camera_id), model, int(width), int(height), map(float, numbers))
 
     if path.suffix == ".txt":
-        lines = ((number, line) for number, line in _lines(path) if line)
-        yield from (_parsed(path, *each, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", lens) for each in lines)
+        yield from _from_lines(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", from_text)
         return
     for records in _records(path):
         camera_id, number, width, height = records.take("<iiQQ")
-        names = _parameters(path, camera_id, dict(enumerate(_PARAMETERS)).get(number, f"model {number}"))
-        yield Lens(camera_id, width, height, dict(zip(names, records.take(f"<{len(names)}d"), strict=True)))
+        model = dict(enumerate(_PARAMETERS)).get(number, f"model {number}")
+        count = len(_parameters(path, camera_id, model))
+        yield lens(camera_id, model, width, height, records.take(f"<{count}d"))
 
 
-def _poses(path: Path) -> Iterator[Pose]:
-    """Read images.bin or images.txt, without the 2-D points."""
+def _poses(path: Path) -> Iterator[Entry]:
+    """Yield the values of each image of images.bin or images.txt, without the 2-D points."""
+
+    def pose(image_id: int, numbers: Sequence[float], camera_id: int, name: str) -> Entry:
+        values = {"quat": numbers[:4], "translation": numbers[4:], "camera_id": camera_id, "name": name}
+        return Entry(path, f"image {image_id}", values)
+
+    def from_text(line: str) -> Entry:
+        image_id, *numbers, camera_id, name = line.split(maxsplit=9)
+        return pose(int(image_id), [*map(float, numbers)], int(camera_id), name)
+
     if path.suffix == ".txt":
         lines = _lines(path)
         for number, line in lines:
             if line:
-                yield _parsed(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", _pose)
+                yield _parsed(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", from_text)
                 below = next(lines, (number + 1, ""))
                 _parsed(path, *below, "the 2-D points as X Y POINT3D_ID (the line may be empty)", _points_2d)
         return
@@ -170,13 +157,7 @@ def _poses(path: Path) -> Iterator[Pose]:
         name = records.text()
         (points,) = records.take("<Q")
         records.at += 24 * points  # x, y, point id of a 2-D point each
-        yield Pose(image_id, numbers[:4], numbers[4:], camera_id, name)
-
-
-def _pose(line: str) -> Pose:
-    image_id, *texts, camera_id, name = line.split(maxsplit=9)
-    numbers = [*map(float, texts)]
-    return Pose(int(image_id), numbers[:4], numbers[4:], int(camera_id), name)
+        yield pose(image_id, numbers, camera_id, name)
 
 
 def _points_2d(line: str) -> None:
@@ -192,8 +173,7 @@ def _points(path: Path) -> Iterator[tuple[float, ...]]:
         return float(x), float(y), float(z), *bytes(map(int, (r, g, b)))
 
     if path.suffix == ".txt":
-        lines = ((number, line) for number, line in _lines(path) if line)
-        yield from (_parsed(path, *each, "POINT3D_ID X Y Z R G B ERROR TRACK[]", point) for each in lines)
+        yield from _from_lines(path, "POINT3D_ID X Y Z R G B ERROR TRACK[]", point)
         return
     for records in _records(path):
         _, *values, _, track = records.take("<Q3d3BdQ")
@@ -239,6 +219,10 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Return (line number, stripped line) of all lines but comments."""
     lines = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
     return ((number, line) for number, line in lines if not line.startswith("#"))
+
+
+def _from_lines(path: Path, expected: str, parse: Callable[[str], Record]) -> Iterator[Record]:
+    return (_parsed(path, number, line, expected, parse) for number, line in _lines(path) if line)
 
 
 def _parsed(path: Path, number: int, line: str, expected: str, parse: Callable[[str], Record]) -> Record:

@@ -57,8 +57,10 @@ class Entry:
         """Return a string."""
         return str(self.value(key, "a text", lambda value: isinstance(value, str)))
 
-    def number(self, key: str) -> float:
-        """Return a finite number."""
+    def number(self, key: str, default: float | None = None) -> float:
+        """Return a finite number, or the default if there is one and no value."""
+        if key not in self and default is not None:
+            return default
         return float(self.value(key, f"a number within ±{LARGEST:g}", _is_finite))
 
     def positive(self, key: str) -> float:
@@ -77,7 +79,7 @@ class Entry:
                 self.value(
                     key, f"a key for each of {', '.join(names)}", lambda value: not np.array(value, object).any()
                 )
-        values = tuple(self.number(name) if name in self else 0.0 for name in names)
+        values = tuple(self.number(name, 0.0) for name in names)
         return values if any(values) else ()
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
@@ -90,8 +92,9 @@ class Entry:
         expected = f"numbers {' or '.join(str(list(shape)) for shape in shapes)} within ±{LARGEST:g}"
         return np.array(self.value(key, expected, is_of_shape), np.float64)
 
-    def rotation(self, key: str, matrix: Float64) -> Float64:
-        """Return `matrix`, the value of `key`; raise `InputError` unless it is a rotation or a rigid transform."""
+    def rigid(self, key: str, *shapes: tuple[int, ...]) -> Float64:
+        """Return a rotation [3,3] or a rigid transform."""
+        matrix = self.array(key, *shapes)
         require_rigid(self.source, self._field(key), matrix)
         return matrix
 

@@ -44,12 +44,11 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
 
 def _camera(entry: Entry, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
-    cx = entry.number("cx") if "cx" in entry else width / 2
-    cy = entry.number("cy") if "cy" in entry else height / 2
     viewmat = np.eye(4)
-    viewmat[:3, :3] = entry.rotation("rotation", entry.array("rotation", (3, 3))).T
+    viewmat[:3, :3] = entry.rigid("rotation", (3, 3)).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
-    K = intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy)
+    centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
+    K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
     image = folder / entry.text("image") if "image" in entry else None
     return Camera(view_name(entry, "img_name"), width, height, K, viewmat, image, entry.distortion(COEFFICIENTS))
 

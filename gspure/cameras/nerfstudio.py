@@ -20,7 +20,7 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, is_present, photograph_size, view_name
+from gspure.cameras.photographs import distinct, photograph_size, view_name
 from gspure.files import Float64
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
@@ -44,7 +44,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     names = [view_name(entry, "file_path") for entry in entries]
     files = [source.parent / entry.text("file_path") for entry in entries]
     images = [file if file.suffix else file.with_suffix(".png") for file in files]  # Blender scenes omit it
-    existing = next((image for image in images if is_present(image)), None)
+    existing = next((image for image in images if image.is_file()), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 
@@ -61,14 +61,12 @@ def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
     _require_opengl_pinhole(entry)
-    measured = image if is_present(image) else existing or image
+    measured = image if image.is_file() else existing or image
     width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
-    cx = entry.number("cx") if "cx" in entry else width / 2
-    cy = entry.number("cy") if "cy" in entry else height / 2
-    distortion = entry.distortion(COEFFICIENTS[:5])
-    return Camera(name, width, height, intrinsics(fx, fy, cx, cy), _viewmat(entry), image, distortion)
+    K = intrinsics(fx, fy, entry.number("cx", width / 2), entry.number("cy", height / 2))
+    return Camera(name, width, height, K, _viewmat(entry), image, entry.distortion(COEFFICIENTS[:5]))
 
 
 def _require_opengl_pinhole(entry: Entry) -> None:
@@ -91,8 +89,8 @@ def _focal(entry: Entry, axis: str, length: int) -> float:
 
 
 def _viewmat(entry: Entry) -> Float64:
-    pose = entry.array("transform_matrix", (4, 4), (3, 4))
+    pose = entry.rigid("transform_matrix", (4, 4), (3, 4))
     viewmat = np.eye(4)
-    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ entry.rotation("transform_matrix", pose)[:3, :3].T
+    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ pose[:3, :3].T
     viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
     return viewmat

@@ -74,14 +74,6 @@ def photograph_size(path: Path) -> tuple[int, int]:
         return image.size
 
 
-def is_present(image: Path) -> bool:
-    """Return whether an image exists; False if its name is too long for the file system."""
-    try:
-        return image.is_file()
-    except OSError:
-        return False
-
-
 def photograph(camera: Camera) -> Path:
     """Return the file of a view's photograph, or raise `InputError` if the view names none."""
     if camera.image is None:
@@ -91,7 +83,7 @@ def photograph(camera: Camera) -> Path:
 
 def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
     """Return the photographs that do not exist, in the order of views; for a view without photograph, its name."""
-    missing = (camera for camera in cameras if camera.image is None or not is_present(camera.image))
+    missing = (camera for camera in cameras if camera.image is None or not camera.image.is_file())
     return [str(camera.image or f"view {camera.name}") for camera in missing]
 
 

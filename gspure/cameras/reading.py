@@ -91,16 +91,15 @@ def read_transform(path: Path) -> Float64:
     Raise `InputError` if the file is missing or corrupt, or the matrix is not rigid.
     """
     matrix = load_array(path, dtype=np.float64, shape=(4, 4))
-    entry = Entry(path, "", {"array": matrix.tolist()})
-    return entry.rotation("array", entry.array("array", (4, 4)))
+    return Entry(path, "", {"array": matrix.tolist()}).rigid("array", (4, 4))
 
 
 def _camera_file(source: Path) -> Path:
     """Return the camera file in a folder without a COLMAP sparse model; a file stands for itself."""
     if not source.is_dir():
         return source
-    for name in _IN_FOLDER:
-        if (source / name).is_file():
-            return source / name
-    expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
-    raise InputError(source, "folder", expected=expected, found="none of them")
+    files = [source / name for name in _IN_FOLDER if (source / name).is_file()]
+    if not files:
+        expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
+        raise InputError(source, "folder", expected=expected, found="none of them")
+    return files[0]
