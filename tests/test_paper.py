@@ -5,7 +5,7 @@ They are references. Nothing here compares our own results with them.
 
 import csv
 import re
-from collections import Counter
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,8 +17,9 @@ from gspure.evaluation.paper import (
     SCHEMES,
     TARGETS,
     beside,
+    by_scene,
     check_claims,
-    read_cells,
+    read_rows,
     score,
     score_interval,
     table_1,
@@ -26,44 +27,29 @@ from gspure.evaluation.paper import (
 from gspure.evaluation.survival import Survival, survival
 from tests.contest_cases import benchmark
 
-ROWS = ("unattacked", *ATTACKS)
-CELLS = read_cells()
-CHECKS = check_claims(CELLS)
+VARIANTS = ("unattacked", *ATTACKS)
+PRINTED = read_rows()
+CHECKS = check_claims(PRINTED)
 NINE = {"bicycle", "bonsai", "room", "flowers", "treehill", "garden", "stump", "counter", "kitchen"}
 
 
-def of_table(number):
-    return [cell for cell in CELLS if cell.table == number]
-
-
-def check_of(place, variant, scheme="", quantity=None):
-    wanted = (place, variant, scheme)
-    (found,) = (
-        check
-        for check in CHECKS
-        if (check.claim.place, check.claim.variant, check.claim.scheme) == wanted
-        and quantity in {None, check.claim.quantity}
-    )
-    return found
-
-
 def test_table_1_has_every_scheme_attack_scene_and_target_once_and_a_score_per_row():
-    psnr = Counter((c.scheme, c.variant, c.scene, c.target) for c in of_table(1) if c.metric == "psnr")
-    assert psnr.keys() == {(s, v, c, t) for s in SCHEMES for v in ROWS for c in NINE for t in TARGETS}
-    scores = Counter((c.scheme, c.variant) for c in of_table(1) if c.metric == "score")
-    assert scores.keys() == {(s, v) for s in SCHEMES for v in ROWS}
-    assert {*psnr.values(), *scores.values()} == {1}
-    assert len(of_table(1)) == 18 * 19
+    rows = {(r.scheme, r.variant, r.target): {*r.values} for r in PRINTED if r.table == 1 and r.metric == "psnr"}
+    assert rows == dict.fromkeys(product(SCHEMES, VARIANTS, TARGETS), NINE)
+    scores = [(r.scheme, r.variant) for r in PRINTED if r.metric == "score"]
+    assert sorted(scores) == sorted(product(SCHEMES, VARIANTS))
+    assert sum(r.table == 1 for r in PRINTED) == 18 * 3
 
 
 def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scene_drop():
-    value = {(c.variant, c.scene, c.target): c.value for c in of_table(1) if c.scheme == "splats_in_splats"}
-    lost = {(s, t): value["unattacked", s, t] - value["gspure", s, t] for s in NINE for t in TARGETS}
+    levels = {(v, t): by_scene(PRINTED, "splats_in_splats", v, t) for v in ("unattacked", "gspure") for t in TARGETS}
+    lost = {(s, t): levels["unattacked", t][s] - levels["gspure", t][s] for s in NINE for t in TARGETS}
     by_hand = np.mean([lost[s, "message"] - lost[s, "scene"] for s in NINE])
-    assert score(table_1(CELLS), "splats_in_splats", "gspure") == pytest.approx(by_hand)
-    found = check_of("Table 1", "gspure", "splats_in_splats")
+    assert score(table_1(PRINTED), "splats_in_splats", "gspure") == pytest.approx(by_hand)
+    claims = [check for check in CHECKS if (check.claim.place, check.claim.scheme) == ("Table 1", "splats_in_splats")]
+    (found,) = (check for check in claims if check.claim.variant == "gspure")
     assert (found.claim.value, round(found.recomputed, 2)) == (15.21, 14.87)
-    interval = score_interval(CELLS, "splats_in_splats", "gspure")
+    interval = score_interval(PRINTED, "splats_in_splats", "gspure")
     assert interval.mean == pytest.approx(by_hand)
     assert interval.low < 14.87 < interval.high
     assert interval.scenes == 9
@@ -77,7 +63,7 @@ def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
     ours = survival([*own, *shared, *benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")])
     write_table(tmp_path / "survival.csv", Survival, ours)
     assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
-    rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(CELLS, ours)}
+    rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(PRINTED, ours)}
     assert len(rows) == 4 * len(ATTACKS)
     measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
     assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]

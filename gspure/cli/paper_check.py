@@ -25,22 +25,22 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write and print every check."""
-    cells = paper.read_cells()
-    checks = paper.check_claims(cells)
+    rows = paper.read_rows()
+    checks = paper.check_claims(rows)
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
-    for table in (_scores(checks, cells), _without_scores(checks), beside_table(paper.beside(cells, ours))):
+    for table in (_scores(checks, rows), _without_scores(checks), beside_table(paper.beside(rows, ours))):
         print(f"{table.title}\n\n{table.markdown()}\n")
     failed = sum(not check.holds for check in checks)
     print(f"{failed} of {len(checks)} numbers do not follow from Table 1 within {paper.ROUNDING} dB")
 
 
-def _scores(checks: Sequence[paper.Check], cells: Sequence[paper.Cell]) -> Table:
+def _scores(checks: Sequence[paper.Check], printed: Sequence[paper.Row]) -> Table:
     rows = []
     for check in (check for check in checks if check.claim.quantity == "score"):
         scheme, variant = check.claim.scheme, check.claim.variant
-        recomputed = paper.score_interval(cells, scheme, variant)
+        recomputed = paper.score_interval(printed, scheme, variant)
         numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
         rows.append([display_name(scheme), display_name(variant), *numbers, "yes" if check.holds else "no"])
     columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]

@@ -1,15 +1,14 @@
 """The paper's printed numbers (Huang et al. 2026) as data: references beside our own results, and input of a check.
 
-``paper.csv`` holds the cells of Tables 1 to 3, with an asterisk where they are bold; ``paper_claims.csv`` the numbers
-of the text that follow from them. The numbers are references, never targets.
+``paper.csv`` holds Tables 1 to 3, with an asterisk where a number is bold; ``paper_claims.csv`` the numbers of the text
+that follow from them. The numbers are references, never targets.
 """
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from itertools import groupby
 from math import nan
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -30,64 +29,49 @@ DATA: Final = Path(__file__).parent
 Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
 
 
-class Cell(NamedTuple):
-    """One printed number."""
+class Row(NamedTuple):
+    """One printed row of Tables 1 to 3."""
 
     table: int
-    row: str  # its label in the paper, like that of the column
-    column: str
+    label: str  # in the paper
     scheme: str
     variant: str  # an attack, `unattacked`, or a configuration of the ablation such as `opacity_weight`
-    scene: str  # a scene, or `mean` over all nine
     target: str  # `scene` or `message`; empty for a Score
     metric: str
-    value: float  # dB, or an SSIM
+    values: Mapping[str, float]  # dB, or an SSIM, by scene, or of `mean` over all nine
 
 
-def read_cells() -> list[Cell]:
-    """Return all cells of Tables 1 to 3, row by row."""
+def read_rows() -> list[Row]:
+    """Return all rows of Tables 1 to 3."""
     with (DATA / "paper.csv").open(encoding="utf-8", newline="") as stream:
-        rows = [*csv.DictReader(stream)]
-    cells = []
-    for _, alike in groupby(rows, key=lambda row: (row["table"], row["row"])):
-        printed = [*alike]
-        for scene in [*rows[0]][6:]:
-            for row in (row for row in printed if row[scene]):
-                where = (row["scheme"], row["variant"], scene, row["target"], row["metric"])
-                number = float(row[scene].removesuffix("*"))
-                cells.append(Cell(int(row["table"]), row["row"], _column(row, scene), *where, number))
-    return cells
+        header, *lines = csv.reader(stream)
+    rows = []
+    for table, label, scheme, variant, target, metric, *numbers in lines:
+        values = {scene: float(n.removesuffix("*")) for scene, n in zip(header[6:], numbers, strict=True) if n}
+        rows.append(Row(int(table), label, scheme, variant, target, metric, values))
+    return rows
 
 
-def _column(row: Mapping[str, str], scene: str) -> str:
-    """Return the printed title of a cell's column."""
-    if row["metric"] == SCORE:
-        return "Score"
-    if row["table"] == "1":
-        return f"{scene} {row['target']}".title()
-    return f"{display_name(row['scheme']) if row['table'] == '2' else row['target'].title()} {row['metric'].upper()}"
-
-
-def by_scene(cells: Sequence[Cell], scheme: str, variant: str, target: str) -> dict[str, float]:
+def by_scene(rows: Sequence[Row], scheme: str, variant: str, target: str) -> Mapping[str, float]:
     """Return the PSNR of every scene in Table 1."""
-    row = (1, scheme, variant, target, PSNR)
-    return {c.scene: c.value for c in cells if (c.table, c.scheme, c.variant, c.target, c.metric) == row}
+    wanted = (1, scheme, variant, target, PSNR)
+    return next(r.values for r in rows if (r.table, r.scheme, r.variant, r.target, r.metric) == wanted)
 
 
-def table_1(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
+def table_1(rows: Sequence[Row]) -> dict[tuple[str, str, str], float]:
     """Return the means over the nine scenes of Table 1."""
-    rows = {(c.scheme, c.variant, c.target) for c in cells if c.table == 1 and c.metric == PSNR}
-    return {row: float(np.mean([*by_scene(cells, *row).values()])) for row in rows}
+    psnr = [r for r in rows if r.table == 1 and r.metric == PSNR]
+    return {(r.scheme, r.variant, r.target): float(np.mean([*r.values.values()])) for r in psnr}
 
 
-def ablations(cells: Sequence[Cell]) -> dict[tuple[str, str, str], float]:
+def ablations(rows: Sequence[Row]) -> dict[tuple[str, str, str], float]:
     """Return the means of Tables 2 and 3, which repeat those of GSPure."""
-    return {(c.scheme, c.variant, c.target): c.value for c in cells if c.table > 1 and c.metric == PSNR}
+    return {(r.scheme, r.variant, r.target): r.values["mean"] for r in rows if r.table > 1 and r.metric == PSNR}
 
 
-def printed_scores(cells: Sequence[Cell]) -> dict[tuple[str, str], float]:
+def printed_scores(rows: Sequence[Row]) -> dict[tuple[str, str], float]:
     """Return the last column of Table 1, by scheme and variant."""
-    return {(c.scheme, c.variant): c.value for c in cells if c.metric == SCORE}
+    return {(r.scheme, r.variant): r.values["mean"] for r in rows if r.metric == SCORE}
 
 
 def drop(means: Means, scheme: str, variant: str, target: str) -> float:
@@ -117,15 +101,15 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
 }
 
 
-def rms_ratio_of(cells: Sequence[Cell], scheme: str, variant: str) -> float:
+def rms_ratio_of(rows: Sequence[Row], scheme: str, variant: str) -> float:
     """Return the damage to the message relative to that of the scene over the nine scenes of Table 1."""
-    levels = {t: [[*by_scene(cells, scheme, v, t).values()] for v in (UNATTACKED, variant)] for t in TARGETS}
+    levels = {t: [[*by_scene(rows, scheme, v, t).values()] for v in (UNATTACKED, variant)] for t in TARGETS}
     return rms_ratio(np.transpose(levels[MESSAGE]), np.transpose(levels[SCENE]))
 
 
-def score_interval(cells: Sequence[Cell], scheme: str, variant: str) -> Interval:
+def score_interval(rows: Sequence[Row], scheme: str, variant: str) -> Interval:
     """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
-    before, after = ({t: by_scene(cells, scheme, v, t) for t in TARGETS} for v in (UNATTACKED, variant))
+    before, after = ({t: by_scene(rows, scheme, v, t) for t in TARGETS} for v in (UNATTACKED, variant))
     drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
     return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])
 
@@ -157,33 +141,28 @@ class Check(NamedTuple):
     @property
     def holds(self) -> bool:
         """Whether the printed number follows from Table 1."""
-        return self.difference > 0 if self.claim.relation == "<" else _equal(self.claim.value, self.recomputed)
+        return self.difference > 0 if self.claim.relation == "<" else abs(self.difference) <= ROUNDING
 
 
-def check_claims(cells: Sequence[Cell]) -> list[Check]:
+def check_claims(rows: Sequence[Row]) -> list[Check]:
     """Return the Scores of Table 1, GSPure's PSNR in Tables 2 and 3 and the numbers of the text, recomputed."""
-    means = table_1(cells)
+    means = table_1(rows)
     claims = [
-        Claim("Table 1", c.row, SCORE, c.scheme, c.variant, "", "=", c.value)
-        for c in cells
-        if c.metric == SCORE and c.variant != UNATTACKED
+        Claim("Table 1", r.label, SCORE, r.scheme, r.variant, "", "=", r.values["mean"])
+        for r in rows
+        if r.metric == SCORE and r.variant != UNATTACKED
     ]
-    claims += [
-        Claim(f"Table {c.table}", f"{c.row}, {c.column}", PSNR, c.scheme, c.variant, c.target, "=", c.value)
-        for c in cells
-        if c.table > 1 and c.metric == PSNR and c.variant == GSPURE
-    ]
+    for r in (r for r in rows if r.table > 1 and r.metric == PSNR and r.variant == GSPURE):
+        column = display_name(r.scheme) if r.table == 2 else r.target.title()
+        where = (f"Table {r.table}", f"{r.label}, {column} PSNR")
+        claims.append(Claim(*where, PSNR, r.scheme, r.variant, r.target, "=", r.values["mean"]))
     claims += read_table(DATA / "paper_claims.csv", Claim)
-    return [Check(claim, _recompute(claim, means)) for claim in claims]
-
-
-def _recompute(claim: Claim, means: Means) -> float:
-    quantity = QUANTITIES[claim.quantity]
-    return max(quantity(means, s, claim.variant, claim.target) for s in ([claim.scheme] if claim.scheme else SCHEMES))
-
-
-def _equal(a: float, b: float) -> bool:
-    return abs(a - b) <= ROUNDING
+    checks = []
+    for claim in claims:
+        schemes = [claim.scheme] if claim.scheme else SCHEMES
+        values = [QUANTITIES[claim.quantity](means, scheme, claim.variant, claim.target) for scheme in schemes]
+        checks.append(Check(claim, max(values)))
+    return checks
 
 
 class Beside(NamedTuple):
@@ -202,24 +181,22 @@ class Beside(NamedTuple):
     rms_ratio: float = nan
 
 
-def beside(cells: Sequence[Cell], survivals: Sequence[Survival] = ()) -> list[Beside]:
+def beside(rows: Sequence[Row], survivals: Sequence[Survival] = ()) -> list[Beside]:
     """Return every attack of Table 1 beside ours, under every condition of ours for the paper's schemes.
 
     Ours count if the message was present in any scene.
     """
     ours = {(row.condition, row.variant): row for row in survivals if row.extraction == MESSAGE}
     conditions = dict.fromkeys(condition for condition, _ in ours)
-    means, rows = table_1(cells), []
+    means, compared = table_1(rows), []
     for scheme in SCHEMES:
         for condition in [known for known in conditions if known.scheme == scheme] or [Condition(scheme)]:
             for attack in ATTACKS:
                 scene, message = (drop(means, scheme, attack, target) for target in TARGETS)
-                ratio = rms_ratio_of(cells, scheme, attack)
-                printed = Beside(condition, attack, scene, message, message - scene, ratio)
+                numbers: list[Any] = [scene, message, message - scene, rms_ratio_of(rows, scheme, attack)]
                 row = ours.get((condition, attack))
                 if row and row.present and row.scene_drop and row.message_drop:
-                    lost = (row.scene_drop.mean, row.message_drop.mean)
-                    printed = printed._replace(scenes=row.message_drop.scenes, scene_drop=lost[0], message_drop=lost[1])
-                    printed = printed._replace(score=lost[1] - lost[0], rms_ratio=row.rms_ratio)
-                rows.append(printed)
-    return rows
+                    scene, message = row.scene_drop.mean, row.message_drop.mean
+                    numbers += [row.message_drop.scenes, scene, message, message - scene, row.rms_ratio]
+                compared.append(Beside(condition, attack, *numbers))
+    return compared

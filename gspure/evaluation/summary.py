@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
-from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_cells, table_1
+from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_rows, table_1
 
 _Mean = Interval | None
 
@@ -35,8 +35,8 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
 
     A scene in which a number is unknown does not count; the interval states how many do.
     """
-    cells = read_cells()
-    scores, psnr = printed_scores(cells), ablations(cells) | table_1(cells)
+    paper = read_rows()
+    scores, psnr = printed_scores(paper), ablations(paper) | table_1(paper)
     rows = []
     for condition, of_all in by_condition(outcomes).items():
         alike = _without_clean_assets(of_all)
