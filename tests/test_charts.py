@@ -1,15 +1,16 @@
-"""Charts, panels and lineups, as matplotlib holds them."""
+"""Charts and grids of images, as matplotlib holds them."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gspure.evaluation.outcomes import Outcome
-from gspure.figures import charts, style
+from gspure.figures import charts, panels, style
 from gspure.figures.clouds import Purified
-from gspure.figures.panels import Tile, draw_before_after, write_tiles
+from gspure.figures.panels import Tile, chosen, draw_attacks, draw_before_after, write_tiles
 from gspure.images import write_image
 from gspure.public_model import PublicModel
 from tests.contest_cases import measured
@@ -74,15 +75,11 @@ def outcome(variant: str, scene: float, message: float | None = None, scheme: st
     return Outcome(scheme, "room", variant, targets, dict.fromkeys(targets, 3), reference=reference)
 
 
-def texts(figure) -> list[str]:
-    return [text.get_text() for text in figure.axes[0].texts]
-
-
 def test_outcomes_show_both_targets_and_the_score(tmp_path: Path, drawn) -> None:
     charts.draw_outcomes(tmp_path / "outcomes.png", [outcome("unattacked", 30, 30), outcome("gspure", 29, 12.5)])
     bars = [[bar.get_width() for bar in container] for container in drawn[0].axes[0].containers]
     assert bars == [[30, 29], [30, 12.5]]
-    assert {"+0.00", "+16.50", "Score"} <= set(texts(drawn[0]))
+    assert {"+0.00", "+16.50", "Score"} <= {text.get_text() for text in drawn[0].axes[0].texts}
     assert [label.get_text() for label in drawn[0].axes[0].get_yticklabels()] == ["unattacked", "GSPure"]
 
 
@@ -106,3 +103,41 @@ def test_a_difference_is_drawn_beside_the_views_before_and_after(tmp_path: Path,
     assert [ax.get_title() for ax in axes] == ["truth", "GSPure", "|difference| × 5", "", "", ""]
     assert [ax.get_xlabel() for ax in axes] == ["b", "19.83 dB", "", "d", "19.83 dB", ""]
     assert np.unique(axes[2].images[0].get_array()).tolist() == [130]
+
+
+@pytest.mark.parametrize(
+    ("variants", "sweeps", "shown"),
+    [
+        (["unattacked", ("weak", 28), ("fit", 10), "clean"], {"s": ["weak", "fit", "absent"]}, ["unattacked", "fit"]),
+        ([("weak", 28), ("fit", 10)], {}, ["weak", "fit"]),
+        ([("tau_n_1", 5), ("gspure", 20)], {"gspure": ["tau_n_1", "gspure"]}, ["gspure"]),
+        (["a", "b"], {"failed": ["a", "b"]}, ["a"]),
+    ],
+    ids=["highest Score", "no sweep", "GSPure itself", "first of equals"],
+)
+def test_of_an_attack_at_several_strengths_one_is_shown(variants, sweeps, shown) -> None:
+    outcomes = [outcome(v, 30, 30) if isinstance(v, str) else outcome(v[0], 30, v[1]) for v in variants]
+    assert [o.variant for o in chosen(outcomes, sweeps)] == shown
+
+
+def test_the_view_of_median_psnr_is_shown_after_every_attack(tmp_path: Path, monkeypatch) -> None:
+    for target in ("scene", "message"):
+        for i, view in enumerate("abc"):
+            image = np.full((6, 8, 3), 0.5, np.float32)
+            write_image(tmp_path / "truth" / target / f"{view}.png", image)
+            for variant in ("unattacked", "noise"):
+                write_image(tmp_path / variant / "renders" / target / f"{view}.png", image + np.float32(0.1 * (i + 1)))
+    noise = replace(outcome("noise", 30, 30), reached={"message": False})
+    gof = Outcome("planted", "room", "gof", failure="no memory")
+    drawn = []
+    monkeypatch.setattr(panels, "write_tiles", lambda *facts: drawn.append(facts))
+    outcomes = [outcome("unattacked", 30, 30), noise, gof, outcome("clean", 30, 30)]
+    caption, views = draw_attacks(tmp_path / "a.png", tmp_path, outcomes, {}, tmp_path / "truth")
+    assert views == {"scene": "b", "message": "b"}
+    assert caption.startswith("View b of 3 after every attack: the one with the median message PSNR before attacks.")
+    assert "†" in caption
+    ((_, titles, rows, names),) = drawn
+    assert (titles, names) == (["truth", "unattacked", "noise", "GOF"], ["scene", "message"])
+    assert [[(tile.label, tile.text) for tile in row] for row in rows] == [
+        [("", ""), ("13.98 dB", ""), (f"13.98 dB{dagger}", ""), ("failed", "no memory")] for dagger in ("", " †")
+    ]

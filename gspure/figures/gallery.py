@@ -15,8 +15,8 @@ from gspure.figures.clouds import Colouring, Purified
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
-from gspure.figures.viewpoint import MAX_POINTS, choose, fitted, thinned, world_axes
-from gspure.files import Float32, Indices, Int32, UInt8, filling, write_json
+from gspure.figures.viewpoint import choose, fitted, world_axes
+from gspure.files import Bools, Float32, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
@@ -80,37 +80,39 @@ def draw_model(
 
 def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -> dict[str, Draw]:
     """Return the figures of point clouds by name: one for each colouring, and with a message all of them in a row."""
-    eye = choose(model.means, cameras)
-    every = thinned(len(model.means))
-    thin = f" A random {MAX_POINTS:,} of them are drawn." if len(model.means) > MAX_POINTS else ""
-    shown = _captions(model)
-
-    def views(names: Sequence[str], rows: Indices, camera: Camera) -> list[UInt8]:
-        return portraits(model.means[rows], [model.colourings[name].colours[rows] for name in names], camera)
+    eye, colourings, shown = choose(model.means, cameras), model.colourings, _captions(model)
 
     @cache
     def pictures() -> dict[str, UInt8]:
         names = [name for name, _ in shown.values()]
-        return dict(zip(names, views(names, every, fitted(eye, PICTURE_WIDTH)), strict=True))
+        images = portraits(model.means, [colourings[name].colours for name in names], fitted(eye, PICTURE_WIDTH))
+        return dict(zip(names, images, strict=True))
 
     def draw_cloud(name: str, caption: str, path: Path) -> str:
-        write_plate(path, [pictures()[name]], [model.colourings[name]])
-        return caption + thin
+        write_plate(path, [pictures()[name]], [colourings[name]])
+        return caption
 
     def draw_purification(hidden: Float32, path: Path) -> str:
         has_render = bool(cameras) and model.public.visible
-        camera = fitted(eye, PAGE_WIDTH // (3 + has_render))
-        kept = np.flatnonzero(~model.pruned)
-        row = [*views(("message", "rank"), every, camera), *views(("message",), kept[thinned(len(kept))], camera)]
-        keys = [model.colourings[name] for name in ("message", "rank", "message")]
+        camera, kept = fitted(eye, PAGE_WIDTH // (3 + has_render)), ~model.pruned
+        message, rank = colourings["message"], colourings["rank"]
+        row = portraits(model.means, [message.colours, rank.colours], camera)
+        row += portraits(model.means[kept], [message.colours[kept]], camera)
+        keys = [message, rank, message]
         if has_render:
             row.insert(0, as_bytes(model.public.scene(device, _WHITE)(camera)))
             keys.insert(0, Colouring(np.empty((0, 3), np.uint8)))
         write_plate(path, row, keys, _PLATE[-len(row) :])
-        return f"{shown['hidden'][1]} {_RANKS} {_pruned_weight(model, hidden)}{thin}"
+        removed = (percent(_share(values, model.pruned)) for values in (hidden, model.weights))
+        pruning = "Pruning removes {} of the weight in the message and {} of that in the scene.".format(*removed)
+        return f"{shown['hidden'][1]} {_RANKS} {pruning}"
 
     drawings: dict[str, Draw] = {name: partial(draw_cloud, *facts) for name, facts in shown.items()}
     return drawings if model.hidden is None else {**drawings, "purification": partial(draw_purification, model.hidden)}
+
+
+def _share(values: Float32, rows: Bools) -> float:
+    return float(values[rows].sum(dtype=np.float64)) / (float(values.sum(dtype=np.float64)) or 1)
 
 
 def _captions(model: Purified) -> dict[str, tuple[str, str]]:
@@ -127,14 +129,6 @@ def _captions(model: Purified) -> dict[str, tuple[str, str]]:
         "message, and ω that in views of the scene; grey where both are 0."
     )
     return captions if model.hidden is None else {**captions, "hidden": ("message", of_message)}
-
-
-def _pruned_weight(model: Purified, hidden: Float32) -> str:
-    message, scene = (
-        percent(float(values[model.pruned].sum(dtype=np.float64)) / (float(values.sum(dtype=np.float64)) or 1))
-        for values in (hidden, model.weights)
-    )
-    return f"Pruning removes {message} of the weight in the message and {scene} of that in the scene."
 
 
 def _draw_weights(model: Purified, path: Path, *, vector: bool) -> str:

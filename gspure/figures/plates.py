@@ -57,21 +57,17 @@ def portraits(points: Float32, colourings: Sequence[UInt8], camera: Camera) -> l
     if len(rows) == 0:
         return [np.full((camera.height, camera.width, 3), 255, np.uint8)] * len(colourings)
     fine = camera.resized(camera.width * _SMOOTHING, camera.height * _SMOOTHING)
-    size = _dot_size(len(rows), fine)
+    spread = 2 * np.sqrt(fine.width * fine.height / len(rows))  # of points that cover the picture evenly
+    size = max(int(min(spread, fine.width / 150)), 2)
     images, depth = _draw_balls(points[rows], [colours[rows] for colours in colourings], fine, size)
-    shade = eye_dome(depth, radius=max(size, fine.width // 200))
-    return [_smooth(image * shade[..., None]) for image in images]
+    shade = eye_dome(depth, radius=max(size, fine.width // 200))[..., None]
+    return [_smooth(image * shade) for image in images]
 
 
 def _smooth(image: Float32) -> UInt8:
     """Return the mean of every `_SMOOTHING` x `_SMOOTHING` pixels."""
     parts = [image[i::_SMOOTHING, j::_SMOOTHING] for i in range(_SMOOTHING) for j in range(_SMOOTHING)]
     return np.asarray(np.rint(np.mean(parts, axis=0)), np.uint8)
-
-
-def _dot_size(count: int, camera: Camera) -> int:
-    """Return the diameter in pixels at which `count` evenly spread dots cover the image."""
-    return max(int(min(2 * np.sqrt(camera.width * camera.height / count), camera.width / 150)), 2)
 
 
 def _draw_balls(points: Float32, colourings: Sequence[UInt8], camera: Camera, size: int) -> tuple[list[UInt8], Float32]:

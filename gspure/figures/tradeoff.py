@@ -62,8 +62,8 @@ def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
         return None
     floor = known_interval(control_levels(outcomes))
     damage, residual = [place.damage for place in listed], [place.residual for place in listed]
-    on_front = pareto_front(damage, residual)
-    front = [place for place, chosen in zip(listed, on_front, strict=True) if chosen]
+    shown = [name for place in listed for name in place.variants]
+    front = [place for place, chosen in zip(listed, pareto_front(damage, residual), strict=True) if chosen]
     with style.page(path, style.COLUMN, 2.7, vector=True) as figure:
         axes = figure.add_subplot()
         axes.plot(damage, residual, "o", color=style.FAINT, markersize=2.4, label="attack")
@@ -76,13 +76,12 @@ def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
                 axes.plot(*place[:2], marker, color=colour, markersize=4.4, label=display_name(name), linestyle="none")
         if floor is not None:
             axes.axhline(floor.mean, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="highest control")
-        _scale(axes, damage, damages(name for place in listed for name in place.variants))
+        _scale(axes, damage, damages(shown))
         axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
         _label(axes, [*front, *(place for place in listed if place not in front)])
-    shown = {name for place in listed for name in place.variants}
-    left_out = [name for name in dict.fromkeys(o.variant for o in outcomes if not o.is_control) if name not in shown]
+    left_out = dict.fromkeys(o.variant for o in outcomes if not o.is_control and o.variant not in shown)
     caption = (
         "PSNR of the message and drop of the scene's PSNR after every variant, mean over the scenes. Attacks to the "
         "lower left are stronger. Vertical lines: drops at which attacks are compared."

@@ -1,4 +1,4 @@
-"""Viewpoints of point clouds, and the choice of the points to draw."""
+"""Viewpoints of point clouds."""
 
 from collections.abc import Sequence
 
@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.orbit import guessed_up
-from gspure.files import Bools, Float64, Indices
-
-MAX_POINTS = 2_000_000  # larger clouds are thinned to this number of points, always the same ones
+from gspure.files import Float64, Indices
 
 _BULK = (0.02, 0.98)  # quantiles that bound the points without floaters
 _NEAREST = 0.1  # least distance of an overview from the framed points, times their extent
@@ -21,20 +19,13 @@ _AZIMUTH = np.radians(30.0)
 _AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
 
 
-def thinned(count: int) -> Indices:
-    """Return the sorted rows to draw of `count`: all, or `MAX_POINTS` of them, sampled with a fixed seed."""
-    if count <= MAX_POINTS:
-        return np.arange(count)
-    return np.sort(np.random.default_rng(0).choice(count, MAX_POINTS, replace=False))
-
-
 def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float64:
     """Return the directions right, up and front of the model's world, as the rows of a rotation [3,3].
 
     Up is the mean up direction of the cameras; if they do not agree, it is guessed. The front is the side with most
     cameras; without a preferred side or cameras, it is -z, or -y if z is up.
     """
-    points = np.asarray(means, np.float64)[_without_floaters(means)]
+    points = np.asarray(_without_floaters(means), np.float64)
     flat_side = guessed_up(points, np.ones(len(points)))
     up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), flat_side)
     offsets = np.array([camera.centre for camera in cameras]).reshape(-1, 3) - np.median(means, axis=0)
@@ -73,7 +64,7 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     x = np.cross(up, towards_eye)
     x /= np.linalg.norm(x)
     R = np.stack([x, -np.cross(towards_eye, x), -towards_eye])  # rows: image right, image down, forward
-    local = means[_without_floaters(means)] @ R.T
+    local = _without_floaters(means) @ R.T
 
     # A point is inside the image where |x - x0| <= t (z - z0), and likewise in y; t is the half extent at z - z0 = 1.
     t = np.tan(_FIELD_OF_VIEW / 2)
@@ -81,30 +72,26 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     high = (local[:, :2] - t * local[:, 2:]).max(axis=0)
     nearest = local[:, 2].min() - _NEAREST * (float(np.ptp(local, axis=0).max()) or 1.0)
     eye = np.append((high - low) / 2, min(-((high + low) / (2 * t)).max(), nearest))
-    slopes = (local[:, :2] - eye[:2]) / (local[:, 2:] - eye[2])
     viewmat = np.eye(4)
     viewmat[:3, :3] = R
     viewmat[:3, 3] = -eye
-    return _framing(slopes, viewmat)
 
-
-def _framing(slopes: Float64, viewmat: Float64) -> Camera:
-    """Return the camera whose image is filled by directions with these slopes (x / z, y / z)."""
+    # The image is 1000 pixels wide and filled by the slopes x / z and y / z.
+    slopes = (local[:, :2] - eye[:2]) / (local[:, 2:] - eye[2])
     low, high = slopes.min(axis=0), slopes.max(axis=0)
     width, height = np.maximum((high - low) * _MARGIN, 1e-3)
     width = max(width, height / _TALLEST)
-    height = max(height, width * _FLATTEST)
     focal = 1000 / width
-    rows = round(focal * height)
+    rows = round(focal * max(height, width * _FLATTEST))
     cx, cy = np.array([500, rows / 2]) - focal * (low + high) / 2
     return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), viewmat)
 
 
-def _without_floaters(means: NDArray[np.floating]) -> Bools:
-    """Return the mask of the points in the box around the bulk, widened on every side by half its extent."""
+def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the points in the box around the bulk, widened on every side by half its extent."""
     low, high = np.quantile(means, _BULK, axis=0)
     slack = (high - low) / 2
-    inside: Bools = ((means >= low - slack) & (means <= high + slack)).all(axis=1)
+    inside: NDArray[np.floating] = means[((means >= low - slack) & (means <= high + slack)).all(axis=1)]
     return inside
 
 

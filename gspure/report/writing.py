@@ -16,8 +16,7 @@ from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors, draw_outcomes
 from gspure.figures.gallery import CAPTIONS
-from gspure.figures.lineup import Attacks, chosen, draw_attacks
-from gspure.figures.panels import draw_before_after
+from gspure.figures.panels import Attacks, chosen, draw_attacks, draw_before_after
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
 from gspure.progress import track, warn
