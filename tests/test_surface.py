@@ -9,11 +9,10 @@ from scipy.spatial import Delaunay
 from gspure.attacks import Measurements, find_attack
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.model.ply import Mesh
 from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
-from gspure.surface.meshing import extract_mesh, filter_sizes, smoothed
+from gspure.surface.meshing import Mesh, extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians, tilted_camera

@@ -48,13 +48,8 @@ def read_splat(path: Path) -> Gaussians:
         quats = (rows["quat"].astype(np.float32) - 128) / 128
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
             raise ValueError("rotations that are no unit quaternions")
-        return Gaussians.from_stored(
-            means=rows["mean"],
-            quats=quats,
-            log_scales=positive_log(rows["scale"]),
-            opacity_logits=byte_logits(rows["rgba"][:, 3]),
-            sh_coeffs=colour_coeffs(rows["rgba"][:, None, :3] / 255),
-        )
+        rgba = rows["rgba"]
+        return from_bytes(rows["mean"], quats, _log(rows["scale"]), rgba[:, 3], _colour_coeffs(rgba[:, :3] / 255))
 
 
 def is_packed(header: PlyData) -> bool:
@@ -72,13 +67,13 @@ def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
         if "min_r" in header["chunk"]:
             colours = _placed(chunks, ("r", "g", "b"), colours)
         three = (_numbers(packed["packed_rotation"], _ROTATION) - 0.5) * np.float32(np.sqrt(2))
-        coeffs = colour_coeffs(colours)[:, None]
-        model = Gaussians.from_stored(
-            means=_placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE)),
-            quats=smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
-            log_scales=_placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
-            opacity_logits=byte_logits((packed["packed_color"] & 255).astype(np.uint8)),
-            sh_coeffs=np.concatenate([coeffs, _harmonics(tables["sh"])], 1) if "sh" in tables else coeffs,
+        model = from_bytes(
+            _placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE)),
+            smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
+            _placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
+            (packed["packed_color"] & 255).astype(np.uint8),
+            _colour_coeffs(colours),
+            _harmonics(tables["sh"]) if "sh" in tables else None,
         )
         return Gaussians(model.table, (*header.comments, *header.obj_info))
 
@@ -92,17 +87,26 @@ def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> Non
         raise InputError(path, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
 
 
-def colour_coeffs(colours: NDArray[Any]) -> Float32:
+def _colour_coeffs(colours: NDArray[Any]) -> Float32:
     """Return the zeroth coefficients of colours, 0 to 1."""
     return np.asarray((colours - 0.5) / SH_DC, np.float32)
 
 
-def byte_logits(opacities: UInt8) -> Float32:
-    """Return the logits of opacities, 0 to 255."""
-    return logit(opacities / 255, LEAST_OPACITY)
+def from_bytes(
+    means: Any, quats: Any, log_scales: Any, opacities: UInt8, colours: Any, harmonics: Float32 | None = None
+) -> Gaussians:
+    """Return the model of decoded columns: opacities 0 to 255, zeroth coefficients [K,3] and others [K,S,3]."""
+    colours = np.asarray(colours, np.float32)[:, None]
+    return Gaussians.from_stored(
+        means=means,
+        quats=quats,
+        log_scales=log_scales,
+        opacity_logits=logit(opacities / 255, LEAST_OPACITY),
+        sh_coeffs=colours if harmonics is None else np.concatenate([colours, harmonics], 1),
+    )
 
 
-def positive_log(scales: NDArray[Any]) -> Float32:
+def _log(scales: NDArray[Any]) -> Float32:
     """Return the logarithms of scales: of the least normal float32 if they are 0, not-a-number if negative."""
     least = np.finfo(np.float32).tiny
     return np.log(np.where(scales < 0, np.nan, np.maximum(scales.astype(np.float32), least)), dtype=np.float32)

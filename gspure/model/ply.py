@@ -6,7 +6,6 @@ header is checked before rows are read.
 """
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,7 +15,7 @@ from plyfile import PlyData, PlyElement, PlyListProperty
 
 from gspure.constants import LARGEST
 from gspure.errors import InputError, reading
-from gspure.files import Float64, Indices, UInt8, replacing
+from gspure.files import Float64, UInt8, replacing
 from gspure.model.compressed import is_packed, read_packed
 from gspure.model.gaussians import COEFFICIENTS, COLOUR, CORE, NORMALS, Gaussians
 
@@ -25,19 +24,6 @@ _HEADER_LIMIT: Final = 1 << 20  # largest header in bytes; the search for its en
 _POSITION: Final = ("x", "y", "z")
 _RGB: Final = ("red", "green", "blue")
 _GREY: Final = 128
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Triangles: `vertices` [V,3] in world units, `faces` [F,3], anticlockwise as seen from outside."""
-
-    vertices: Float64
-    faces: Indices
-
-    @property
-    def corners(self) -> Float64:
-        """Positions of the corners of each face, [F,3,3]."""
-        return np.asarray(self.vertices[self.faces])
 
 
 def read_ply(path: Path) -> Gaussians:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
-from gspure.model.compressed import byte_logits, require_room, smallest_three
+from gspure.model.compressed import from_bytes, require_room, smallest_three
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 from gspure.model.inria import UNPACKED_SOG
 
@@ -76,19 +76,15 @@ def _model(path: Path, member: Member) -> Gaussians:
         return [image[:rows] for image in images]
 
     (quats,), (scales,), (colours,) = pixels("quats"), pixels("scales"), pixels("sh0")
-    sh = np.zeros((rows, 0, 3), np.float32)
+    sh = None
     if "shN" in meta:
         entries = _entries(meta["shN"], files["shN"].pop(0))
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
         sh = entries[: meta["shN"].get("count")][low | high << 8]
     rgba = _values(meta["sh0"], colours)
-    model = Gaussians.from_stored(
-        means=_means(meta["means"], *pixels("means")),
-        quats=_quats(quats),
-        log_scales=_values(meta["scales"], scales[:, :3]),
-        opacity_logits=rgba[:, 3] if version == 1 else byte_logits(colours[:, 3]),
-        sh_coeffs=np.concatenate([rgba[:, None, :3], sh], 1),
-    )
+    means, log_scales = _means(meta["means"], *pixels("means")), _values(meta["scales"], scales[:, :3])
+    model = from_bytes(means, _quats(quats), log_scales, colours[:, 3], rgba[:, :3], sh)
+    model = model.with_columns({"opacity": rgba[:, 3]}) if version == 1 else model
     return model.with_comment(RENDER_MODE + mode) if mode else model
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
-from gspure.model.compressed import byte_logits, require_room, smallest_three
+from gspure.model.compressed import from_bytes, require_room, smallest_three
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 
 TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
@@ -129,21 +129,17 @@ def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
 
 
 def _model(header: _Header, body: UInt8) -> Gaussians:
-    means, alphas, colours, scales, rotations, *harmonics = (
+    centres, alphas, colours, scales, rotations, *bytes_of_sh = (
         part.reshape(header.rows, -1) for part in np.split(body, np.cumsum(header.sizes())[:-1])
     )
     sh = np.zeros((header.rows, COEFFICIENTS[header.degree], 3), np.float32)
-    if harmonics:
-        sh[:] = (harmonics[0].reshape(sh.shape) - np.float32(128)) / 128
+    if bytes_of_sh:
+        sh[:] = (bytes_of_sh[0].reshape(sh.shape) - np.float32(128)) / 128
     rgb = (colours / 255 - 0.5) / _COLOUR_SCALE
-    fixed = np.pad(means.reshape(-1, 3), ((0, 0), (1, 0))).view("<i4").reshape(-1, 3) >> 8  # of 24 bits, signed
-    return Gaussians.from_stored(
-        means=np.asarray(fixed / (1 << header.fraction_bits), np.float32) * TURNED,
-        quats=_quats(rotations) * TURNED_QUATS,
-        log_scales=scales / 16 - 10,
-        opacity_logits=byte_logits(alphas[:, 0]),
-        sh_coeffs=np.concatenate([rgb[:, None], sh * TURNED_HARMONICS[: sh.shape[1]]], 1),
-    )
+    fixed = np.pad(centres.reshape(-1, 3), ((0, 0), (1, 0))).view("<i4").reshape(-1, 3) >> 8  # of 24 bits, signed
+    means = np.asarray(fixed / (1 << header.fraction_bits), np.float32) * TURNED
+    harmonics = sh * TURNED_HARMONICS[: sh.shape[1]]
+    return from_bytes(means, _quats(rotations) * TURNED_QUATS, scales / 16 - 10, alphas[:, 0], rgb, harmonics)
 
 
 def _quats(stored: UInt8) -> Float32:

@@ -9,12 +9,12 @@ from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
 from gspure.files import Float32, Float64
 from gspure.model import Gaussians
-from gspure.model.ply import Mesh
 from gspure.model.rotations import principal_axes
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import track
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
+from gspure.surface.meshing import Mesh
 
 INVISIBLE: Final = np.finfo(np.float32).max  # distance of rows that no view shows; files hold no infinities
 SPLITS: Final = 8  # largest number of parts into which a side of a face is divided; ours

@@ -4,6 +4,7 @@ The 3-D filter of Mip-Splatting and GOF first limits Gaussians to the sampling r
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -12,11 +13,10 @@ from numpy.typing import NDArray
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Float64
+from gspure.files import Bools, Float32, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.filtered import widened
 from gspure.model.gaussians import SCALES
-from gspure.model.ply import Mesh
 from gspure.opencl.device import Device
 from gspure.progress import say, track
 from gspure.renderer import Renderer
@@ -28,6 +28,19 @@ LEVEL: Final = 0.5  # opacity of the surface (GOF)
 FILTER_MARGIN: Final = 0.15  # extension of the image beyond its edges, as a share of its size (GOF)
 FILTER_VARIANCE: Final = 0.2  # in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)
 _CHUNK = 1 << 20  # points per evaluation
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles: `vertices` [V,3] in world units, `faces` [F,3], anticlockwise as seen from outside."""
+
+    vertices: Float64
+    faces: Indices
+
+    @property
+    def corners(self) -> Float64:
+        """Positions of the corners of each face, [F,3,3]."""
+        return np.asarray(self.vertices[self.faces])
 
 
 def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
