@@ -6,7 +6,7 @@
 //   bound_band         the same for a band of tile rows, if one band does not fit
 //   (host)             prefix sums: the first entry of each chunk
 //   emit_entries       walk the tiles of each Gaussian: its position and tile per entry, and the histogram of tiles
-//   scan_chunks        (counting.cl), then prefix sums over the tiles on the host
+//   scan_chunks        (counting.cl), then scan_totals over the tiles
 //   scatter_entries    move the entries to their tiles' lists
 // In the gpu style, it is a radix sort of pairs:
 //   bound_entries      as above, by groups of Gaussians

@@ -25,7 +25,7 @@ from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key, wrong_key
 from gspure.workflow.step import run, views_of
 
-Variant = dict[str, Any]  # `gspure.workflow.plan.Variant.evaluation`
+Variant = dict[str, Any]  # `gspure.workflow.variants.Variant.evaluation`
 
 
 def evaluate(
