@@ -21,7 +21,7 @@ from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.opacity_field import blended_at
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
-from gspure.opencl.storage import positions_of, store, upload_features, upload_sh_coeffs
+from gspure.opencl.storage import positions_of, store, upload_attributes, upload_sh_coeffs
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
@@ -218,7 +218,8 @@ class Renderer:
         count, channels = features.shape
         if count != len(self.model):
             raise ValueError(f"features are of {count} Gaussians, the model has {len(self.model)}")
-        return Traversal(self.energy, channels=channels), upload_features(self._engine, self._storage, features)
+        stored = upload_attributes(self._engine, self._storage.order, channels, features.__getitem__)
+        return Traversal(self.energy, channels=channels), stored
 
     @cached_property
     def _sh_coeffs(self) -> object:

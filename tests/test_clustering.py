@@ -91,14 +91,6 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
     np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)
 
 
-def test_more_neighbours_than_rows_are_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
-    points = np.random.default_rng(0).normal(size=(30, 5)).astype(np.float32)
-    spanning_tree(points, 29)
-    assert not capsys.readouterr().err
-    spanning_tree(points, 128)
-    assert "min_samples is 128" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("spread", [1.0, 1e-9], ids=["scattered", "pile"])
 @pytest.mark.parametrize("min_samples", [1, 10, 40])
 def test_tree_equals_that_of_hdbscans_own_core_distances(min_samples: int, spread: float) -> None:
@@ -277,13 +269,6 @@ def test_cluster_file_round_trip_is_exact_and_reproducible(tmp_path: Path) -> No
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 
-@pytest.mark.parametrize("content", [b"", b"not a zip", b"PK\x03\x04 cut off"])
-def test_a_broken_cluster_file_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "clusters.npz").write_bytes(content)
-    with pytest.raises(InputError, match=r"clusters\.npz: file: expected clusters, as \.npz"):
-        read_clusters(tmp_path / "clusters.npz")
-
-
 def edited(*values: tuple[int, int, float]) -> np.ndarray:
     """Return a spanning tree of 30 points in which (edge, column, value) are replaced."""
     tree = spanning_tree(POINTS, 5)
@@ -293,15 +278,10 @@ def edited(*values: tuple[int, int, float]) -> np.ndarray:
 
 
 DAMAGED = {
-    "an edge from a point to itself": edited((7, 0, 3), (7, 1, 3)),
     "descending ends": edited()[:, [1, 0, 2]],
-    "zeros": np.zeros((29, 3)),
     "half a point": edited((7, 0, 0.5)),
-    "a negative point": edited((7, 0, -1)),
     "a point beyond the model": edited((7, 1, 30)),
-    "a point beyond integers": edited((7, 1, 1e300)),
     "not a number": edited((7, 2, np.nan)),
-    "infinity": edited((28, 2, np.inf)),
     "a negative distance": edited((0, 2, -1)),
     "unsorted": edited()[::-1],
 }

@@ -8,7 +8,6 @@ import pytest
 
 from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
-from gspure.cli import purify as purify_command
 from gspure.constants import TAU_C
 from gspure.errors import InputError
 from gspure.evaluation.comparison import read_metrics
@@ -100,13 +99,7 @@ def test_settings_out_of_range_are_refused_before_anything_is_rendered(monkeypat
 
 
 @pytest.fixture
-def draw():
-    """The function that draws the figures."""
-    return purify_command._draw
-
-
-@pytest.fixture
-def command(tmp_path: Path, draw, monkeypatch) -> list[str]:
+def command(tmp_path: Path, monkeypatch) -> list[str]:
     """The command on this model, in its folder; figures are not drawn."""
     write_model(tmp_path / "model.ply", model())
     write_cameras(tmp_path / "cameras.json", cameras())

@@ -133,8 +133,7 @@ def works(device: Device) -> bool:
 def choose_device(spec: str | None = None) -> Device:
     """Return the first device of `matching_devices` that works, GPUs before CPUs.
 
-    If devices are named, no other one replaces them. Raise `InputError` if no device matches, or none that matches
-    works.
+    If devices are named, no other one replaces them. Raise `InputError` if none that matches works.
     """
     matching = matching_devices(spec)
     for device in matching:
@@ -192,10 +191,9 @@ def _can_cache() -> bool:
 
 def _devices(platform: cl.Platform) -> list[cl.Device]:
     try:
-        devices: list[cl.Device] = platform.get_devices()
+        return list(platform.get_devices())
     except cl.Error:  # a driver without its hardware
         return []
-    return devices
 
 
 def first_line(message: str) -> str:

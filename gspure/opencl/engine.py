@@ -94,9 +94,7 @@ class Program:
         self._group = group
 
     def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> cl.Event | None:
-        """Enqueue a kernel over `items` work-items, rounded up to whole groups, and return its event.
-
-        Do nothing if there are none.
+        """Enqueue a kernel over `items` work-items, rounded up to whole groups; return its event, None without items.
 
         An int is passed as a 32-bit integer, a float as a single-precision number.
         """

@@ -8,8 +8,6 @@ from pathlib import Path
 from gspure import constants
 from gspure.files import digest
 
-Defines = Mapping[str, int]
-
 RENDERER_CONSTANTS = {
     name: getattr(constants, name)
     for name in (
@@ -45,7 +43,7 @@ def kernel_source(*names: str) -> str:
     return "\n".join((kernel_folder() / f"{name}.cl").read_text(encoding="utf-8") for name in names)
 
 
-def build_options(defines: Defines) -> list[str]:
+def build_options(defines: Mapping[str, int]) -> list[str]:
     """Return compiler options: the renderer's constants and `defines` as -D."""
     numbers = [f"-D{name}={_literal(value)}" for name, value in RENDERER_CONSTANTS.items()]
     return [*BUILD_OPTIONS, *numbers, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]

@@ -12,13 +12,11 @@ from gspure.opencl.engine import Engine
 
 _NONE = 0xFFFFFFFF
 
-Floats = Float64
-
 
 class _Search:
     """Points on the device, along a k-d tree."""
 
-    def __init__(self, engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int) -> None:
+    def __init__(self, engine: Engine, points: Float64, copies: NDArray[Any], min_samples: int) -> None:
         self.count, columns = points.shape
         self.levels = max(0, int(np.ceil(np.log2(self.count / LEAF))))
         self.leaves = 1 << self.levels
@@ -31,7 +29,7 @@ class _Search:
         self._build(points)
         self._find_cores(copies, min_samples)
 
-    def _build(self, points: Floats) -> None:
+    def _build(self, points: Float64) -> None:
         engine, columns = self._engine, points.shape[1]
         self._points = engine.uploaded(points)
         self._order = engine.uploaded(np.arange(self.count, dtype=np.uint32))
@@ -70,7 +68,7 @@ class _Search:
         self._lengths = engine.uploaded(np.full(self.count, np.inf))
         self._least_lengths = engine.uploaded(self.core)
 
-    def edges(self, component: UInt32, components: int) -> tuple[UInt32, UInt32, Floats]:
+    def edges(self, component: UInt32, components: int) -> tuple[UInt32, UInt32, Float64]:
         """Return (points, partners, squared lengths) of the shortest edge that leaves each component."""
         engine = self._engine
         engine.copied(component, self._component)
@@ -110,8 +108,8 @@ class _Search:
 
 
 def minimum_spanning_tree(
-    engine: Engine, points: Floats, copies: NDArray[Any], min_samples: int
-) -> tuple[Indices, Floats, Floats]:
+    engine: Engine, points: Float64, copies: NDArray[Any], min_samples: int
+) -> tuple[Indices, Float64, Float64]:
     """Return the minimum spanning tree of distinct points under the mutual reachability distance.
 
     There are two or more `points` [U,C], each of which stands for `copies` [U] points; `min_samples` counts other
@@ -121,7 +119,7 @@ def minimum_spanning_tree(
     search = _Search(engine, points, copies, min_samples)
     component, components = np.arange(search.count, dtype=np.uint32), search.count
     ends: list[UInt32] = []
-    squares: list[Floats] = []
+    squares: list[Float64] = []
     while components > 1:
         near, far, lengths = search.edges(component, components)
         kept, components, labels = _join(component[far], lengths)
@@ -134,7 +132,7 @@ def minimum_spanning_tree(
     return np.column_stack([np.minimum(a, b), np.maximum(a, b)]), np.sqrt(np.concatenate(squares)), np.sqrt(core)
 
 
-def _join(targets: UInt32, lengths: Floats) -> tuple[Indices, int, Int32]:
+def _join(targets: UInt32, lengths: Float64) -> tuple[Indices, int, Int32]:
     """Join each component to its target, without cycles.
 
     Two components that are each other's target need one edge. Longer cycles have edges of equal length; one of them is

@@ -82,11 +82,6 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
     return upload_attributes(engine, storage.order, attributes, sh_coeffs)
 
 
-def upload_features(engine: Engine, storage: Storage, features: Float32) -> cl.Buffer:
-    """Upload features [K,C]."""
-    return upload_attributes(engine, storage.order, features.shape[1], lambda rows: features[rows])
-
-
 def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Callable[[slice], Float32]) -> cl.Buffer:
     """Upload ``values(rows)`` [n,attributes] in storage order; the last block is padded with zeros: transparent."""
     shape = blocked_shape(len(order), attributes)

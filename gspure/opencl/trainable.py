@@ -158,17 +158,12 @@ class TrainableModel:
         """Return the image [H,W,3] of a view."""
         return self._forward(camera, background).image()
 
-    @property
-    def statistics_buffers(self) -> tuple[object, object]:
-        """The statistics on the device, by storage position."""
-        return self._norms, self._views
-
     def statistics(self) -> Statistics:
         """Read the statistics."""
         order, count = self._storage.order, self.count
         norms, views = np.empty(count, np.float32), np.empty(count, np.uint32)
-        norms[order] = self.engine.read(self._norms, (count,), np.float32)
-        views[order] = self.engine.read(self._views, (count,), np.uint32)
+        for values, buffer in zip((norms, views), self.statistics_buffers, strict=True):
+            values[order] = self.engine.read(buffer, (count,), values.dtype)
         return Statistics(norms, views)
 
     def state(self) -> TrainState:
@@ -200,8 +195,8 @@ class TrainableModel:
         activated = engine.allocate(4 * GEOMETRY_ATTRIBUTES * (count + BLOCK))
         self._storage = Storage.along(engine, order, activated)
         self._adam = Adam(engine, count, geometry, channels, 3 * (self.sh_degree + 1) ** 2, activated)
-        self._norms, self._views = engine.allocate(4 * count), engine.allocate(4 * count)
-        for buffer in (self._norms, self._views):
+        self.statistics_buffers = engine.allocate(4 * count), engine.allocate(4 * count)
+        for buffer in self.statistics_buffers:
             engine.clear(buffer, 4 * count)
 
     def _count_view(self, rendered: Rendered, gradients: DeviceGradients) -> None:
@@ -211,7 +206,7 @@ class TrainableModel:
             "accumulate_statistics",
             self.count,
             *(self.count, camera.width / 2, camera.height / 2),
-            *(rendered.projected.depth_keys, gradients.centres, self._norms, self._views),
+            *(rendered.projected.depth_keys, gradients.centres, *self.statistics_buffers),
             group=SUM_GROUP,
         )
 

@@ -65,8 +65,6 @@ class Trainer:
 
     def snapshot(self) -> Snapshot:
         """Return the state of the run; only while it `rests`."""
-        if not self.rests:
-            raise RuntimeError(f"statistics are under way at iteration {self.iteration}")
         return Snapshot(self.iteration, self.model.state(), tuple(self._pending_views), self._rng.bit_generator.state)
 
     def _iterate(self) -> float:
