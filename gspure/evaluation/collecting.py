@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,16 +13,16 @@ import numpy as np
 
 from gspure.errors import InputError, printable
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
-from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
+from gspure.evaluation.csv_tables import PerMetric, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
 from gspure.evaluation.names import UNATTACKED, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval, Retrieved
-from gspure.files import Bools, load_array, read_json, run_of
+from gspure.files import load_array, read_json, run_of
 from gspure.progress import warn
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
-NOT_APPLICABLE: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
+_REFUSED: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
 _ERROR: Final = re.compile(r"gspure \S+: |killed by signal|\S*(Error|Exception|Interrupt)\b")
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -77,14 +78,15 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
     scheme, folder = name.split("/")
     scene, _, seed = folder.partition("@")
     place = results / scheme / folder
-    verdicts = {variant: _verdict(place / variant / "verdict.json") for variant in plan.expected}
-    refused = {variant: str(verdict.pop(NOT_APPLICABLE, "")) for variant, verdict in verdicts.items()}
+    files = {variant: place / variant / "verdict.json" for variant in plan.expected}
+    verdicts = {variant: read_json(file) if file.is_file() else {} for variant, file in files.items()}
+    refused = {v: f"{_REFUSED}: {verdict[_REFUSED]}" if _REFUSED in verdict else "" for v, verdict in verdicts.items()}
     tables = {v: path for v in plan.expected if not refused[v] and (path := place / v / "metrics.csv").is_file()}
     rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
     detections = read_detections(place)
     truth_file = place / "key" / MESSAGE_ROWS
-    for variant, files in plan.expected.items():
-        absent = [file for file in files if refused[variant] or not (place / variant / file).is_file()]
+    for variant, expected in plan.expected.items():
+        absent = [file for file in expected if refused[variant] or not (place / variant / file).is_file()]
         missing = {file: refused[variant] or _reason(results, place / variant) for file in absent}
         o = Outcome(
             scheme,
@@ -105,12 +107,12 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
 
 def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
-    targets = {mean.target: mean for mean in means(rows)}
-    known: dict[str, Any] = {
-        "targets": targets,
-        "views": {target: sum(row.target == target for row in rows) for target in targets},
-        "identical": {target: identical(rows)[target] for target in targets},
-    }
+    targets, views, same = (
+        {mean.target: mean for mean in means(rows)},
+        Counter(row.target for row in rows),
+        identical(rows),
+    )
+    known: dict[str, Any] = {"targets": targets, "views": views, "identical": {name: same[name] for name in targets}}
     if (table := folder / "retrieval.csv").is_file():
         known["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
     if (mask := folder / "prune_mask.npy").is_file():
@@ -118,30 +120,11 @@ def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> di
         known["pruned_share"] = float(np.mean(pruned))
         if truth_file.is_file():
             truth = load_array(truth_file, dtype=np.bool_, shape=(len(pruned),))
-            known["precision"], known["recall"] = recall(pruned, truth)
+            known["precision"], known["recall"] = (
+                np.count_nonzero(pruned & truth) / count if (count := int(mask.sum())) else math.nan
+                for mask in (pruned, truth)
+            )
     return known
-
-
-def recall(pruned: Bools, truth: Bools) -> tuple[float, float]:
-    """Return precision and recall of a pruning; NaN for a division by zero.
-
-    `pruned` and `truth`, the rows that carry the message, are bool [K].
-    """
-    hits = int(np.count_nonzero(pruned & truth))
-    precision, found = (hits / rows if (rows := int(mask.sum())) else math.nan for mask in (pruned, truth))
-    return precision, found
-
-
-def _verdict(file: Path) -> dict[str, Any]:
-    """Return which extractions an attack can have affected, and its strength; or why it cannot apply."""
-    match read_json(file) if file.is_file() else None:
-        case None:
-            return {}
-        case {"not applicable": str(reason)}:
-            return {NOT_APPLICABLE: f"{NOT_APPLICABLE}: {reason}"}
-        case {"reached": dict(reached), "strength": str(strength)} if {*map(type, reached.values())} <= {bool}:
-            return {"reached": reached, "strength": strength}
-    raise InputError(file, "file", expected="the verdict of an attack", found="other JSON")
 
 
 def _reason(results: Path, variant: Path) -> str:
@@ -165,14 +148,14 @@ def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[s
     A drop is a difference of means over the same views. Where none is left, variants with such views keep them alone,
     so that their mean PSNR is infinite, and no drop from it or to it is known.
     """
-    equal = {(row.target, row.view) for rows in rows_of.values() for row in filter(_equals_photograph, rows)}
+    exact = {variant: [row for row in rows if _equals_photograph(row)] for variant, rows in rows_of.items()}
+    equal = {(row.target, row.view) for rows in exact.values() for row in rows}
     kept: dict[str, list[ViewMetrics]] = {}
     for variant, rows in rows_of.items():
         kept[variant] = []
-        for target in dict.fromkeys(row.target for row in rows):
-            views = [row for row in rows if row.target == target]
-            others = [row for row in views if (target, row.view) not in equal]
-            kept[variant] += others or [*filter(_equals_photograph, views)] or views
+        for views in grouped(rows, lambda row: row.target).values():
+            others = [row for row in views if (row.target, row.view) not in equal]
+            kept[variant] += others or [row for row in views if row in exact[variant]] or views
     return kept
 
 

@@ -142,17 +142,10 @@ def read_detections(model: Path) -> dict[str, dict[str, Detection]]:
 
 
 def read_readings(table: Path) -> list[Reading]:
-    """Return the readings of all views, or raise `InputError` if there is none, or one is impossible."""
-    rows = read_table(table, Reading)
-    if not rows:
-        raise InputError(table, "rows", expected="at least one view", found="none")
-    for row in rows:
-        possible = 0 <= row.level <= 100 and 0 < row.bits < 1 << 31 if row.bits else abs(row.level) <= LARGEST
-        if not possible or row.bits != rows[0].bits:
-            expected = f"0 to 100 % of {rows[0].bits} bits" if rows[0].bits else "a score"
-            found = f"{row.level} % of {row.bits} bits" if row.bits else f"the score {row.level}"
-            raise InputError(table, row.view, expected=expected, found=found)
-    return rows
+    """Return the readings of all views, or raise `InputError` if there is none."""
+    if rows := read_table(table, Reading):
+        return rows
+    raise InputError(table, "rows", expected="at least one view", found="none")
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
@@ -195,36 +188,36 @@ def files_of(command: str) -> list[str]:
 
 
 def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
-    words = [*words_of(command), str(images)]
+    """Return what a command prints in its last line, a JSON object."""
     try:
-        last, reason, status = _run(words, timeout)
+        status, *printed = _run([*words_of(command), str(images)], timeout)
     except subprocess.TimeoutExpired:
         raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
     except OSError as error:
         raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
+    output, errors = (text.strip().rpartition("\n")[2] for text in printed)
     if status:
-        raise InputError("detector", command, expected="success", found=reason or f"exit status {status}")
+        raise InputError("detector", command, expected="success", found=errors or f"exit status {status}")
     try:
-        answer = json.loads(last)
+        answer = json.loads(output)
     except (ValueError, RecursionError):
         answer = None
     if not isinstance(answer, dict):
-        raise InputError("detector", "output", expected="a JSON object in the last line", found=last or "nothing")
+        raise InputError("detector", "output", expected="a JSON object in the last line", found=output or "nothing")
     return answer
 
 
-def _run(words: Sequence[str], timeout: float) -> tuple[str, str, int]:
-    """Return the last lines of a command's output and errors, and its exit status; if it fails, end all it started."""
-    pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(words, **pipes, start_new_session=True) as process:
+def _run(words: Sequence[str], timeout: float) -> tuple[int, str, str]:
+    """Return exit status, output and errors of a command; if it takes too long, end all that it started."""
+    streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(words, **streams, start_new_session=True, text=True, errors="replace") as process:
         try:
-            printed = process.communicate(timeout=timeout)
+            output, errors = process.communicate(timeout=timeout)
         except BaseException:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             raise
-    output, errors = (stream.decode(errors="replace").strip().rpartition("\n")[2] for stream in printed)
-    return output, errors, process.returncode
+    return process.returncode, output, errors
 
 
 def _reading(view: str, value: object, message: str) -> Reading:

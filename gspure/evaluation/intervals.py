@@ -4,18 +4,14 @@ The scene is the unit everywhere. Views of a scene and seeds of one embedding sh
 so they are averaged within scenes, resampled within scenes, and change their signs together.
 
 Scenes are drawn with replacement, then seeds within each drawn scene (Efron and Tibshirani 1993, §8; Davison and
-Hinkley 1997, §3.8). The second draw counts the spread between seeds twice, so the intervals are slightly too wide.
-
-The plain percentile interval is too narrow for few scenes. The tails are therefore those of the expanded percentile
-interval (Hesterberg 2015),
+Hinkley 1997, §3.8). The tails are those of the expanded percentile interval (Hesterberg 2015),
 
 .. math:: \frac{\alpha'}{2} = \Phi\left(-\sqrt{\frac{n}{n-1}}\, t_{1-\alpha/2,\, n-1}\right),
 
 which for normal data is close to Student's interval.
 
-With very few scenes there is too little to resample. The smallest and the largest of :math:`n` independent scenes
-enclose the median of all scenes with probability :math:`1 - 2^{1-n}`, whatever the distribution. Below six scenes that
-is less than 95 %; the range is then returned with that probability.
+The smallest and the largest of :math:`n` independent scenes enclose the median of all scenes with probability
+:math:`1 - 2^{1-n}`, whatever the distribution. Below six scenes, the range is returned with that probability.
 """
 
 import math
@@ -25,7 +21,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.errors import InputError
 from gspure.files import Float64
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
@@ -72,16 +67,9 @@ def difference(a: float, b: float) -> float:
     return _without_noise(a - b, a)
 
 
-def checked(values: Sequence[ArrayLike]) -> Groups:
-    """Return the values in a canonical order, so that equal data gives equal bits in any order of scenes and seeds.
-
-    Raise `InputError` if there is no scene, a scene has no value, or a value is not finite.
-    """
+def in_order(values: Sequence[ArrayLike]) -> Groups:
+    """Return the values in a canonical order, so that equal data gives equal bits in any order of scenes and seeds."""
     groups = [np.sort(np.asarray(group, np.float64).ravel()) for group in values]
-    if not groups or not all(group.size for group in groups):
-        raise InputError("statistics", "values", expected="at least one per scene", found=f"{list(map(len, groups))}")
-    if not all(np.isfinite(group).all() for group in groups):
-        raise InputError("statistics", "values", expected="finite numbers", found=f"{[g.tolist() for g in groups]}")
     return sorted(groups, key=lambda group: (group.mean(), *group))
 
 
@@ -91,11 +79,8 @@ def means_of(groups: Groups) -> Float64:
 
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
-    """Return the mean over scenes with its interval; `values` are those of the seeds of every scene.
-
-    Raise `InputError` if there is no value, or one is not finite.
-    """
-    groups = checked(values)
+    """Return the mean over scenes with its interval; `values` are those of the seeds of every scene, all finite."""
+    groups = in_order(values)
     means = means_of(groups)
     level_of_range = 1 - 2.0 ** (1 - len(groups))
     if level_of_range < LEVEL:

@@ -1,12 +1,10 @@
 r"""Paired tests of two attacks over scenes, the correction for many of them, and detectability.
 
 Under the null hypothesis that the two attacks are exchangeable, the difference in each scene has either sign with equal
-probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of one scene share that scene, so they change their
-sign together; flipping them one by one would count repetitions as evidence.
+probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of one scene change their sign together.
 
-Detectability is how well the extracted message separates attacked models from negative controls. The statistic is any
-number that grows with the quality of the extracted message, such as its PSNR. The area under its ROC curve (AUC) is the
-probability that an attacked model exceeds a negative control,
+Detectability is how well a statistic, such as the PSNR of the message, separates attacked models from negative
+controls: the area under its ROC curve (AUC) is
 
 .. math:: \theta = P(X > Y) + \tfrac{1}{2} P(X = Y)
 
@@ -20,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.intervals import LEVEL, checked, means_of
+from gspure.evaluation.intervals import LEVEL, in_order, means_of
 from gspure.files import Float64
 
 DRAWS: Final = 2**16  # up to 16 scenes this is every combination of signs; for more, as many are drawn
@@ -39,22 +37,19 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
     """Test whether the differences of the seeds of every scene are centred at 0, by flipping the signs of scenes.
 
     `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
-    never 0 (Phipson and Smyth 2010). Raise `InputError` if there is no value, or one is not finite.
+    never 0 (Phipson and Smyth 2010).
     """
-    means = means_of(checked(differences))
-    return PairedTest(_sign_flip_p(means), max(2.0 ** (1 - len(means)), 2 / (DRAWS + 1)))
-
-
-def _sign_flip_p(means: Float64) -> float:
     from scipy.stats import permutation_test
 
+    means = means_of(in_order(differences))
+    smallest = max(2.0 ** (1 - len(means)), 2 / (DRAWS + 1))
     if len(means) == 1 or not means.any():  # scipy requires two; a single one is as far from 0 with either sign
-        return 1.0
+        return PairedTest(1.0, smallest)
     # Whole numbers of DIGITS decimal digits: their sums are exact, so signs that tie on a decimal grid tie here, too.
     exponent = max(math.floor(math.log10(np.abs(means).max())), -200)
     whole = np.rint(means * 10.0 ** (DIGITS - 1 - exponent))
     flips = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": np.random.default_rng(SEED)}
-    return float(permutation_test((whole,), np.mean, vectorized=True, batch=4096, **flips).pvalue)
+    return PairedTest(float(permutation_test((whole,), np.mean, vectorized=True, batch=4096, **flips).pvalue), smallest)
 
 
 def holm(p: ArrayLike) -> Float64:
@@ -96,8 +91,7 @@ def detectability(attacked: ArrayLike, controls: ArrayLike) -> Detectability:
         \frac{\theta (1 - \theta)}{mn} \left[ 1 + N \frac{1 - \theta}{2 - \theta} + N \frac{\theta}{1 + \theta} \right],
         \quad N = \frac{m + n}{2} - 1
 
-    (Newcombe 2006, method 5). Unlike a Wald interval, it does not shrink to a point if every model exceeds every
-    control: for three against three it is 0.50 to 1.
+    (Newcombe 2006, method 5). It does not shrink to a point if every model exceeds every control.
     """
     x, y = np.ravel(attacked), np.ravel(controls)
     wins = np.count_nonzero(x[:, None] > y)
