@@ -60,9 +60,12 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
         column = Column(display_name(target), "Score", main=target == MESSAGE)
         columns.append((column, partial(_score, target=target, best=nan if i else best)))
     for name, bits in detectors.items():
-        for title in ("correct bits" if bits else "score", "TPR 1%", "TPR 0.1%"):
-            column = Column(title, display_name(name), main=title != "TPR 0.1%")
-            columns.append((column, partial(_detection, name=name, title=title)))
+        group = display_name(name)
+        columns += [
+            (Column("correct bits" if bits else "score", group), partial(_reading, name=name)),
+            (Column("TPR 1%", group), partial(_rate, name=name, rate="tpr")),
+            (Column("TPR 0.1%", group, main=False), partial(_rate, name=name, rate="tpr_strict")),
+        ]
     for name in SHARES:
         if any(isfinite(getattr(o, name)) for o in measured):
             column = Column(name.removesuffix("_share"), main=name == "pruned_share")
@@ -89,16 +92,17 @@ def _score(o: Outcome, target: str, best: float) -> Cell:
     return Cell(signed(o.score_of(target)), best=o.score == best)
 
 
-def _detection(o: Outcome, name: str, title: str) -> Cell:
-    """Return the mean reading of a detector with its standard deviation, or one of its rates."""
+def _reading(o: Outcome, name: str) -> Cell:
+    """Return the mean reading of a detector with its standard deviation."""
     if name not in o.detections:
         return Cell()
     read = o.detections[name]
-    if title.startswith("TPR"):
-        return share(read.tpr if title == "TPR 1%" else read.tpr_strict)
-    return Cell(
-        percent(read.level / 100) if read.bits else significant(read.level), f"(± {significant(read.spread, 2)})"
-    )
+    level = percent(read.level / 100) if read.bits else significant(read.level)
+    return Cell(level, f"(± {significant(read.spread, 2)})")
+
+
+def _rate(o: Outcome, name: str, rate: str) -> Cell:
+    return share(getattr(o.detections[name], rate)) if name in o.detections else Cell()
 
 
 def _share(o: Outcome, name: str) -> Cell:

@@ -53,36 +53,27 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     """
     outcomes = collect(results, plan.models)
     survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
-    _write_tables(results / "tables", outcomes, survivals, contests, matched)
+    tables = results / "tables"
+    write_results(tables / "results.csv", outcomes)
+    write_table(tables / "summary.csv", Summary, summarize(outcomes))
+    write_table(tables / "survival.csv", Survival, survivals)
+    write_table(tables / "contest.csv", Contest, contests)
+    write_table(tables / "matched.csv", Matched, matched)
+    write_text(tables / "results.md", results_markdown(outcomes))
+    write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
+    write_text(tables / "summary.tex", summary_table(outcomes).latex())
     _warn(outcomes)
     models = {(o.scheme, o.folder): variants for (scheme, folder), variants in by_model(outcomes) for o in variants[:1]}
     comparisons = []
     for audit in audits(outcomes, survivals):
         alike = {key: variants for key, variants in models.items() if variants[0].condition == audit.condition}
         shown = [_model(results, key, alike[key], plan, audit) for key in track([*alike], "figures")]
-        tables = condition_tables(audit.condition, survivals, contests, matched)
+        compared = condition_tables(audit.condition, survivals, contests, matched)
         pictures = _condition_pictures(results, audit.condition, [o for v in alike.values() for o in v], plan)
-        comparisons.append(Comparison(audit, shown, tables, pictures))
+        comparisons.append(Comparison(audit, shown, compared, pictures))
     names = ("results", "summary", "survival", "contest", "matched")
-    write_page(results, comparisons, [*(results / "tables" / f"{name}.csv" for name in names), *plan.links])
+    write_page(results, comparisons, [*(tables / f"{name}.csv" for name in names), *plan.links])
     return outcomes
-
-
-def _write_tables(
-    folder: Path,
-    outcomes: Sequence[Outcome],
-    survivals: Sequence[Survival],
-    contests: Sequence[Contest],
-    matched: Sequence[Matched],
-) -> None:
-    write_results(folder / "results.csv", outcomes)
-    write_table(folder / "summary.csv", Summary, summarize(outcomes))
-    write_table(folder / "survival.csv", Survival, survivals)
-    write_table(folder / "contest.csv", Contest, contests)
-    write_table(folder / "matched.csv", Matched, matched)
-    write_text(folder / "results.md", results_markdown(outcomes))
-    write_text(folder / "contest.md", conditions_markdown(survivals, contests, matched))
-    write_text(folder / "summary.tex", summary_table(outcomes).latex())
 
 
 def _warn(outcomes: Sequence[Outcome]) -> None:
