@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
+import sys
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
@@ -273,3 +275,13 @@ def test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_ho
     floats = 7 + channels + (3 if contributions else 0)
     assert 4 * floats * batch <= 0.75 * device.local_mem_size
     assert batch == TILE * TILE or 2 * 4 * floats * batch > 0.75 * device.local_mem_size
+
+
+@pytest.mark.parametrize("variable", ["POCL_CACHE_DIR", "XDG_CACHE_HOME", "HOME"])
+def test_a_kernel_cache_that_cannot_be_written_is_replaced_and_said_once(variable) -> None:
+    environment = {name: text for name, text in os.environ.items() if name not in {"POCL_CACHE_DIR", "XDG_CACHE_HOME"}}
+    command = [sys.executable, "-m", "gspure.opencl.selftest"]
+    environment |= {variable: "/proc/none"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert json.loads(done.stdout)
+    assert done.stderr.count("temporary folder") == 1

@@ -17,6 +17,7 @@ import numpy as np
 import pyopencl as cl
 
 from gspure.errors import InputError
+from gspure.progress import warn
 
 DEVICE_VARIABLE: Final = "GSPURE_DEVICE"
 INSTALL_HINT: Final = "see `gspure doctor`, which installs a driver with --fix"
@@ -149,9 +150,11 @@ def choose_device(spec: str | None = None) -> Device:
 
 
 def _platforms() -> list[cl.Platform]:
-    if not _can_cache():
-        os.environ["XDG_CACHE_HOME"] = folder = tempfile.mkdtemp(prefix="gspure-cache-")
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    for variable, place in _caches().items():
+        if not _is_writable(place):
+            os.environ[variable] = folder = tempfile.mkdtemp(prefix="gspure-cache-")
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            warn(f"{place} cannot be written to: this process caches its kernels in a temporary folder")
     _register_intel()
     try:
         platforms: list[cl.Platform] = cl.get_platforms()
@@ -179,12 +182,18 @@ def _register_intel() -> None:
     os.environ["OCL_ICD_VENDORS"] = str(folder)
 
 
-def _can_cache() -> bool:
-    """Return whether caches can be written; otherwise, PoCL lists no device and pyopencl runs no kernel."""
+def _caches() -> dict[str, str]:
+    """Return the folders of kernel caches by variable: if one is read-only, PoCL lists no device."""
+    places = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")}  # noqa: PTH111
+    return places | {name: place for name in ("POCL_CACHE_DIR",) if (place := os.environ.get(name))}
+
+
+def _is_writable(folder: str) -> bool:
+    if folder.startswith("~"):  # a user without a home
+        return False
     try:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # no such home, or no home at all
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError:
         return False
     return os.access(folder, os.W_OK)
 
