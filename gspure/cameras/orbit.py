@@ -14,7 +14,7 @@ from gspure.errors import InputError
 from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say
-from gspure.settings import FIELD_OF_VIEW, VIEWS
+from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 
 Floats = NDArray[np.floating[Any]]
 
@@ -118,21 +118,19 @@ def _views(
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
     centre, radius = bounding_sphere(model.means, model.opacities)
     up = _guess(model, centre, radius) if up is None else up
-    values = {"width": width, "height": height, "fov_degrees": fov_degrees, "up": up}
-    settings = Entry(f"{kind} views", "", values)
-    size = settings.pixels("width"), settings.pixels("height")
-    fov = settings.number("fov_degrees")
-    FIELD_OF_VIEW.require(f"{kind} views", "fov_degrees", fov)
-    focal = size[0] / 2 / math.tan(math.radians(fov) / 2)
-    K = intrinsics(focal, focal, size[0] / 2, size[1] / 2)
-    filling = radius / math.sin(math.atan(min(size) / 2 / focal))
+    frame = _frame(Entry(f"{kind} views", "", {"up": up}))
+    SIDE.require(f"{kind} views", "width", width)
+    SIDE.require(f"{kind} views", "height", height)
+    FIELD_OF_VIEW.require(f"{kind} views", "fov_degrees", fov_degrees)
+    focal = width / 2 / math.tan(math.radians(fov_degrees) / 2)
+    K = intrinsics(focal, focal, width / 2, height / 2)
+    filling = radius / math.sin(math.atan(min(width, height) / 2 / focal))
     nearest = 1.25 * radius + NEAR_PLANE  # keeps the sphere of a small model, and a margin, beyond the near plane
-    frame = _frame(settings)
     digits = max(3, len(str(len(placements) - 1)))
     cameras = []
     for i, (elevation, azimuth, shell) in enumerate(placements):
         viewmat = _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
-        cameras.append(Camera(f"{kind}_{i:0{digits}d}", *size, K, viewmat))
+        cameras.append(Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat))
     return cameras
 
 

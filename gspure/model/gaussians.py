@@ -165,19 +165,13 @@ class Gaussians(Described):
         return digest(*names, *(self.table[name] for name in names))
 
     def blocks(self) -> Iterator[tuple[slice, Table]]:
-        """Yield slices of rows that fit a CPU cache, with these rows.
-
-        Reading many columns block by block fetches each row from memory once, not once per column.
-        """
+        """Yield slices of rows that fit a CPU cache, with these rows: all columns of a row are fetched at once."""
         for start in range(0, len(self), _BLOCK_ROWS):
             rows = slice(start, start + _BLOCK_ROWS)
             yield rows, self.table[rows]
 
     def release_pages(self) -> None:
-        """Let the system reclaim the memory of a mapped file; pages are read again when they are used.
-
-        A pass over a large model then needs memory for one part of it only.
-        """
+        """Let the system reclaim the memory of a mapped file; pages are read again when they are used."""
         base: Any = self.table
         while base is not None and not isinstance(base, mmap):
             base = base.base if isinstance(base, np.ndarray) else None
