@@ -128,7 +128,10 @@ def _captions(model: Purified) -> dict[str, tuple[str, str]]:
         f"Share of the message in the weight of the {model.rows}: h / (h + ω), where h is the weight in views of the "
         "message, and ω that in views of the scene; grey where both are 0."
     )
-    return captions if model.hidden is None else {**captions, "hidden": ("message", of_message)}
+    if model.hidden is not None:
+        shared = " Both are equal everywhere: message and scene share all rows."
+        captions["hidden"] = ("message", of_message + shared * np.allclose(model.hidden, model.weights))
+    return captions
 
 
 def _draw_weights(model: Purified, path: Path, *, vector: bool) -> str:
