@@ -16,7 +16,7 @@ from gspure.files import write_json, write_text
 from gspure.report.writing import ReportPlan, write_report
 from tests.contest_cases import write_model
 from tests.recomputation import CHECKS, Results, check_searched
-from tests.test_viewer import AXES, purified
+from tests.test_clouds import AXES, purified
 
 ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
 NAME = "sis/room"
