@@ -1,16 +1,15 @@
 """The codec of result files: typed tables as CSV and back."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import PerMetric, Values, read_table, write_table
+from gspure.evaluation.csv_tables import Drops, Values, read_table, write_table
 from gspure.evaluation.metrics import METRICS
 
 
@@ -29,7 +28,7 @@ class Sample(NamedTuple):
     part: Part
     other: Part | None
     values: Values
-    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")]
+    drops: Drops
 
 
 COLUMNS = "name,kind,count,views,number,known,part_low,part_count,other_low,other_count,"

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
 from gspure.errors import InputError, printable
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
-from gspure.evaluation.csv_tables import PerMetric, Values, grouped, read_table, write_table
+from gspure.evaluation.csv_tables import Drops, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
 from gspure.evaluation.names import UNATTACKED, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
@@ -175,7 +175,7 @@ class Result(NamedTuple):
     views: int | None = None
     identical: int | None = None
     values: Values = _NONE
-    drops: Annotated[Mapping[str, float], PerMetric("{}_drop")] = _NONE
+    drops: Drops = _NONE
     score: float = math.nan
     reached: bool | None = None
     pruned_share: float = math.nan

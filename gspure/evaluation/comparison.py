@@ -2,14 +2,13 @@
 
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import PerMetric, read_table, write_table
+from gspure.evaluation.csv_tables import Values, grouped, read_table, write_table
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import BLACK
 from gspure.images import mean_colour, read_image
@@ -28,7 +27,7 @@ class ViewMetrics(NamedTuple):
     target: str  # subfolder of the image (`scene`, `message`), or `.`
     view: str
     reference: Reference
-    values: Annotated[Mapping[str, float], PerMetric()]  # by name in `METRICS`
+    values: Values  # by name in `METRICS`
 
     @property
     def psnr(self) -> float:
@@ -56,9 +55,8 @@ def pair_images(
     """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
     Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. If there
-    are `targets`, all others are left out. Also return the number of images of `reference` without a counterpart: a
-    reference may cover more views. Raise `InputError` if a folder holds no PNG file, `images` has one that `reference`
-    lacks, or no target of `against` or `targets`.
+    are `targets`, all others are left out. Also return the number of images of `reference` without a counterpart. Raise
+    `InputError` if a folder holds no PNG file, or `images` lacks a target or has a file that `reference` lacks.
     """
     renamed, chosen = against or {}, frozenset(targets)
     available, compared = _png_files(reference), _png_files(images, chosen)
@@ -99,8 +97,7 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     hide all damage to the rest.
     """
     averages = []
-    for target, group in groupby(sorted(rows, key=lambda row: (row.target, row.view)), key=lambda row: row.target):
-        views = list(group)
+    for target, views in grouped(sorted(rows, key=lambda row: (row.target, row.view)), lambda row: row.target).items():
         finite = {name: [row.values[name] for row in views if np.isfinite(row.values[name])] for name in METRICS}
         values = {name: float(np.mean(known or [np.inf])) for name, known in finite.items()}
         averages.append(ViewMetrics(target, "mean", views[0].reference, values))
@@ -109,8 +106,8 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
 
 def worst(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     """Return one row per target: the view of lowest PSNR."""
-    ordered = sorted(rows, key=lambda row: (row.target, row.psnr, row.view))
-    return [next(group) for _, group in groupby(ordered, key=lambda row: row.target)]
+    by_target = grouped(sorted(rows, key=lambda row: (row.target, row.psnr, row.view)), lambda row: row.target)
+    return [views[0] for views in by_target.values()]
 
 
 def far_below(rows: Sequence[ViewMetrics]) -> list[str]:
@@ -143,14 +140,14 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
 
 def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
     """Return aligned lines: views, then mean and worst view of every target, then remarks."""
-    low = [row._replace(view=f"worst: {row.view}") for row in worst(rows)]
-    remarks = [f"warning: {sentence}" for sentence in far_below(rows)]
-    same, views = identical(rows), Counter(row.target for row in rows)
-    for target, count in same.items():
-        if count < views[target]:
-            place = "" if target == "." else f"{target}: "
-            remarks.insert(0, f"{place}{count} of {views[target]} views are identical; mean PSNR: the others")
-    rows = [*rows, *means(rows), *low]
+    views = Counter(row.target for row in rows)
+    remarks = [
+        f"{'' if target == '.' else f'{target}: '}{same} of {views[target]} views are identical; mean PSNR: the others"
+        for target, same in identical(rows).items()
+        if same < views[target]
+    ]
+    remarks += [f"warning: {sentence}" for sentence in far_below(rows)]
+    rows = [*rows, *means(rows), *(row._replace(view=f"worst: {row.view}") for row in worst(rows))]
     width = max(len(_named(row)) for row in rows)
     lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
     lines += [f"{_named(row):<{width}}" + "".join(f"{decimal(row.values[m], 4):>12}" for m in METRICS) for row in rows]

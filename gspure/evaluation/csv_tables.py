@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import NoneType
-from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from gspure.errors import InputError, reading
 from gspure.evaluation.metrics import METRICS
@@ -23,14 +23,9 @@ Row = TypeVar("Row")
 Key = TypeVar("Key")
 
 
-class PerMetric(NamedTuple):
-    """Annotation of a mapping from metric to value: the columns it takes, where the braces stand for the metric."""
-
-    column: str = "{}"
-
-
-Values = Annotated[Mapping[str, float], PerMetric()]  # metrics by name
-UNPREFIXED: Final = "columns without the field's name"  # annotation of a nested NamedTuple
+Values = Annotated[Mapping[str, float], "{}"]  # metrics by name: one column each, where the metric replaces the braces
+Drops = Annotated[Mapping[str, float], "{}_drop"]
+UNPREFIXED: Final = ""  # annotation of a nested NamedTuple: columns without the field's name
 
 
 def grouped(rows: Iterable[Row], key: Callable[[Row], Key]) -> dict[Key, list[Row]]:
@@ -84,52 +79,47 @@ def _hints(kind: type) -> dict[str, Any]:
 def _cells(kind: type, row: Any = None, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield columns and values of a row, or of nothing."""
     for name, hint in _hints(kind).items():
-        value, column = getattr(row, name, None), f"{prefix}{name}"
-        if isinstance(annotation := _annotation(hint), PerMetric):
-            for metric in METRICS:
-                yield annotation.column.format(metric), (value or {}).get(metric)
-        elif hasattr(inner := _known(hint), "_fields"):
-            yield from _cells(inner, value, prefix if annotation == UNPREFIXED else f"{column}_")
+        value, inner, annotation = getattr(row, name, None), *_parts(hint)
+        if get_origin(inner) is Mapping:
+            yield from ((annotation.format(metric), (value or {}).get(metric)) for metric in METRICS)
+        elif hasattr(inner, "_fields"):
+            yield from _cells(inner, value, prefix if annotation == UNPREFIXED else f"{prefix}{name}_")
         else:
-            yield column, value
+            yield f"{prefix}{name}", value
 
 
 def _read(kind: type, cells: Iterator[str]) -> Any:
     """Return a row from the texts of its cells."""
     values: list[Any] = []
     for hint in _hints(kind).values():
-        if isinstance(_annotation(hint), PerMetric):
+        inner, _ = _parts(hint)
+        if get_origin(inner) is Mapping:
             texts = {metric: next(cells) for metric in METRICS}
             values.append({metric: float(text) for metric, text in texts.items() if text})
-        elif hasattr(inner := _known(hint), "_fields"):
+        elif hasattr(inner, "_fields"):
             parts = [next(cells) for _ in header(inner)]
             is_none = NoneType in get_args(hint) and not any(parts)
             values.append(None if is_none else _read(inner, iter(parts)))
         else:
-            values.append(_value(hint, next(cells)))
+            values.append(_value(hint, inner, next(cells)))
     return kind(*values)
 
 
-def _annotation(hint: Any) -> Any:
-    return hint.__metadata__[0] if get_origin(hint) is Annotated else None
+def _parts(hint: Any) -> tuple[Any, Any]:
+    """Return the type of a hint without None, and its annotation."""
+    inner = next((argument for argument in get_args(hint) if argument is not NoneType), hint)
+    return inner, hint.__metadata__[0] if get_origin(hint) is Annotated else None
 
 
-def _known(hint: Any) -> Any:
-    """Return the type of a hint without None."""
-    return next((argument for argument in get_args(hint) if argument is not NoneType), hint)
-
-
-def _value(hint: Any, text: str) -> Any:
+def _value(hint: Any, inner: Any, text: str) -> Any:
     if get_origin(hint) is Literal:
         if text not in get_args(hint):
             raise ValueError(f"{text!r} is not one of {', '.join(map(repr, get_args(hint)))}")
         return text
-    if not text and hint is not str:
-        if hint is float:
-            return math.nan
-        if NoneType in get_args(hint):
-            return None
-    inner = _known(hint)
+    if not text and NoneType in get_args(hint):
+        return None
+    if not text and hint is float:
+        return math.nan
     return {"true": True, "false": False}[text] if inner is bool else inner(text)
 
 

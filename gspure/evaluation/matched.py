@@ -1,7 +1,7 @@
 """Attacks compared at equal damage to the scene, averaged over scenes.
 
-The Score subtracts the drop of the scene from that of the message, so an attack that destroys both can score well. The
-drop of the message at a *fixed* drop of the scene, read from a sweep over the attack's strength, avoids this.
+An attack that destroys scene and message can have a high Score. The drop of the message at a *fixed* drop of the scene,
+read from a sweep over the attack's strength, avoids this.
 """
 
 from __future__ import annotations
@@ -102,9 +102,8 @@ def damages(variants: Iterable[str]) -> Sequence[float]:
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     """Compare sweeps at equal `damages`, for every condition and extraction of the message, in their order.
 
-    Variants that a condition lacks, or that failed on its models, are skipped. An attack in none of the sweeps is one
-    of a single strength. A sweep has no row at a damage that all its strengths exceed on some model, or that the search
-    missed from above on some models and from below on others.
+    An attack in none of the sweeps is one of a single strength. A sweep has no row at a damage that all its strengths
+    exceed on some model, or that the search missed from above on some models and from below on others.
     """
     rows = []
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
@@ -118,8 +117,12 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
                     points = {cell: point for cell, curve in drops.items() if (point := Point.at(damage, curve))}
                     sides = {point.scene > damage for point in points.values() if point.scene != damage}
                     if points and len(points) == len(drops) and len(sides) < 2:
+                        drop = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
+                        reached = scene_means({cell: point.scene for cell, point in points.items()})
+                        scene_drop = float(np.mean([*reached.values()])) if sides else damage
+                        gentle = sum(point.scene < damage for point in points.values())
                         known = (condition, extraction, name, strengths, damage)
-                        rows.append(Matched(*known, *_mean_drop(points, damage)))
+                        rows.append(Matched(*known, drop, gentle, scene_drop))
     return rows
 
 
@@ -139,19 +142,10 @@ def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int]
     return by_cell
 
 
-def _mean_drop(points: Mapping[tuple[str, int], Point], damage: float) -> tuple[Interval, int, float]:
-    """Return the mean drop of the message, the number of models that no strength damages this much, and the damage."""
-    mean = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
-    reached = {cell: point.scene for cell, point in points.items()}
-    known = damage if {*reached.values()} == {damage} else float(np.mean([*scene_means(reached).values()]))
-    return mean, sum(scene < damage for scene in reached.values()), known
-
-
 def pareto_front(scene_drops: ArrayLike, message_residuals: ArrayLike) -> Bools:
     """Return which points no other one dominates, that is, equals or undercuts in both and undercuts in one: bool [n].
 
-    An attacker minimizes both the damage to the scene and what remains of the message, such as its PSNR. Coincident
-    points are on the front together.
+    An attacker minimizes both the damage to the scene and what remains of the message, such as its PSNR.
     """
     points = np.column_stack([scene_drops, message_residuals])
     no_worse = (points[:, None] <= points).all(axis=2)
@@ -163,8 +157,7 @@ def matched_message_drop(scene_drops: ArrayLike, message_drops: ArrayLike, at: f
     """Return the drop of the message at a fixed drop of the scene, `at`, dB; None outside the scene drops of the sweep.
 
     Drops [n] are those of one point per strength. The result is linear between neighbouring points of the sweep's
-    Pareto front. A setting that damages the scene more and removes less than another one is skipped, since an attacker
-    would not choose it.
+    Pareto front.
     """
     points = np.column_stack([scene_drops, message_drops])
     if not points[:, 0].min() <= at <= points[:, 0].max():

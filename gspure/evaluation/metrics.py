@@ -67,8 +67,7 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
     """Return the PSNR in dB over the pixels in which the reference does not have its most frequent colour, in 8 bits.
 
-    A flat background does not count, such as the black around an object. If the reference has one colour only, all
-    pixels count.
+    If the reference has one colour only, all pixels count.
     """
     _check_same_shape(reference, image)
     colours = np.concatenate([_colours(rows) for (rows,) in _strips(reference)])
@@ -85,8 +84,7 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     .. math:: \frac{\sum \nabla a \cdot \nabla b}{\sqrt{\sum |\nabla a|^2 \sum |\nabla b|^2}}
 
-    over pixels, channels and both directions (forward differences); 0 if either image is flat. Brightness and contrast
-    do not count, only structure: a faded or tinted message correlates as well as a faithful one.
+    over pixels, channels and both directions (forward differences); 0 if either image is flat.
     """
     _check_same_shape(a, b)
     return _correlation(zip(_gradients(a), _gradients(b), strict=True))
@@ -97,8 +95,7 @@ def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     .. math:: \frac{\sum (a - \bar a)(b - \bar b)}{\sqrt{\sum (a - \bar a)^2 \sum (b - \bar b)^2}}
 
-    over pixels and channels, with the mean of each channel; 0 if either image is flat. Without subtracting means, most
-    pairs of photographs would be near 1.
+    over pixels and channels, with the mean of each channel; 0 if either image is flat.
     """
     _check_same_shape(a, b)
     means = [np.mean(image, axis=(0, 1), dtype=np.float64) for image in (a, b)]

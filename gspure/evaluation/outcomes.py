@@ -38,8 +38,7 @@ OfCondition = Annotated[Condition, UNPREFIXED]  # the first columns of a row
 class Outcome:
     """One variant of one model: its mean metrics by target, and the quality of its pruning.
 
-    Unknown numbers are NaN. If images are compared with renders of the unattacked model, the PSNR of that model is
-    infinite and drops from it are unknown.
+    Unknown numbers are NaN; so are drops from an infinite PSNR, as of a model compared with its own renders.
     """
 
     scheme: str
@@ -90,8 +89,8 @@ class Outcome:
         """Return the drop of each metric of the target, relative to the unattacked model."""
         if target not in self.targets or target not in self.reference:
             return dict.fromkeys(METRICS, math.nan)
-        before, after = self.reference[target].values, self.targets[target].values
-        return {name: _difference(before[name], after[name]) for name in METRICS}
+        levels = {name: (self.reference[target].values[name], self.targets[target].values[name]) for name in METRICS}
+        return {name: difference(*both) if all(map(math.isfinite, both)) else math.nan for name, both in levels.items()}
 
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
@@ -192,7 +191,3 @@ def cells(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> dic
 def mean_of(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> Interval | None:
     """Return the mean over scenes where it is finite, with its interval; None if it is so nowhere."""
     return known_interval(cells(outcomes, value))
-
-
-def _difference(a: float, b: float) -> float:
-    return difference(a, b) if math.isfinite(a) and math.isfinite(b) else math.nan

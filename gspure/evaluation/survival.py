@@ -118,12 +118,9 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
     return absent
 
 
-def _highest(levels: Mapping[str, Cells]) -> dict[tuple[str, int], float]:
-    highest: dict[tuple[str, int], float] = {}
-    for control in LEVEL_CONTROLS:
-        for cell, value in levels.get(control, {}).items():
-            highest[cell] = max(value, highest.get(cell, value))
-    return highest
+def _highest(levels: Mapping[str, Cells]) -> Cells:
+    controls = [levels.get(control, {}) for control in LEVEL_CONTROLS]
+    return {cell: max(level[cell] for level in controls if cell in level) for cell in sorted(set().union(*controls))}
 
 
 def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Survival:
