@@ -71,9 +71,14 @@ CORE = {
         "test_kernels.py::test_bands_are_as_tall_as_the_budget_allows",
         *_FRAME,
     ),
-    "gspure.opencl.blending": ("test_device.py", *_FRAME),
+    "gspure.opencl.blending": (
+        "test_device.py::test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_hold",
+        *_FRAME,
+    ),
     "gspure.opencl.storage": (
-        "test_device.py",
+        "test_device.py::test_only_the_last_block_of_gaussians_is_padded",
+        "test_device.py::test_attributes_lie_in_storage_order_in_blocks_padded_with_zeros",
+        "test_device.py::test_each_part_of_a_model_leaves_memory_once_it_is_uploaded",
         "test_kernels.py::test_the_storage_order_holds_every_row_once_and_keeps_neighbours_together",
         "test_kernels.py::test_the_storage_order_is_that_of_interleaved_coordinates",
         "test_kernels.py::test_the_storage_order_survives_means_that_are_equal_far_or_not_finite",
