@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from sklearn.metrics import adjusted_rand_score
 
 from gspure.errors import InputError
@@ -64,18 +66,8 @@ def prim(distances: np.ndarray) -> np.ndarray:
 
 
 def is_spanning_tree(tree: np.ndarray, count: int) -> bool:
-    parent = list(range(count))
-
-    def root(point: int) -> int:
-        while parent[point] != point:
-            point = parent[point]
-        return point
-
-    for a, b in tree[:, :2].astype(int):
-        if root(a) == root(b):
-            return False
-        parent[root(a)] = root(b)
-    return len(tree) == count - 1
+    edges = csr_array((np.ones(len(tree)), tree[:, :2].astype(int).T), shape=(count, count))
+    return len(tree) == count - 1 and connected_components(edges)[0] == 1
 
 
 @settings(deadline=None, max_examples=40)

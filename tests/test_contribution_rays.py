@@ -94,21 +94,16 @@ def sound():
     return contributions, np.array([[0.25, 0.5], [0.5, 1.0]], np.float32)
 
 
-def test_sound_contributions_pass():
-    require_conservation("front", *sound())
-    require_conservation("front", np.zeros(0, CONTRIBUTION), np.ones((2, 2), np.float32))
-
-
-def test_violated_conservation_of_light_is_detected():
+@pytest.mark.parametrize("factor", [1 + 1e-3, 1 - 1e-3])
+def test_violated_conservation_of_light_is_detected(factor):
     contributions, transmittance = sound()
-    for factor, fails in ((1.0, False), (1 + 2e-5, False), (1 + 1e-3, True), (1 - 1e-3, True)):
-        changed = contributions.copy()
-        changed["sum"] *= np.float32(factor)
-        if fails:
-            with pytest.raises(InputError, match=r"front.*sum of contributions"):
-                require_conservation("front", changed, transmittance)
-        else:
-            require_conservation("front", changed, transmittance)
+    require_conservation("front", contributions, transmittance)
+    require_conservation("front", np.zeros(0, CONTRIBUTION), np.ones((2, 2), np.float32))
+    contributions["sum"] *= np.float32(1 + 2e-5)
+    require_conservation("front", contributions, transmittance)
+    contributions["sum"] *= np.float32(factor)
+    with pytest.raises(InputError, match=r"front.*sum of contributions"):
+        require_conservation("front", contributions, transmittance)
 
 
 def test_the_renderer_checks_every_view(device, monkeypatch):
@@ -154,7 +149,7 @@ def test_half_of_the_small_rows_cover_a_pixel_at_the_stated_magnification():
 
 def test_invisible_gaussians_have_no_weight():
     wall = gaussians(means=[[0, 0, 1]], scales=[50.0, 50.0, 0.01], opacities=0.99)
-    hidden = gaussians(means=[[0, 0, 4], [0, 0, -4], [900, 0, 4]], scales=[0.5, 1e-4, 1e-4][:1] * 3)
+    hidden = gaussians(means=[[0, 0, 4], [0, 0, -4], [900, 0, 4]], scales=0.5)
     faint = gaussians(means=[[0.01, 0.01, 0.5]], scales=1e-6, opacities=0.003)
     model = joined(wall, hidden, faint)
     assert subpixel_rows(model, np.array([1.0, 0, 0, 0, 0]), [camera()]) is None

@@ -13,11 +13,8 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from gspure.cameras import write_cameras
-from gspure.cli import main
 from gspure.constants import TILE
 from gspure.errors import InputError
-from gspure.model import write_model
 from gspure.model.gaussians import Gaussians
 from gspure.opencl import device as devices
 from gspure.opencl import selftest
@@ -139,28 +136,6 @@ def test_the_identity_of_a_device_names_driver_device_and_kernel_style(machine):
         one_identity(POCL, version="OpenCL 3.0 PoCL HSTR: pthread-x86_64-skylake"),
     ]
     assert len({plain, *others}) == 7
-
-
-@pytest.mark.parametrize(
-    ("error", "line"),
-    [
-        (MemoryError("std::bad_alloc"), "gspure render: out of memory: no room to build the kernels"),
-        (cl.RuntimeError("clBuildProgram failed:\nerror: no space\n(options: ...)"), "found error: no space"),
-    ],
-    ids=["memory", "driver"],
-)
-def test_kernels_that_cannot_be_built_are_reported_in_one_line(tmp_path, monkeypatch, capsys, error, line) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise error
-
-    write_model(tmp_path / "model.ply", blobs(9))
-    write_cameras(tmp_path / "cameras.json", [tilted_camera(16, 12)])
-    choose_device()
-    _kernels.cache_clear()
-    monkeypatch.setattr(cl.Program, "build", fail)
-    paths = [str(tmp_path / "model.ply"), "--cameras", str(tmp_path / "cameras.json"), "--split", "all"]
-    assert main(["render", *paths, "--out", str(tmp_path / "renders")]) == 2
-    assert line in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
