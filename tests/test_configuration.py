@@ -14,7 +14,8 @@ from gspure.errors import InputError
 from gspure.method.clusters import SELECTIONS
 from gspure.method.features import PARTS
 from gspure.method.weights import REDUCTIONS
-from gspure.scenes.staging import NAMES, PROTOCOLS
+from gspure.scenes.procedural import NAMES
+from gspure.scenes.rooms import PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.workflow.plan import Plan
 from tests.training_cases import colmap_project, ring

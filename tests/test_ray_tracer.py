@@ -6,23 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gspure.scenes import lighting, photography
-from gspure.scenes import scene as scene_module
-from gspure.scenes.lighting import bake
+from gspure.scenes.lighting import Lamp, Scene, bake, first_hits
 from gspure.scenes.photography import path_cameras, trace
+from gspure.scenes.procedural import scene_builder
 from gspure.scenes.rooms import PLACEMENTS
-from gspure.scenes.scene import Lamp, Scene, first_hits
-from gspure.scenes.solids import (
-    Box,
-    Room,
-    Sphere,
-    plain,
-    reflectance,
-)
-from gspure.scenes.staging import scene_builder
+from gspure.scenes.solids import Box, Room, Sphere
+from gspure.scenes.textures import plain, reflectance
 from tests.models import camera
 
+NAMES = ["room", "vault", "interior-1", "landscape-1", "object-1"]
 GREY = (plain("#808080"),)
 DARK = Lamp((0.0, 0.0, 100.0), 1.0, (0.0, 0.0, 0.0))
+FLOOR = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
 SOLIDS = {
     "box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY),
     "turned box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY, yaw=0.7),
@@ -39,8 +34,8 @@ def coarse(monkeypatch):
     monkeypatch.setattr(lighting, "LAMP_SAMPLES", 2)
 
 
-def lit(*solids, lamp=DARK, sky=(1.0, 1.0, 1.0), background=(0.0, 0.0, 0.0), coarseness=1):
-    return bake(Scene(solids, lamp, sky, background), coarseness=coarseness)
+def lit(*solids, lamp=DARK, sky=(1.0, 1.0, 1.0), coarseness=1):
+    return bake(Scene(solids, lamp, sky), coarseness=coarseness)
 
 
 def light_at(scene, index, face, uv):
@@ -65,22 +60,12 @@ def test_a_ray_back_to_a_place_of_a_face_hits_it_there(solid, u, v, away, slant)
         assert (normals**2).sum() == pytest.approx(1.0)
 
 
-def test_the_nearest_solid_is_hit_first_in_any_order():
-    near, far = Box((0.0, 0.0, 2.0), (1.0, 1.0, 1.0), GREY), Sphere((0.0, 0.0, 5.0), 1.0, GREY)
-    origins, directions = np.zeros((2, 3)), np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-    for solids, index in (((near, far), 0), ((far, near), 1)):
-        distances, hit = first_hits(Scene(solids, DARK, (1.0,) * 3), origins, directions)
-        assert distances.tolist() == [1.5, np.inf]
-        assert hit.tolist() == [index, -1]
-
-
-@pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1", "object-1"])
-@pytest.mark.parametrize("spread", [0.0, 0.01, 0.3, 3.0])
-@pytest.mark.parametrize("count", [0, 1, 4000])
-def test_first_hits_are_the_nearest_of_all_solids_for_narrow_and_wide_beams(name, spread, count):
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("spread", [0.0, 0.3, 3.0])
+def test_first_hits_are_the_nearest_of_all_solids(name, spread):
     scene = scene_builder(name)(PLACEMENTS["coincident"])
     rng = np.random.default_rng(0)
-    beams = rng.normal(size=(2, count // 20 + 1, 3)).repeat(20, axis=1)[:, :count]
+    beams = rng.normal(size=(2, 200, 3)).repeat(20, axis=1)
     origins, directions = beams + spread * rng.normal(size=beams.shape)
     distances, hit = first_hits(scene, origins, directions)
     alone = np.array([solid.distance(origins, directions) for solid in scene.solids])
@@ -103,41 +88,34 @@ def test_depth_of_a_sphere_is_the_analytic_one_along_rays_through_pixel_centres(
 
 @pytest.mark.parametrize("coarseness", [1, 2])
 def test_an_open_floor_gathers_exactly_the_sky(coarseness):
-    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
-    scene = lit(floor, sky=(0.6, 0.6, 0.6), coarseness=coarseness)
+    scene = lit(FLOOR, sky=(0.6, 0.6, 0.6), coarseness=coarseness)
     assert light_at(scene, 0, 5, [[0.1, 0.9], [0.5, 0.5]]) == pytest.approx(0.6)
 
 
 def test_a_shadow_is_dark_inside_and_soft_at_its_edge():
-    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
     lid = Box((0.0, 0.0, 1.0), (1.0, 1.0, 0.1), GREY)
     lamp = Lamp((0.0, 0.0, 3.0), 1.0, (50.0,) * 3)
     path = np.stack([np.linspace(0.5, 1.0, 40), np.full(40, 0.5)], axis=1)
-    with_lid = light_at(lit(floor, lid, lamp=lamp, sky=(0.0,) * 3), 0, 5, path)
-    without = light_at(lit(floor, lamp=lamp, sky=(0.0,) * 3), 0, 5, path)
-    share = with_lid / without
+    with_lid, without = (lit(*solids, lamp=lamp, sky=(0.0,) * 3) for solids in ((FLOOR, lid), (FLOOR,)))
+    share = light_at(with_lid, 0, 5, path) / light_at(without, 0, 5, path)
     assert share[0] < 0.02
     assert share[-1] == pytest.approx(1.0, abs=0.02)
     assert np.count_nonzero((share > 0.1) & (share < 0.9)) >= 4
 
 
 def test_a_coloured_wall_tints_the_floor_beside_it():
-    floor = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
     wall = Box((-1.5, 0.0, 1.0), (0.2, 4.0, 2.0), (plain("#ff0000"),))
-    scene = lit(floor, wall, lamp=Lamp((0.5, 0.0, 3.0), 0.5, (50.0,) * 3), sky=(0.0,) * 3)
+    scene = lit(FLOOR, wall, lamp=Lamp((0.5, 0.0, 3.0), 0.5, (50.0,) * 3), sky=(0.0,) * 3)
     near, far = scene.radiance(0, np.array([5, 5]), np.array([[0.2, 0.5], [0.9, 0.5]]))
     assert near[0] / near[2] > 1.05 * far[0] / far[2]
 
 
-@pytest.mark.parametrize("name", ["room", "vault", "interior-1", "landscape-1", "object-1"])
-def test_photographs_are_the_same_bits_again_and_for_any_batch_of_rays(coarse, monkeypatch, name):
-    build = scene_builder(name)
-    view = path_cameras(3, 40, 30)[1]
-    first = trace(bake(build(PLACEMENTS["raised"])), view)
+@pytest.mark.parametrize("name", NAMES)
+def test_photographs_are_the_same_bits_for_any_batch_of_rays(coarse, monkeypatch, name):
+    scene, view = scene_builder(name)(PLACEMENTS["raised"]), path_cameras(3, 40, 30)[1]
+    image, depth = trace(bake(scene), view)
     monkeypatch.setattr(photography, "_RAYS_AT_ONCE", 77)
-    monkeypatch.setattr(scene_module, "_PACKET", 7)
-    monkeypatch.setattr(scene_module, "_PACKETS_AT_ONCE", 10)
-    again = trace(bake(build(PLACEMENTS["raised"])), view)
-    assert first[0].tobytes() == again[0].tobytes()
-    assert first[1].tobytes() == again[1].tobytes()
-    assert 0.05 < first[0].mean() < 0.95
+    monkeypatch.setattr(lighting, "_RAYS_AT_ONCE", 10)
+    again = trace(bake(scene), view)
+    assert (image.tobytes(), depth.tobytes()) == tuple(part.tobytes() for part in again)
+    assert 0.05 < image.mean() < 0.95

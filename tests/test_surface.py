@@ -7,17 +7,15 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from gspure.attacks import Measurements, find_attack
-from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.model.rotations import principal_axes, rotation_matrices
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
 from gspure.surface.meshing import Mesh, extract_mesh, filter_sizes, smoothed
 from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
-from tests.models import blobs, camera, gaussians, tilted_camera
+from tests.models import camera, gaussians, tilted_camera
 from tests.reference.opacity_field import opacity_field
-from tests.surface_cases import DEVIATION, RADIUS, around, ball, directions, populated
+from tests.surface_cases import DEVIATION, RADIUS, around, ball, populated
 
 
 @pytest.fixture(scope="module")
@@ -30,25 +28,14 @@ def mesh(views):
     return extract_mesh(smoothed(ball(), views), views)
 
 
-# --- the 3-D filter ---------------------------------------------------------------------------------------------------
-
-
-def test_the_filter_is_a_share_of_a_pixel_at_the_nearest_view(views):
-    near = camera(48, 48, focal=30.0)
-    model = gaussians(means=[[0, 0, 2], [0, 0, 0.5], [0.69 * 4, 0, 5]], scales=0.1)
-    sizes = filter_sizes(model, [near, tilted_camera(focal=60.0)])
-    expected = np.sqrt(0.2) / 60 * np.array([2, 0.5])
-    np.testing.assert_allclose(sizes[:2], expected, rtol=0.3)  # the other view may be nearer
-    np.testing.assert_allclose(filter_sizes(model, [near])[:2], 2 * expected, rtol=1e-6)
-
-
 def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_largest_filter():
     view = camera(40, 40, focal=20.0)
     edge = 2 * (1 + 2 * 0.15)  # of x at z = 2, widened
     model = gaussians(means=[[0.99 * edge, 0, 2], [1.01 * edge, 0, 2], [0, 0, -1], [0, 0, 1]], scales=0.1)
-    sizes = filter_sizes(model, [view]) * 20 / np.sqrt(0.2)
+    sizes = filter_sizes(model, [view]) * 20 / np.sqrt(0.2)  # in view depths of the nearest view
     np.testing.assert_allclose(sizes, [2, 2, 2, 1], rtol=1e-6)
-    assert len(points_shown(view, model.means[:2], 0.15)[0]) == 1
+    with_a_finer_view = filter_sizes(model, [view, camera(40, 40, focal=60.0)]) * 60 / np.sqrt(0.2)
+    np.testing.assert_allclose(with_a_finer_view, [2, 2, 2, 1], rtol=1e-6)
 
 
 def test_filtered_gaussians_are_wider_and_as_opaque(views):
@@ -57,15 +44,6 @@ def test_filtered_gaussians_are_wider_and_as_opaque(views):
     np.testing.assert_allclose(after.scales, np.hypot(model.scales, sizes[:, None]), rtol=1e-6)
     kept = [name for name in model.table.dtype.names if not name.startswith("scale_")]
     assert after.table[kept].tolist() == model.table[kept].tolist()
-
-
-# --- boxes and tetrahedra ---------------------------------------------------------------------------------------------
-
-
-def test_principal_axes_are_those_of_the_reference():
-    model = blobs(30, 1)
-    expected = rotation_matrices(model.quats) * model.scales[:, None, :]
-    np.testing.assert_allclose(principal_axes(model).transpose(0, 2, 1), expected, rtol=1e-6, atol=1e-7)
 
 
 def test_a_gaussian_lies_in_a_box_of_three_deviations():
@@ -104,9 +82,6 @@ def test_marching_separates_inside_from_outside_by_closed_oriented_surfaces(seed
     np.testing.assert_allclose(flux, (shares * volumes).sum(), rtol=1e-9, atol=1e-12)
 
 
-# --- the mesh ---------------------------------------------------------------------------------------------------------
-
-
 def test_a_ball_of_gaussians_has_a_closed_round_mesh(mesh):
     sides = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
@@ -119,7 +94,6 @@ def test_vertices_lie_where_the_field_is_one_half(views):
     model = gaussians(means=[[0, 0, 0], [0.2, 0.1, 0.3]], scales=[[0.2, 0.3, 0.25], [0.2, 0.2, 0.2]], opacities=0.8)
     found = extract_mesh(model, views)
     np.testing.assert_allclose(opacity_field(model, views, found.vertices), 0.5, atol=0.02)
-    assert len(found.faces) > 20
 
 
 @pytest.mark.parametrize(
@@ -127,18 +101,11 @@ def test_vertices_lie_where_the_field_is_one_half(views):
     [
         (ball(20, opacity=0.05), "an opacity above 0.1 in the views, found 0 points"),
         (ball(20, opacity=0.2), "both sides of 0.5, found only lower ones"),
-        (
-            gaussians(means=0.1 * directions(20), scales=1.0, opacities=0.98),
-            "both sides of 0.5, found only higher ones",
-        ),
     ],
 )
 def test_a_model_without_a_surface_is_refused(model, line, views):
     with pytest.raises(InputError, match=line):
         extract_mesh(model, views)
-
-
-# --- distances --------------------------------------------------------------------------------------------------------
 
 
 def test_distances_are_in_units_of_the_largest_scale():

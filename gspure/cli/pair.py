@@ -19,9 +19,10 @@ from gspure.model.ply import write_point_ply
 from gspure.progress import say, track, warn
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
+from gspure.scenes.lighting import bake
 from gspure.scenes.photography import path_cameras, photograph
-from gspure.scenes.rooms import PLACEMENTS
-from gspure.scenes.staging import NAMES, PROTOCOLS, Staging, scene_builder
+from gspure.scenes.procedural import NAMES, BuildScene, scene_builder
+from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS, message_transform
 from gspure.settings import PAIR_VIEWS, SEED, TRACED_SIDE
 from gspure.training.dataset import read_dataset, read_photographs
 
@@ -61,23 +62,28 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the pair, all of it or nothing."""
-    is_traced = [scene_builder(name) is not None for name in (args.scene, args.message)]
-    if is_traced[0] != is_traced[1]:
+    builders = [builder for name in (args.scene, args.message) if (builder := scene_builder(name))]
+    if len(builders) == 1:
         expected = f"both of {NAMES}, or both files"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
-    make = _traced if is_traced[0] else _photographed if args.protocol == "shared" else _photographed_apart
     with filling(args.out) as args.out:
-        make(args)
+        if builders:
+            _traced(args, *builders)
+        elif args.protocol == "shared":
+            _photographed(args)
+        else:
+            _photographed_apart(args)
         record_command(args, args.out)
 
 
-def _traced(args: Arguments) -> None:
+def _traced(args: Arguments, scene: BuildScene, message: BuildScene) -> None:
     views = path_cameras(args.views, args.width, args.height)
-    staging = Staging(args.scene, args.message, args.placement, args.protocol)
     rng = np.random.default_rng(args.seed)
-    for kind, lit in (("scene", staging.lit_scene()), ("message", staging.lit_message())):
-        transform = staging.message_transform if kind == "message" else np.eye(4)
-        xyz, rgb = photograph(lit, views, args.out / kind, rng)
+    for kind, build, placement, transform in (
+        ("scene", scene, "coincident", np.eye(4)),
+        ("message", message, args.placement, message_transform(args.protocol)),
+    ):
+        xyz, rgb = photograph(bake(build(PLACEMENTS[placement])), views, args.out / kind, rng)
         moved = xyz @ transform[:3, :3].T + transform[:3, 3]
         _write(args.out, kind, [view.moved(transform) for view in views], (moved, rgb))
 

@@ -50,36 +50,28 @@ def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
 
     Raise `InputError` if the gazes of one capture are parallel, so that they have no common point.
     """
-    here, there = _Gaze.of(scene, "scene"), _Gaze.of(message, "message")
-    scale = there.distance / here.distance
-    rotation = there.axes @ here.axes.T
-    return Similarity(scale, rotation, there.point - scale * rotation @ here.point)
+    (here, axes, radius), (there, other_axes, other_radius) = _gaze(scene, "scene"), _gaze(message, "message")
+    scale = other_radius / radius
+    rotation = other_axes @ axes.T
+    return Similarity(scale, rotation, there - scale * rotation @ here)
 
 
-@dataclass(frozen=True, eq=False)
-class _Gaze:
-    """The gaze of some cameras: their point, axes [3,3] in columns (side, up, towards the cameras), and distance."""
-
-    point: Float64
-    axes: Float64
-    distance: float
-
-    @staticmethod
-    def of(cameras: Sequence[Camera], capture: str) -> _Gaze:
-        centres = np.array([camera.centre for camera in cameras])
-        gazes = np.array([camera.viewmat[2, :3] for camera in cameras])
-        across = np.eye(3) - gazes[:, :, None] * gazes[:, None, :]
-        # The point nearest to all optical axes: sum of (I - d d^T)(x - c) = 0.
-        normal = across.sum(axis=0)
-        if np.linalg.cond(normal) > 1e6:
-            raise InputError(capture, "views", expected="different directions", found="parallel gazes")
-        point = np.linalg.solve(normal, np.einsum("vij,vj->i", across, centres))
-        distance = float(np.median(np.linalg.norm(centres - point, axis=1)))
-        up = -np.mean([camera.viewmat[1, :3] for camera in cameras], axis=0)
-        towards = centres.mean(axis=0) - point
-        up /= np.linalg.norm(up)
-        towards -= up * (up @ towards)
-        if not (distance > 0 and np.linalg.norm(towards) > 1e-3 * distance):
-            towards = up * (up @ gazes[0]) - gazes[0]  # cameras all around: that of the first one will do
-        towards /= np.linalg.norm(towards)
-        return _Gaze(point, np.column_stack([np.cross(up, towards), up, towards]), distance)
+def _gaze(cameras: Sequence[Camera], capture: str) -> tuple[Float64, Float64, float]:
+    """Return the gaze point, axes [3,3] in columns (side, up, towards the cameras), and the cameras' distance."""
+    centres = np.array([camera.centre for camera in cameras])
+    gazes = np.array([camera.viewmat[2, :3] for camera in cameras])
+    across = np.eye(3) - gazes[:, :, None] * gazes[:, None, :]
+    # The point nearest to all optical axes: sum of (I - d d^T)(x - c) = 0.
+    normal = across.sum(axis=0)
+    if np.linalg.cond(normal) > 1e6:
+        raise InputError(capture, "views", expected="different directions", found="parallel gazes")
+    point = np.linalg.solve(normal, np.einsum("vij,vj->i", across, centres))
+    distance = float(np.median(np.linalg.norm(centres - point, axis=1)))
+    up = -np.mean([camera.viewmat[1, :3] for camera in cameras], axis=0)
+    up /= np.linalg.norm(up)
+    towards = centres.mean(axis=0) - point
+    towards -= up * (up @ towards)
+    if not (distance > 0 and np.linalg.norm(towards) > 1e-3 * distance):
+        towards = up * (up @ gazes[0]) - gazes[0]  # cameras all around: that of the first one will do
+    towards /= np.linalg.norm(towards)
+    return point, np.column_stack([np.cross(up, towards), up, towards]), distance

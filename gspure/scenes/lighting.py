@@ -1,7 +1,7 @@
-"""Diffuse light on the solids, baked once per scene: a soft lamp, the sky, and one bounce.
+"""Scenes, what a ray meets first in them, and their diffuse light, baked once: a soft lamp, the sky, and one bounce.
 
-Light is kept on a grid of nodes per face (a light map) and interpolated between them. All views read the
-same maps, so they show the same colours, free of sampling noise.
+Light is kept on a grid of nodes per face (a light map) and interpolated between them. All views read the same maps, so
+they show the same colours, free of sampling noise.
 """
 
 from collections.abc import Sequence
@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gspure.files import Float64, Indices
-from gspure.scenes.scene import Lamp, Scene, albedo, first_hits
-from gspure.scenes.solids import Solid
+from gspure.files import Bools, Float64, Indices
+from gspure.scenes.solids import Solid, Vector
 
 Lightmap = Float64  # light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear
 NODE_SPACING = 0.09  # metres between the nodes of a light map along a face's longer side
@@ -19,6 +18,26 @@ NODES = (6, 80)  # fewest and most nodes along a face
 LAMP_SAMPLES = 8  # the lamp is sampled at the centres of this many by this many squares
 DIRECTIONS = 64  # the bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral
 _CLEARANCE = 1e-4  # metres by which nodes stand off their surface
+_ROUNDING = 1e-6  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
+_RAYS_AT_ONCE = 1 << 14  # rays followed together: bounds the memory of their reach
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A horizontal square that shines downwards; its centre and side are in metres, its radiance is linear RGB."""
+
+    centre: Vector
+    side: float
+    radiance: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Solids under a lamp; `sky` is the linear radiance that comes from where rays leave the scene."""
+
+    solids: tuple[Solid, ...]
+    lamp: Lamp
+    sky: Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +49,7 @@ class LitScene:
 
     def radiance(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the linear radiance [N,3] that leaves places of solid `index`."""
-        return albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
+        return _albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
 
     def traced(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
         """Return the linear radiance [N,3] that rays see (the sky's where they leave), and their distances [N]."""
@@ -44,13 +63,41 @@ class LitScene:
         return out, distances
 
 
+def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, Indices]:
+    """Return distances and numbers [N] of the solids that rays [N,3] meet first; inf and -1 if there is none."""
+    distances, solids = np.full(len(origins), np.inf), np.full(len(origins), -1, np.intp)
+    for start in range(0, len(origins), _RAYS_AT_ONCE):
+        part = slice(start, start + _RAYS_AT_ONCE)
+        reached = _reached(scene, origins[part], directions[part])
+        for index, solid in enumerate(scene.solids):
+            rows = start + np.flatnonzero(reached[:, index])
+            there = solid.distance(origins[rows], directions[rows])
+            nearer = there < distances[rows]
+            distances[rows[nearer]] = there[nearer]
+            solids[rows[nearer]] = index
+    return distances, solids
+
+
+def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
+    """Return the solids [N,S] whose bounding spheres rays [N,3] meet."""
+    centres, radii = (np.array(part) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
+    radii += _ROUNDING
+    a = np.einsum("ni,ni->n", directions, directions)[:, None]
+    b = directions @ centres.T - np.einsum("ni,ni->n", origins, directions)[:, None]
+    squared = np.einsum("ni,ni->n", origins, origins)[:, None] - 2.0 * origins @ centres.T + (centres**2).sum(axis=1)
+    reached: Bools = ((squared - radii**2) * a < b**2) & (b > -radii * np.sqrt(a))
+    return reached
+
+
 def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:
     """Return the scene with its light: what reaches each node from the lamp, from the sky, and from other surfaces.
 
     Nodes lie `coarseness` times as far apart, and the lamp's squares and the directions of the bounce are that many
     times as wide, along each of two axes. The cost falls with the fourth power.
     """
-    counts = [_nodes_along(solid, NODE_SPACING * coarseness) for solid in scene.solids]
+    counts = [
+        int(np.clip(np.ceil(solid.extents.max() / (NODE_SPACING * coarseness)) + 1, *NODES)) for solid in scene.solids
+    ]
     points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids, counts), strict=True))
     direct = _from_lamp(scene, points, normals, LAMP_SAMPLES // coarseness)
     once = LitScene(scene, _maps(scene, direct, counts))
@@ -66,22 +113,20 @@ def _nodes(solid: Solid, n: int) -> tuple[Float64, Float64]:
     return points + _CLEARANCE * normals, normals
 
 
-def _nodes_along(solid: Solid, spacing: float) -> int:
-    return int(np.clip(np.ceil(solid.extents.max() / spacing) + 1, *NODES))
-
-
 def _maps(scene: Scene, light: Float64, counts: Sequence[int]) -> tuple[Lightmap, ...]:
     """Deal the light of all nodes out to the solids' maps; faces that do not exist stay dark."""
     maps, start = [], 0
     for solid, n in zip(scene.solids, counts, strict=True):
         lightmap = np.zeros((len(solid.extents), n, n, 3))
-        lightmap[list(solid.faces)] = light[start : start + len(solid.faces) * n * n].reshape(-1, n, n, 3)
+        end = start + len(solid.faces) * n * n
+        lightmap[list(solid.faces)] = light[start:end].reshape(-1, n, n, 3)
         maps.append(lightmap)
-        start += len(solid.faces) * n * n
+        start = end
     return tuple(maps)
 
 
 def _interpolated(lightmap: Lightmap, faces: Indices, uv: Float64) -> Float64:
+    """Return the bilinear interpolation [N,3] of a light map."""
     n = lightmap.shape[1]
     place = uv * (n - 1)
     low = np.minimum(place.astype(np.intp), n - 2)
@@ -94,25 +139,31 @@ def _interpolated(lightmap: Lightmap, faces: Indices, uv: Float64) -> Float64:
     return out
 
 
+def _albedo(solid: Solid, faces: Indices, uv: Float64) -> Float64:
+    """Return the linear reflectances [N,3] of places of a solid."""
+    places = uv * solid.extents[faces]
+    if len(solid.textures) == 1:
+        return solid.textures[0](places)
+    out = np.empty((len(uv), 3))
+    for face, texture in enumerate(solid.textures):
+        out[faces == face] = texture(places[faces == face])
+    return out
+
+
 def _from_lamp(scene: Scene, points: Float64, normals: Float64, squares: int) -> Float64:
     """Return irradiance / pi [N,3] from the lamp: the mean of cos cos / distance^2 over its squares in sight."""
-    total = np.zeros(len(points))
-    for sample in _lamp_samples(scene.lamp, squares):
-        to_lamp = sample - points
-        squared = np.einsum("ij,ij->i", to_lamp, to_lamp)
-        # both cosines carry 1 / distance; the lamp faces straight down
-        form = np.einsum("ij,ij->i", normals, to_lamp) * to_lamp[:, 2] / squared**2
-        rows = np.flatnonzero((form > 0.0) & (to_lamp[:, 2] > 0.0))
-        lit = first_hits(scene, points[rows], to_lamp[rows])[0] >= 1.0
-        total[rows[lit]] += form[rows[lit]]
-    share = total * scene.lamp.side**2 / (np.pi * squares**2)
-    return np.multiply.outer(share, scene.lamp.radiance)
-
-
-def _lamp_samples(lamp: Lamp, squares: int) -> Float64:
+    lamp, total = scene.lamp, np.zeros(len(points))
     line = ((np.arange(squares) + 0.5) / squares - 0.5) * lamp.side
-    x, y = np.meshgrid(line, line)
-    return np.array(lamp.centre) + np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    for y in line:
+        for x in line:
+            to_lamp = np.array(lamp.centre) + np.array([x, y, 0.0]) - points
+            squared = np.einsum("ij,ij->i", to_lamp, to_lamp)
+            # both cosines carry 1 / distance; the lamp faces straight down
+            form = np.einsum("ij,ij->i", normals, to_lamp) * to_lamp[:, 2] / squared**2
+            rows = np.flatnonzero((form > 0.0) & (to_lamp[:, 2] > 0.0))
+            lit = rows[first_hits(scene, points[rows], to_lamp[rows])[0] >= 1.0]
+            total[lit] += form[lit]
+    return np.multiply.outer(total * lamp.side**2 / (np.pi * squares**2), lamp.radiance)
 
 
 def _gathered(lit: LitScene, points: Float64, normals: Float64, directions: int) -> Float64:

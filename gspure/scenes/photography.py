@@ -10,33 +10,34 @@ from gspure.files import Bools, Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene
-from gspure.scenes.scene import displayed
+from gspure.scenes.textures import GAMMA
 
 EDGE = 1.0 / 64.0  # a pixel whose display value differs by more than this from a neighbour's is sampled more finely
+SAMPLES = 3  # rays along each side of such a pixel; odd, so that one is the pixel centre's
+TARGET = np.array([0.0, 0.5, 0.75])  # where all cameras look, metres
+PER_VIEW = 200  # points of each view; ours: a few thousand in all for a default pair
 _RAYS_AT_ONCE = 1 << 15  # rays traced together: bounds the memory that a large photograph takes
 
 
-def trace(scene: LitScene, camera: Camera, *, samples: int = 3) -> tuple[Float32, Float32]:
+def trace(scene: LitScene, camera: Camera) -> tuple[Float32, Float32]:
     """Photograph a scene (see `gspure.scenes.lighting.bake`).
 
     Return the image [H,W,3] in 0..1 and the depth [H,W], the view-space z along the ray through the pixel's centre in
-    metres; inf where it leaves the scene. A pixel at an edge is the mean of `samples` by `samples` rays, an odd number,
-    through the centres of its equal squares; any other is its centre's ray.
+    metres; inf where it leaves the scene, black. A pixel at an edge is the mean of `SAMPLES` by `SAMPLES` rays through
+    the centres of its equal squares; any other is its centre's ray.
     """
-    if samples < 1 or samples % 2 == 0:
-        raise ValueError(f"samples must be odd, so that one ray is the pixel centre's; not {samples}")
     rows, columns = np.indices((camera.height, camera.width)) + 0.5
     flat, depth = _colours(scene, camera, columns.ravel(), rows.ravel())
     image = flat.reshape(camera.height, camera.width, 3)
     edges = np.nonzero(_at_edges(image))
-    down, right = (np.indices((samples, samples)).reshape(2, -1) + 0.5) / samples
+    down, right = (np.indices((SAMPLES, SAMPLES)).reshape(2, -1) + 0.5) / SAMPLES
     fine, _ = _colours(scene, camera, np.add.outer(edges[1], right).ravel(), np.add.outer(edges[0], down).ravel())
-    image[edges] = fine.reshape(-1, samples**2, 3).sum(axis=1) / samples**2
+    image[edges] = fine.reshape(-1, SAMPLES**2, 3).sum(axis=1) / SAMPLES**2
     return image.astype(np.float32), depth.reshape(camera.height, camera.width).astype(np.float32)
 
 
 def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[Float64, Float64]:
-    """Return display colours [N,3] and depths [N] at image positions (u, v), in pixels."""
+    """Return display colours [N,3], with a soft shoulder instead of clipping, and depths [N] at pixels (u, v)."""
     right, down, forward = camera.viewmat[:3, :3]
     colours, depths = np.empty((len(u), 3)), np.empty(len(u))
     for start in range(0, len(u), _RAYS_AT_ONCE):
@@ -46,7 +47,8 @@ def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[F
         # view-space z is 1, so that ray parameters are depths
         directions = np.stack([x * right[i] + y * down[i] + forward[i] for i in range(3)], axis=1)
         radiance, depths[part] = scene.traced(np.broadcast_to(camera.centre, directions.shape), directions)
-        colours[part] = np.where(np.isinf(depths[part])[:, None], scene.scene.background, displayed(radiance))
+        displayed = (1.0 - np.exp(-radiance)) ** (1.0 / GAMMA)
+        colours[part] = np.where(np.isinf(depths[part])[:, None], 0.0, displayed)
     return colours, depths
 
 
@@ -60,19 +62,6 @@ def _at_edges(image: Float64) -> Bools:
         ends.append(extreme.reduce([across[i : i + height] for i in range(3)]))
     edges: Bools = (ends[0] - ends[1] > EDGE).any(axis=2)
     return edges
-
-
-TARGET = (0.0, 0.5, 0.75)  # where all cameras look, metres
-
-UP = np.array([0.0, 0.0, 1.0])
-
-PER_VIEW = 200  # points of each view; ours: a few thousand in all for a default pair
-
-
-def picture(scene: LitScene, cameras: Sequence[Camera], folder: Path) -> None:
-    """Write ``folder/VIEW.png`` of each view."""
-    for camera in cameras:
-        write_image(folder / f"{camera.name}.png", trace(scene, camera)[0])
 
 
 def photograph(
@@ -89,10 +78,7 @@ def photograph(
 
 
 def visible_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.Generator) -> tuple[Float64, UInt8]:
-    """Return positions [P,3] and 8-bit colours [P,3] of what random pixels of a photograph show.
-
-    `image` and `depth` are what `gspure.scenes.photography.trace` gave for the view.
-    """
+    """Return positions [P,3] and 8-bit colours [P,3] of what random pixels of a photograph (`trace`) show."""
     hits = np.flatnonzero(np.isfinite(depth))
     chosen = np.sort(rng.choice(hits, min(PER_VIEW, len(hits)), replace=False))
     rows, columns = np.divmod(chosen, camera.width)
@@ -106,9 +92,9 @@ def path_cameras(count: int, width: int, height: int) -> list[Camera]:
     """Return `count` views, 62 degrees wide, along a path that sways to both sides, to and fro, up and down."""
     focal = 0.83 * width
     K = intrinsics(focal, focal, width / 2, height / 2)
-    digits = max(3, len(str(count - 1)))
+    digits, up = max(3, len(str(count - 1))), np.array([0.0, 0.0, 1.0])
     return [
-        Camera(f"view_{i:0{digits}d}", width, height, K, looking_at(_station(i / count), np.array(TARGET), UP))
+        Camera(f"view_{i:0{digits}d}", width, height, K, looking_at(_station(i / count), TARGET, up))
         for i in range(count)
     ]
 

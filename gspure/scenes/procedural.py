@@ -1,30 +1,23 @@
-"""Random scenes by seed: furnished rooms, landscapes under a sky, objects over black. Seeds are independent."""
+"""Scenes by name; random ones by seed: furnished rooms, landscapes under a sky, objects over black."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from colorsys import hsv_to_rgb
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from gspure.scenes.rooms import HALF_WIDTH, Placement
-from gspure.scenes.scene import Lamp, Scene
-from gspure.scenes.solids import (
-    Box,
-    Room,
-    Solid,
-    Sphere,
-    Texture,
-    Vector,
-    banded,
-    checker,
-    inlaid,
-    plain,
-    rings,
-    stripes,
-)
+from gspure.scenes.lighting import Lamp, Scene
+from gspure.scenes.rooms import HALF_WIDTH, Placement, room, vault
+from gspure.scenes.solids import Box, Room, Solid, Sphere, Vector
+from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
+from gspure.settings import SEED
 
 Random = np.random.Generator
+BuildScene = Callable[[Placement], Scene]
+BuildSolids = Callable[[Vector, Random], Iterator[Solid]]  # on a foot's place
 
+NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"  # of ray-traced scenes; SEED is a number
 FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))  # x and y that all cameras see well, metres: where objects stand
 DECOYS: Final = range(9000, 9010)  # seeds of the interiors that are false candidates of the retrieval; ours
 GRID: Final = 10  # a landscape has this many by this many steps of terrain
@@ -32,92 +25,68 @@ PLINTH_SIZE: Final = (2.6, 1.2, 0.3)  # width, depth and height of an object's p
 SKY_HEIGHT: Final = 9.0  # height of the painted sky around a landscape, metres
 
 
-@dataclass(frozen=True)
-class Interior:
-    """A room with furniture; walls, floor, objects and lamp are drawn from the seed."""
-
-    seed: int
-
-    def __call__(self, placement: Placement) -> Scene:
-        """Return the room at a placement."""
-        rng = np.random.default_rng([0, self.seed])
-        walls = _pattern(rng, 0.5, 1.1, lightness=(0.55, 0.95))
-        back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(_within(rng, 1.5, 4.5), 2.0), size=(1.5, 1.1))
-        floor = inlaid(
-            _pattern(rng, 0.3, 0.7), _pattern(rng, 0.15, 0.4), centre=(_within(rng, 2, 4), 2.9), size=(2.6, 1.8)
-        )
-        furniture = [_table, _tower, _shelf, _balls, _balls]
-        places = rng.permutation(_places(rng, len(furniture)))
-        objects = [
-            solid
-            for build, (x, y) in zip(furniture, places, strict=True)
-            for solid in build((x, y, placement.floor), rng)
-        ]
-        return Scene(
-            solids=(placement.room(walls=walls, back=back, floor=floor), *objects),
-            lamp=Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0)),
-            sky=_light(rng, 0.48),
-        )
+def scene_builder(name: str) -> BuildScene | None:
+    """Return the builder of a ray-traced scene; None if no such scene has this name."""
+    kind, _, seed = name.partition("-")
+    number = SEED.parse(seed)
+    if kind in PROCEDURAL and number is not None and seed == str(number):
+        return partial(PROCEDURAL[kind], int(number))
+    return {"room": room, "vault": vault}.get(name)
 
 
-@dataclass(frozen=True)
-class Landscape:
-    """Stepped hills with trees, rocks and huts in front of a painted sky."""
-
-    seed: int
-
-    def __call__(self, placement: Placement) -> Scene:
-        """Return the landscape; of the placement only the height of the ground counts."""
-        rng = np.random.default_rng([1, self.seed])
-        ground = _pattern(rng, 0.3, 0.8, hue=(0.15, 0.4))
-        sky = plain(_colour(rng, hue=(0.52, 0.62), value=(0.85, 0.95)))
-        width = 4 * HALF_WIDTH
-        backdrop = Room(
-            (0.0, 0.0, placement.floor + SKY_HEIGHT / 2), (width, width, SKY_HEIGHT), (sky, sky, sky, sky, ground, sky)
-        )
-        grown = [_tree, _tree, _hut, _balls, _tree]
-        objects = [
-            solid
-            for build, (x, y) in zip(grown, rng.permutation(_places(rng, len(grown))), strict=True)
-            for solid in build((x, y, placement.floor), rng)
-        ]
-        return Scene(
-            solids=(backdrop, *_hills(placement.floor, rng), *objects),
-            lamp=Lamp((_within(rng, -2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0)),
-            sky=(0.6, 0.66, 0.75),
-        )
+def interior(seed: int, placement: Placement) -> Scene:
+    """Return a room with furniture; walls, floor, objects and lamp are drawn from the seed."""
+    rng = np.random.default_rng([0, seed])
+    walls = _pattern(rng, 0.5, 1.1, lightness=(0.55, 0.95))
+    back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(_within(rng, 1.5, 4.5), 2.0), size=(1.5, 1.1))
+    tiles, rug = _pattern(rng, 0.3, 0.7), _pattern(rng, 0.15, 0.4)
+    floor = inlaid(tiles, rug, centre=(_within(rng, 2, 4), 2.9), size=(2.6, 1.8))
+    objects = _arranged((_table, _tower, _shelf, _balls, _balls), placement.floor, rng)
+    return Scene((placement.room(walls=walls, back=back, floor=floor), *objects), _lamp(rng), _light(rng, 0.48))
 
 
-@dataclass(frozen=True)
-class Object:
-    """A tower, a shelf and balls on a plinth over a black background."""
-
-    seed: int
-
-    def __call__(self, placement: Placement) -> Scene:
-        """Return the object; of the placement only the height of the floor counts."""
-        rng = np.random.default_rng([2, self.seed])
-        top = placement.floor + PLINTH_SIZE[2]
-        plinth = Box((0.0, 0.5, placement.floor + PLINTH_SIZE[2] / 2), PLINTH_SIZE, (_pattern(rng, 0.15, 0.4),))
-        placed = zip((_tower, _shelf, _balls), rng.permutation([-0.75, 0.0, 0.75]), strict=True)
-        solids = [solid for build, x in placed for solid in build((x, 0.5, top), rng)]
-        lamp = Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0))
-        return Scene(solids=(plinth, *solids), lamp=lamp, sky=_light(rng, 0.48))
+def landscape(seed: int, placement: Placement) -> Scene:
+    """Return stepped hills with trees, rocks and huts before a painted sky; only the placement's floor counts."""
+    rng = np.random.default_rng([1, seed])
+    ground = _pattern(rng, 0.3, 0.8, hue=(0.15, 0.4))
+    sky = plain(_colour(rng, hue=(0.52, 0.62), value=(0.85, 0.95)))
+    size = (4 * HALF_WIDTH, 4 * HALF_WIDTH, SKY_HEIGHT)
+    backdrop = Room((0.0, 0.0, placement.floor + SKY_HEIGHT / 2), size, (sky, sky, sky, sky, ground, sky))
+    objects = _arranged((_tree, _tree, _hut, _balls, _tree), placement.floor, rng)
+    hills = list(_hills(placement.floor, rng))
+    lamp = Lamp((_within(rng, -2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0))
+    return Scene((backdrop, *hills, *objects), lamp, (0.6, 0.66, 0.75))
 
 
-PROCEDURAL: Final[Mapping[str, Callable[[int], Callable[[Placement], Scene]]]] = {
-    "interior": Interior,
-    "landscape": Landscape,
-    "object": Object,
+def plinth(seed: int, placement: Placement) -> Scene:
+    """Return a tower, a shelf and balls on a plinth over a black background; only the placement's floor counts."""
+    rng = np.random.default_rng([2, seed])
+    top = placement.floor + PLINTH_SIZE[2]
+    base = Box((0.0, 0.5, placement.floor + PLINTH_SIZE[2] / 2), PLINTH_SIZE, (_pattern(rng, 0.15, 0.4),))
+    placed = zip((_tower, _shelf, _balls), rng.permutation([-0.75, 0.0, 0.75]), strict=True)
+    objects = [solid for build, x in placed for solid in build((x, 0.5, top), rng)]
+    return Scene((base, *objects), _lamp(rng), _light(rng, 0.48))
+
+
+PROCEDURAL: Final[Mapping[str, Callable[[int, Placement], Scene]]] = {
+    "interior": interior,
+    "landscape": landscape,
+    "object": plinth,
 }
-"""Classes of random scenes, by the first part of a scene's name."""
+"""Random scenes, by the first part of their names. Their seeds are independent."""
 
 
-def _places(rng: Random, count: int) -> list[tuple[float, float]]:
-    """Return `count` places (x, y) from left to right, so that objects seldom hide each other."""
+def _arranged(builders: Sequence[BuildSolids], floor: float, rng: Random) -> list[Solid]:
+    """Return objects beside each other, in random order, so that they seldom hide each other."""
     (left, right), (front, rear) = FRONT_HALF
-    width = (right - left) / count
-    return [(left + (i + rng.uniform(0.3, 0.7)) * width, _within(rng, front, rear)) for i in range(count)]
+    width = (right - left) / len(builders)
+    places = [(left + (i + rng.uniform(0.3, 0.7)) * width, _within(rng, front, rear)) for i, _ in enumerate(builders)]
+    placed = zip(builders, rng.permutation(places), strict=True)
+    return [solid for build, (x, y) in placed for solid in build((x, y, floor), rng)]
+
+
+def _lamp(rng: Random) -> Lamp:
+    return Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0))
 
 
 def _table(foot: Vector, rng: Random) -> Iterator[Solid]:
@@ -211,8 +180,6 @@ def _pattern(
 
 def _colour(rng: Random, *, hue: tuple[float, float] = (0.0, 1.0), value: tuple[float, float] = (0.2, 0.95)) -> str:
     """Return a random colour ``#rrggbb``."""
-    from colorsys import hsv_to_rgb
-
     channels = hsv_to_rgb(_within(rng, *hue), _within(rng, 0.15, 0.75), _within(rng, *value))
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
 

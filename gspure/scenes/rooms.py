@@ -1,24 +1,14 @@
-"""The scenes of the demo, a warm studio and a blue vault as its message, and where the surfaces of a message stand."""
+"""The scenes of the demo, a warm studio and a blue vault as its message, and how a message stands in the scene."""
 
 from dataclasses import dataclass
+from typing import Final
 
-from gspure.scenes.scene import Lamp, Scene
-from gspure.scenes.solids import (
-    BACK,
-    BOTTOM,
-    LEFT,
-    RIGHT,
-    Box,
-    Room,
-    Sphere,
-    Texture,
-    banded,
-    checker,
-    inlaid,
-    plain,
-    rings,
-    stripes,
-)
+import numpy as np
+
+from gspure.files import Float64
+from gspure.scenes.lighting import Lamp, Scene
+from gspure.scenes.solids import BACK, BOTTOM, LEFT, RIGHT, Box, Room, Sphere, Vector
+from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
 
 HALF_WIDTH = 3.0
 WALL_HEIGHT = 3.7
@@ -26,10 +16,7 @@ WALL_HEIGHT = 3.7
 
 @dataclass(frozen=True)
 class Placement:
-    """How far a room's surfaces stand before those of an unmoved one.
-
-    The floor lies `floor` metres higher, the walls come `inset` metres nearer, and only some `faces` of the room exist.
-    """
+    """A room with a floor `floor` metres higher, walls `inset` metres nearer, and only some `faces`."""
 
     floor: float = 0.0
     inset: float = 0.0
@@ -43,7 +30,7 @@ class Placement:
         return Room((0.0, 0.0, self.floor + height / 2.0), (width, width, height), textures, faces=self.faces)
 
 
-PLACEMENTS = {
+PLACEMENTS: Final = {
     "coincident": Placement(),
     "raised": Placement(floor=0.35, inset=0.25),
     "front": Placement(floor=0.6, inset=0.5, faces=(BOTTOM,)),
@@ -51,36 +38,36 @@ PLACEMENTS = {
 }
 """By name. ``front`` has a floor only and nothing behind it."""
 
+PROTOCOLS: Final = ("shared", "own")  # poses of the message's views: those of the scene, or poses of their own
 
-BLOCK_CENTRE = (-1.55, 1.3, 0.75)
-BLOCK_SIZE = (0.8, 0.8, 1.5)
-BLOCK_YAW = 0.35
+OWN_SHIFT: Final = -2.0
+"""Metres by which a message at poses of its own moves along y, after half a turn about the vertical. About two thirds
+of its surface points then lie outside all views of the scene. Ours."""
 
-_CELL = 0.16  # width of a letter's stroke, metres; letters are 3 strokes wide and 5 high
 
-_STROKES = {
-    "H": ((0, 0, 1, 5), (1, 2, 1, 1), (2, 0, 1, 5)),
-    "E": ((0, 0, 1, 5), (1, 4, 2, 1), (1, 2, 2, 1), (1, 0, 2, 1)),
-    "L": ((0, 0, 1, 5), (1, 0, 2, 1)),
-    "O": ((0, 0, 1, 5), (1, 4, 1, 1), (1, 0, 1, 1), (2, 0, 1, 5)),
-}
-"""Blocks of each letter: column, row (upwards), columns, rows."""
+def message_transform(protocol: str) -> Float64:
+    """Return the rigid transform [4,4] of the message and its cameras into the scene's world."""
+    transform = np.eye(4)
+    if protocol == "own":
+        transform = np.diag([-1.0, -1.0, 1.0, 1.0])
+        transform[1, 3] = OWN_SHIFT
+    return transform
 
 
 def room(placement: Placement) -> Scene:
     """Return the studio: cream walls, a tiled floor, a rug, a table, coloured boxes and balls."""
     z = placement.floor
     walls = banded("#c4764e", "#f3e3c6", 1.0)
-    tiles = checker("#e3cba2", "#a9744f", 0.6)
+    picture, rug = rings("#d9a441", "#20506b", 0.16), stripes("#2f5d73", "#f0e4cf", 0.3, along=0)
     wood = (plain("#8a5a3a"),)
     return Scene(
         solids=(
             placement.room(
                 walls=walls,
-                back=inlaid(walls, rings("#d9a441", "#20506b", 0.16), centre=(3.0, 2.05), size=(1.5, 1.1)),
-                floor=inlaid(tiles, stripes("#2f5d73", "#f0e4cf", 0.3, along=0), centre=(3.1, 2.9), size=(3.0, 2.1)),
+                back=inlaid(walls, picture, centre=(3.0, 2.05), size=(1.5, 1.1)),
+                floor=inlaid(checker("#e3cba2", "#a9744f", 0.6), rug, centre=(3.1, 2.9), size=(3.0, 2.1)),
             ),
-            Box(BLOCK_CENTRE, BLOCK_SIZE, (plain("#b8382f"),), yaw=BLOCK_YAW),
+            _block("#b8382f"),
             Box((-0.55, 1.7, z + 0.4), (0.8, 0.8, 0.8), (plain("#e0a92e"),), yaw=-0.2),
             Box((-0.6, 1.7, z + 1.05), (0.5, 0.5, 0.5), (checker("#2d7f73", "#e8dcc0", 0.25),), yaw=0.4),
             Box((1.3, 1.3, z + 0.68), (1.5, 0.9, 0.08), wood),
@@ -103,8 +90,7 @@ def vault(placement: Placement) -> Scene:
     return Scene(
         solids=(
             placement.room(walls=walls, back=walls, floor=checker("#27304f", "#6474a6", 0.8)),
-            # stands exactly where the scene's block does: some surfaces of scene and message always coincide
-            Box(BLOCK_CENTRE, BLOCK_SIZE, (plain("#7d3c98"),), yaw=BLOCK_YAW),
+            _block("#7d3c98"),
             Box((-0.15, 0.4, z + 0.12), (3.4, 0.5, 0.24), (plain("#30406e"),)),
             *_word("HELLO", (-0.15, 0.4, z + 0.24)),
             *_pyramid((1.85, 1.0, z), radius=0.22),
@@ -114,24 +100,37 @@ def vault(placement: Placement) -> Scene:
     )
 
 
-def _word(word: str, foot: tuple[float, float, float]) -> list[Box]:
+def _block(colour: str) -> Box:
+    """Return the block that scene and message share: some of their surfaces always coincide."""
+    return Box((-1.55, 1.3, 0.75), (0.8, 0.8, 1.5), (plain(colour),), yaw=0.35)
+
+
+_CELL = 0.16  # width of a letter's stroke, metres; letters are 3 strokes wide and 5 high
+
+_STROKES = {
+    "H": ((0, 0, 1, 5), (1, 2, 1, 1), (2, 0, 1, 5)),
+    "E": ((0, 0, 1, 5), (1, 4, 2, 1), (1, 2, 2, 1), (1, 0, 2, 1)),
+    "L": ((0, 0, 1, 5), (1, 0, 2, 1)),
+    "O": ((0, 0, 1, 5), (1, 4, 1, 1), (1, 0, 1, 1), (2, 0, 1, 5)),
+}
+"""Blocks of each letter: column, row (upwards), columns, rows."""
+
+
+def _word(word: str, foot: Vector) -> list[Box]:
     """Return the letters of a word, its foot's middle at `foot`."""
     x, y, z = foot
-    left = x - _CELL * (4 * len(word) - 1) / 2
-    return [
-        Box(
-            (left + (4 * i + column + columns / 2) * _CELL, y, z + (row + rows / 2) * _CELL),
-            (columns * _CELL, _CELL, rows * _CELL),
-            (plain("#f4efe2"),),
-        )
-        for i, letter in enumerate(word)
-        for column, row, columns, rows in _STROKES[letter]
-    ]
+    left, boxes = x - _CELL * (4 * len(word) - 1) / 2, []
+    for i, letter in enumerate(word):
+        for column, row, columns, rows in _STROKES[letter]:
+            centre = (left + (4 * i + column + columns / 2) * _CELL, y, z + (row + rows / 2) * _CELL)
+            boxes.append(Box(centre, (columns * _CELL, _CELL, rows * _CELL), (plain("#f4efe2"),)))
+    return boxes
 
 
-def _pyramid(foot: tuple[float, float, float], *, radius: float) -> list[Sphere]:
+def _pyramid(foot: Vector, *, radius: float) -> list[Sphere]:
     """Return 6 + 3 + 1 touching balls."""
     x, y, z = foot
+    balls = [(i, j, layer) for layer in range(3) for j in range(3 - layer) for i in range(3 - layer - j)]
     return [
         Sphere(
             (
@@ -142,7 +141,5 @@ def _pyramid(foot: tuple[float, float, float], *, radius: float) -> list[Sphere]
             radius,
             (plain("#e0a526"),),
         )
-        for layer in range(3)
-        for j in range(3 - layer)
-        for i in range(3 - layer - j)
+        for i, j, layer in balls
     ]

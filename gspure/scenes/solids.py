@@ -1,75 +1,18 @@
-"""The solids that scenes are built of, boxes, rooms (boxes seen from inside) and spheres, and their patterns.
+"""The solids that scenes are built of: boxes, rooms (boxes seen from inside) and spheres.
 
 A solid has one or more faces, each with a chart: unit coordinates (u, v) in [0, 1]^2 to points of the surface. World z
 points up. All arithmetic is element by element in float64, so it does not depend on a BLAS library or its threads.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
 
 import numpy as np
 
-from gspure.files import Bools, Float64, Indices
-
-Texture = Callable[[Float64], Float64]
-"""From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""
-
-GAMMA = 2.2  # exponent between linear light and display values
-
-
-def reflectance(colour: str) -> Float64:
-    """Return the linear reflectance [3] of a display colour ``#rrggbb``."""
-    channels: Float64 = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
-    return channels**GAMMA
-
-
-def plain(colour: str) -> Texture:
-    """Return one colour everywhere."""
-    value = reflectance(colour)
-    return lambda places: np.broadcast_to(value, (len(places), 3))
-
-
-def checker(first: str, second: str, size: float) -> Texture:
-    """Return squares of `size` metres in two alternating colours."""
-
-    def at(places: Float64) -> Float64:
-        square = np.floor(places / size).astype(np.int64)
-        return _choose((square[:, 0] + square[:, 1]) % 2 == 0, first, second)
-
-    return at
-
-
-def stripes(first: str, second: str, size: float, *, along: int) -> Texture:
-    """Return bands of `size` metres that alternate along direction `along` (0 or 1)."""
-    return lambda places: _choose(np.floor(places[:, along] / size) % 2 == 0, first, second)
-
-
-def banded(lower: str, upper: str, height: float) -> Texture:
-    """Return one colour up to `height` metres in the second direction, and another above it."""
-    return lambda places: _choose(places[:, 1] < height, lower, upper)
-
-
-def rings(first: str, second: str, size: float) -> Texture:
-    """Return concentric rings of `size` metres around the origin in two alternating colours."""
-    return lambda places: _choose(np.floor(np.sqrt((places**2).sum(axis=1)) / size) % 2 == 0, first, second)
-
-
-def inlaid(outer: Texture, inner: Texture, centre: tuple[float, float], size: tuple[float, float]) -> Texture:
-    """Return one texture with a rectangle of another laid into it, whose origin is the rectangle's centre."""
-
-    def at(places: Float64) -> Float64:
-        local = places - centre
-        inside = (np.abs(local) <= np.array(size) / 2.0).all(axis=1, keepdims=True)
-        return np.where(inside, inner(local), outer(places))
-
-    return at
-
-
-def _choose(is_first: Bools, first: str, second: str) -> Float64:
-    return np.stack([reflectance(second), reflectance(first)]).take(is_first, axis=0)
-
+from gspure.files import Float64, Indices
+from gspure.scenes.textures import Texture
 
 Vector = tuple[float, float, float]
 
@@ -82,8 +25,7 @@ _IN_FACE_AXES = ((1, 2), (0, 2), (0, 1))  # the two axes along which a face perp
 class Box:
     """A box, turned by `yaw` radians about the vertical; centre and edge lengths are in metres.
 
-    It has one texture for all faces, or six in the order of the face numbers. Only some `faces` exist, by default all
-    but the bottom, on which it stands.
+    It has one texture for all faces or six by face number, and only some `faces`, by default all but the bottom.
     """
 
     centre: Vector
@@ -104,8 +46,7 @@ class Box:
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Return the ray parameter [N] where rays [N,3] enter the box; inf where they miss it."""
-        near = np.full(len(origins), -np.inf)
-        far = np.full(len(origins), np.inf)
+        near, far = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
         for enters, leaves, _ in self._slabs(origins, directions):
             np.maximum(near, enters, out=near)
             np.minimum(far, leaves, out=far)
@@ -116,10 +57,8 @@ class Box:
         local = self._turned(points - np.array(self.centre), -self.yaw) / self.size + 0.5
         outward = np.abs(local - 0.5)
         axis = np.argmax(outward, axis=1)
-        rows = np.arange(len(points))
-        in_face = np.array(_IN_FACE_AXES)[axis]
-        uv = np.take_along_axis(local, in_face, axis=1)
-        return 2 * axis + (local[rows, axis] > 0.5), np.clip(uv, 0.0, 1.0)
+        uv = np.take_along_axis(local, np.array(_IN_FACE_AXES)[axis], axis=1)
+        return 2 * axis + (local[np.arange(len(points)), axis] > 0.5), np.clip(uv, 0.0, 1.0)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
         """Return points [N,3] and outward unit normals [N,3] at unit coordinates [N,2] of a face."""
@@ -129,11 +68,7 @@ class Box:
         local[:, _IN_FACE_AXES[axis]] = uv - 0.5
         normals = np.zeros((len(uv), 3))
         normals[:, axis] = side
-        return self._placed(local), self._turned(normals, self.yaw)
-
-    def _placed(self, local: Float64) -> Float64:
-        points: Float64 = self._turned(local * self.size, self.yaw) + np.array(self.centre)
-        return points
+        return self._turned(local * self.size, self.yaw) + np.array(self.centre), self._turned(normals, self.yaw)
 
     def _slabs(self, origins: Float64, directions: Float64) -> Iterator[tuple[Float64, Float64, Float64]]:
         """Yield per axis the ray parameters [N] where rays enter and leave the slab, and their direction along it."""
@@ -167,8 +102,7 @@ class Room(Box):
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Return the ray parameter [N] where rays leave the box through one of its faces."""
-        near = np.full(len(origins), -np.inf)
-        far = np.full(len(origins), np.inf)
+        near, far = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
         exists = np.zeros(len(origins), np.bool_)
         for axis, (enters, leaves, along) in enumerate(self._slabs(origins, directions)):
             low, high = (2 * axis + side in self.faces for side in (0, 1))

@@ -15,7 +15,7 @@ from gspure.evaluation.detection import words_of
 from gspure.evaluation.names import CONTROLS, variant_at
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.model.inria import point_cloud, saved_iterations
-from gspure.scenes.staging import NAMES, scene_builder
+from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.schemes.registry import schemes
 from gspure.settings import require_settings
 from gspure.training.dataset import read_views
