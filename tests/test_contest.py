@@ -12,7 +12,7 @@ from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest
 from gspure.evaluation.matched import MATCHED_DAMAGES, match, matched_message_drop, pareto_front
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
-from gspure.report.attack_tables import conditions_markdown, matched_table, other_attacks_table, survival_table
+from gspure.report.attack_tables import matched_table
 from gspure.report.tables import model_table, summary_table
 from tests.contest_cases import attacked, benchmark
 
@@ -74,19 +74,6 @@ def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
     assert [row.difference.mean for row in rows] == pytest.approx(ours - [4.6, 7, 8.5])
 
 
-def test_the_tables_hold_survival_and_differences() -> None:
-    table = survival_table(survival(SCENES))
-    titles = [column.title for column in table.columns]
-    left = {str(row.cells[0]): dict(zip(titles, map(str, row.cells), strict=True)) for row in table.rows}
-    assert left["better"]["message"].startswith("14.50 [")
-    assert left["better"]["survived"] == "6 of 6"
-    rows = other_attacks_table([row for row in contest(SCENES, {}) if math.isnan(row.damage)], {}).rows
-    others = {str(row.cells[0]): row.cells for row in rows}
-    assert str(others["better"][1]).startswith("−2.50 [")
-    assert str(others["better"][-1]) == "0.094 (≥ 0.094)"
-    assert conditions_markdown([], [], []).startswith("No model with a message")
-
-
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
 
 
@@ -120,19 +107,6 @@ def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
     shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
     assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00) at 1.75 dB"
     assert (shown["ours"].best, shown["theirs"].best) == (True, False)
-
-
-def test_a_strength_above_the_damage_has_no_number() -> None:
-    rows = match(outcomes(room={"gof": (1.8, 12.0), "weak": (1.0, 1.0)}), {"ours": ["weak"]})
-    assert [*cells(rows, "gof")] == [2.0]
-    shown = {str(row.cells[0]): [*map(str, row.cells[-2:])] for row in matched_table(rows).rows}
-    assert shown == {"GOF": ["–", "≥ 12.00 at 1.80 dB"], "ours": ["≥ 1.00 at 1.00 dB", "≥ 1.00 at 1.00 dB"]}
-
-
-def test_drops_are_not_extrapolated_beyond_the_strongest_setting() -> None:
-    rows = match(outcomes(room={"weak": (0.5, 9.0), "strong": (0.6, 4.0)}), {"ours": ["weak", "strong"]})
-    assert [row.drop.mean for row in rows] == [9.0, 9.0, 9.0]
-    assert [row.gentle for row in rows] == [1, 1, 1]
 
 
 AIMED = {"pruning": ["half", "pruning@1dB", "pruning@2dB"], "noise": ["noise@1dB", "noise@2dB"]}

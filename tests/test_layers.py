@@ -146,7 +146,7 @@ BUDGETS = {
     "attacks": (1250, 12),
     "cameras": (1270, 10),
     "cli": (2300, 20),
-    "evaluation": (2650, 17),
+    "evaluation": (2400, 16),
     "figures": (1410, 10),
     "method": (1115, 10),
     "model": (1600, 13),

@@ -71,14 +71,6 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     assert jobs["total"] < 35 * models
 
 
-def test_a_missing_scene_is_named(project):
-    captures(project.folder / "data", set(SCENES) - {"treehill"})
-    configured(project, "mipnerf360.yaml")
-    refusal = project.run("--dry-run", status=2)
-    assert "pairs.treehill.scene: expected an existing file or folder, found data/treehill" in refusal
-    assert "gspure download treehill" in refusal
-
-
 def test_two_user_captures_are_hidden_in_each_other(project):
     captures(project.folder / "photos", ["scene", "message"])
     configured(project, "photos.yaml")

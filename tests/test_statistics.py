@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gspure.evaluation.intervals import by_scene, differences, mean_interval
+from gspure.evaluation.intervals import mean_interval
 from gspure.evaluation.significance import detectability, holm, paired_test
 
 DECIBELS = st.floats(-30, 30, allow_subnormal=False)
@@ -63,13 +63,6 @@ def test_the_range_of_few_scenes_covers_the_median_as_often_as_it_says(scenes, l
     found = coverage(lambda: rng.exponential(size=(scenes, 1)), np.log(2), trials=4000)
     assert found == pytest.approx(level, abs=0.03)
     assert mean_interval(list(rng.exponential(size=(scenes, 1)))).level == level
-
-
-def test_cells_are_grouped_by_scene_and_paired_where_both_are():
-    a = {("room", 2): 5.0, ("room", 1): 3.0, ("bonsai", 1): 8.0}
-    assert [group.tolist() for group in by_scene(a)] == [[8.0], [3.0, 5.0]]
-    b = {("room", 1): 1.0, ("bonsai", 1): 2.0, ("kitchen", 1): 9.0}
-    assert [group.tolist() for group in by_scene(differences(a, b))] == [[6.0], [2.0]]
 
 
 DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=7)

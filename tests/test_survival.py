@@ -79,12 +79,6 @@ def test_the_share_left_is_a_ratio_of_means_over_seeds() -> None:
     assert by_variant(first + second)["x"].share_left.mean == pytest.approx((above / 2 + weak) / (above + weak))
 
 
-def test_the_wrong_key_does_not_raise_the_control_levels() -> None:
-    outcomes = [o for o in benchmark({"a": {"x": (1.0, 5.0)}}) if o.variant != "wrong_key"]
-    row = by_variant([*outcomes, outcome("wrong_key", "a", targets={"message": 24.0})])["x"]
-    assert (survives(row), row.above_wrong_key.mean) == (True, -1.0)
-
-
 def test_a_message_that_was_not_embedded_cannot_survive() -> None:
     outcomes = [o for o in benchmark({s: {"x": (1.0, 1.0)} for s in "ab"}) if (o.scene, o.variant) != ("a", "clean")]
     row = by_variant([*outcomes, outcome("clean", "a", targets={"message": 27.5})])["x"]
@@ -113,15 +107,6 @@ def with_retrieval(outcomes, **of_variants: Retrieval):
 
 
 FADED = benchmark({"a": {"gspure": (1.0, 20.0), "gof": (1.0, 21.0)}})
-
-
-def test_a_message_is_gone_only_if_psnr_and_retrieval_agree() -> None:
-    outcomes = with_retrieval(FADED, unattacked=NEAREST, gspure=NEAREST, gof=UNRELATED)
-    rows = {row.variant: row for row in survival(outcomes)}
-    assert (rows["gspure"].survived, rows["gspure"].only_retrieved, survives(rows["gspure"])) == (0, 1, None)
-    assert (rows["gof"].survived, rows["gof"].only_retrieved, survives(rows["gof"])) == (0, 0, False)
-    rows = by_variant(FADED)
-    assert [survives(rows[name]) for name in ("unattacked", "gspure", "gof")] == [True, False, False]
 
 
 def test_a_message_that_is_not_retrieved_before_any_attack_is_not_embedded() -> None:
