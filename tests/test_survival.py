@@ -114,11 +114,3 @@ def test_a_message_that_is_not_retrieved_before_any_attack_is_not_embedded() -> 
     outcomes = with_retrieval(FADED, unattacked=UNRELATED, gspure=UNRELATED, gof=UNRELATED)
     assert not_embedded(outcomes) == [("sis", "a")]
     assert {row.present for row in survival(outcomes)} == {0}
-
-
-def test_the_rms_ratio_of_a_variant_is_that_of_its_scenes_means_over_seeds() -> None:
-    rows = by_variant(benchmark({f"s{i}": {"x": (1.0 + i, 10.0)} for i in range(3)}, seeds=2))
-    message = [[BEFORE["message"], BEFORE["message"] - 10.05]] * 3
-    scene = [[BEFORE["scene"], BEFORE["scene"] - 1 - i] for i in range(3)]
-    assert rows["x"].rms_ratio == pytest.approx(rms_ratio(message, scene))
-    assert math.isnan(rows["unattacked"].rms_ratio)

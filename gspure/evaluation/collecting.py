@@ -145,8 +145,7 @@ def _reason(results: Path, variant: Path) -> str:
 def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[str, list[ViewMetrics]]:
     """Leave out the views of a model that equal their photograph in some variant: no mean PSNR counts them there.
 
-    A drop is a difference of means over the same views. Where none is left, variants with such views keep them alone,
-    so that their mean PSNR is infinite, and no drop from it or to it is known.
+    Where none is left, variants with such views keep them alone: their mean PSNR is infinite, and their drop unknown.
     """
     exact = {variant: [row for row in rows if _equals_photograph(row)] for variant, rows in rows_of.items()}
     equal = {(row.target, row.view) for rows in exact.values() for row in rows}

@@ -39,11 +39,8 @@ class Contest(NamedTuple):
 def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
     """Compare GSPure with every other attack, for every condition and extraction of the message, in their order.
 
-    Controls, and GSPure itself at other strengths, are left out. Only the Score, the measure that the paper names, is
-    tested: further tests would make the correction harsher.
-
-    `sweeps` name variants that are one attack at several strengths; others are sweeps of one strength. The sweep named
-    `GSPURE` is compared with the others at equal `gspure.evaluation.matched.damages`.
+    Controls, and GSPure itself at other strengths, are left out. Only the Score is tested. `sweeps` name variants that
+    are one attack at several strengths; that named `GSPURE` is compared with the others at equal `damages`.
     """
     rows: list[Contest] = []
     other_strengths = {*sweeps.get(GSPURE, ())} - {GSPURE}

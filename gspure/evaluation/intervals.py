@@ -1,7 +1,6 @@
 r"""Numbers by scene and seed, and bootstrap intervals of their means.
 
-The scene is the unit everywhere. Views of a scene and seeds of one embedding share the scene and are not independent,
-so they are averaged within scenes, resampled within scenes, and change their signs together.
+Views of a scene and seeds of one embedding are not independent, so the scene is the unit everywhere.
 
 Scenes are drawn with replacement, then seeds within each drawn scene (Efron and Tibshirani 1993, §8; Davison and
 Hinkley 1997, §3.8). The tails are those of the expanded percentile interval (Hesterberg 2015),

@@ -37,7 +37,7 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
         {(\mu_a^2 + \mu_b^2 + C_1)(\sigma_a^2 + \sigma_b^2 + C_2)}
 
     (Wang et al. 2004) in the form of 3DGS: a Gaussian window of 11 x 11 with σ = 1.5, population covariances, and
-    zeros beyond the border. scikit-image's defaults differ in all three.
+    zeros beyond the border.
     """
     _check_same_shape(a, b)
     return float(np.mean(_mean_similarity(a, b)[0]))

@@ -13,8 +13,7 @@ BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean col
 
 LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
 """Controls whose highest PSNR is the control level of a scene: a message is present only above it. Without the wrong
-key, which is applied to a model with the message; with baselines, since an extraction of a clean model may be black,
-which any trace of the message exceeds."""
+key, which is applied to a model with the message."""
 
 CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)
 """Negative controls: extractions without the message or without the right key."""

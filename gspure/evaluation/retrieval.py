@@ -94,11 +94,8 @@ def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     `pair` holds photograph and extraction of the message. The false candidates are the photograph mirrored, upside down
-    and turned by 180 degrees, and the pictures of the same size among `files`, those of `false_candidates`. Copies of
-    candidates do not count, such as the mirrored photograph of a symmetric message.
-
-    Raise `InputError` if an image cannot be read, the extraction has another size than the photograph, or a decoy is
-    the photograph.
+    and turned by 180 degrees, and the pictures of the same size among `files`. Copies of candidates do not count. Raise
+    `InputError` if an image cannot be read, or the extraction has another size than the photograph.
     """
     truth, extraction = _levels(pair.reference), _levels(pair.image)
     candidates = [truth]

@@ -62,10 +62,7 @@ class Survival(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The variant's display name, with the damage that its search reached if it misses the wanted one.
-
-        This is the range of few scenes, but the mean of many, as a bootstrap interval is no range.
-        """
+        """The variant's display name, with the damage that its search reached if it misses the wanted one."""
         name, drop = display_name(self.variant), self.damage or self.scene_drop
         named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
         if drop and drop.level >= LEVEL and named != name:
@@ -81,8 +78,8 @@ class Survival(NamedTuple):
 def survival(outcomes: Sequence[Outcome]) -> list[Survival]:
     """Return the survival of the message for every condition, extraction and variant that is not a control.
 
-    Conditions and variants keep the order of `outcomes`. Seeds are averaged within scenes. Another scene's model in
-    which the mark is detected holds the same mark, and is no control.
+    Conditions and variants keep the order of `outcomes`. Another scene's model in which the mark is detected is no
+    control.
     """
     rows = []
     for alike in by_condition(outcomes).values():
