@@ -143,7 +143,7 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1700, 12),
-    "attacks": (1250, 12),
+    "attacks": (1145, 10),
     "cameras": (1270, 10),
     "cli": (2300, 20),
     "evaluation": (2400, 16),
@@ -152,7 +152,7 @@ BUDGETS = {
     "model": (1600, 13),
     "opencl": (2350, 24),
     "report": (1650, 13),
-    "scenes": (1150, 9),
+    "scenes": (950, 9),
     "schemes": (3800, 29),
     "surface": (280, 4),
     "training": (1165, 11),

@@ -82,10 +82,8 @@ class Attacked(Described):
 def affected(before: Gaussians, after: Attacked, reads: Sequence[str]) -> bool:
     """Return whether an attack removed a row of the public model or changed a bit of the columns that are read.
 
-    If it did not, the survival of the message says nothing about robustness; the paper's own tables hold such rows.
     `reads` are names, or patterns such as ``f_rest_*``; if there are none, only removed rows count. Order does not
-    count. Added rows count where they differ from the row they were copied from: an extraction that blends all rows
-    reads their positions; one that finds its rows by position ignores others.
+    count. Added rows count where they differ from the row they were copied from.
 
     Raise `InputError` if a pattern matches no column of the public model.
     """

@@ -23,10 +23,9 @@ _SUFFIXES: Final = {"compressed_ply": PACKED_PLY, "spz": SPZ}
 def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "compressed_ply") -> Attacked:
     """Write the model in a compressed format and read it back.
 
-    Rows are sorted along a space-filling curve first, as converters do (`curve_order`). The `codec`
-    is compressed_ply, PlayCanvas' compressed PLY (chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour), or
-    spz, Niantic's SPZ, version 3 (24 bits per coordinate, 8 per scale, opacity and coefficient). Both hold spherical
-    harmonics, but no features.
+    Rows are sorted along a space-filling curve first, as converters do (`curve_order`). The `codec` is compressed_ply,
+    PlayCanvas' compressed PLY (chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour), or spz, Niantic's SPZ 3
+    (24 bits per coordinate, 8 per scale, opacity and coefficient).
     """
     require("compression", "codec", codec, f"one of {', '.join(_SUFFIXES)}", fits=codec in _SUFFIXES)
     if not set(COLOUR) <= set(columns["colour"]):

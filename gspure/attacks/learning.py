@@ -54,9 +54,8 @@ class Teacher:
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
-        learned = (LEARNED[learn], iterations, rng, rate_factor, self.device, self.background)
-        lesson = Lesson(self.cameras, self.images, *learned)
-        return student.learned(lesson).model
+        how = (iterations, rng, rate_factor, self.device, self.background)
+        return student.learned(Lesson(self.cameras, self.images, LEARNED[learn], *how)).model
 
 
 def finetune(
@@ -69,11 +68,7 @@ def finetune(
     iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Train the model on its own renders for `iterations` steps, without adding or removing rows.
-
-    `learn` names the trained attributes: all, appearance or colour. All but "all" keep the geometry, by which an
-    extraction recognizes rows.
-    """
+    """Train the attributes that `learn` names (`LEARNED`) on the model's own renders for `iterations` steps."""
     rows = Teacher("finetune", public, cameras, device).train(public, rng, iterations, learn)
     return Attacked(rows, np.arange(len(rows)), len(rows))
 
@@ -147,10 +142,7 @@ def distil(
     *,
     iterations: Steps = DISTILLATION,
 ) -> Attacked:
-    """Train a new vanilla 3DGS model on the model's renders; it starts at the centres of opaque rows.
-
-    Models of other formats are refused: the new model would have nothing that their extractions could read.
-    """
+    """Train a new vanilla 3DGS model on the renders of a vanilla one; it starts at the centres of opaque rows."""
     if type(public).attributes is not PublicModel.attributes:
         raise NotApplicable("distil", "no extraction of this format could read a vanilla model")
     opaque = np.flatnonzero(model.opacities >= OPAQUE)

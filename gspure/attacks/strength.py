@@ -62,10 +62,9 @@ class Match(NamedTuple):
 def search(strength: Strength, damage_at: Callable[[float], float], wanted: float) -> Match:
     """Return the value whose damage is nearest to `wanted` dB, by bisection.
 
-    `damage_at` maps a value of the setting to the drop of the scene's PSNR. It is called at most `EVALUATIONS` times,
-    and at the weak end if all others do more. A value that it refuses by `InputError` is too strong; only the refusal
-    of the weak end is raised. A damage of at most `wanted` + `DAMAGE_TOLERANCE` is preferred over a larger one. If the
-    strong end does less than `wanted`, it is returned.
+    `damage_at` maps a value to the drop of the scene's PSNR. It is called at most `EVALUATIONS` times, and at the weak
+    end if all others do more. A value that it refuses by `InputError` is too strong; only the refusal of the weak end
+    is raised. A damage above `wanted` + `DAMAGE_TOLERANCE` is the last choice.
     """
     matches: list[Match] = []
     low, high, position = 0.0, 1.0, 1.0
