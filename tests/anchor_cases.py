@@ -45,10 +45,3 @@ def random_public(count=40, k=4, feat_dim=8, seed=0, *, bank=False) -> AnchorMod
 
 def random_key(k=4, feat_dim=8, seed=0) -> HiddenKey:
     return HiddenKey(fresh(PRIVATE, feat_dim, k, np.random.default_rng(seed + 200)))
-
-
-def closed(public: AnchorModel) -> AnchorModel:
-    """The same model, its opacity network so that no Gaussian is ever active."""
-    opacity = {name: np.zeros_like(array) for name, array in public.networks["opacity"].items()}
-    opacity["2.bias"] = np.full_like(opacity["2.bias"], -1)
-    return AnchorModel(public.model, {**public.networks, "opacity": opacity})

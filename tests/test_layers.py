@@ -153,7 +153,7 @@ BUDGETS = {
     "opencl": (2350, 24),
     "report": (1650, 13),
     "scenes": (950, 9),
-    "schemes": (3800, 29),
+    "schemes": (3690, 29),
     "surface": (280, 4),
     "training": (1165, 11),
     "workflow": (900, 8),

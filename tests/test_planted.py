@@ -2,13 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from planted import PlantedKey
 
 from gspure.cli import main
 from gspure.images import read_image
-from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
 from gspure.scenes.photography import path_cameras
 from tests.planted_cases import planted_model
@@ -44,24 +40,6 @@ def test_the_message_is_all_of_its_rows_with_private_opacity_and_colour(public, 
     assert rows.tolist() == np.flatnonzero(key.message_rows).tolist()
     assert message.opacities.min() > 0.89
     assert message.columns("f_dc_0", "f_dc_1", "f_dc_2").tobytes() == key.f_dc.tobytes()
-
-
-@settings(max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 1.0))
-def test_the_message_is_exactly_the_surviving_rows_in_any_order(public, key, seed, share):
-    rng = np.random.default_rng(seed)
-    kept = rng.permutation(len(public))[: round(share * len(public))]
-    message, rows = revealed(Gaussians(public.table[kept]), key)
-    survivors = kept[key.message_rows[kept]]
-    assert kept[rows].tolist() == survivors.tolist()
-    place = np.searchsorted(np.flatnonzero(key.message_rows), survivors)
-    assert message.columns("opacity")[:, 0].tobytes() == key.opacity[place].tobytes()
-
-
-def test_a_written_key_reads_back(key, tmp_path):
-    key.write(tmp_path)
-    back = PlantedKey.read(tmp_path)
-    assert all(getattr(back, name).tobytes() == value.tobytes() for name, value in vars(key).items())
 
 
 def test_the_scheme_works_on_a_pair_by_its_commands(pair_folder, tmp_path):

@@ -1,6 +1,5 @@
 """Scaffold-GS's files: official layouts are read, ours are read by PyTorch, and nothing in them is executed."""
 
-import struct
 import zipfile
 
 import numpy as np
@@ -166,17 +165,9 @@ def replaced(member, before, after):
     "change",
     [
         pickled(b"\x80\x02}q\x00X\x01\x00\x00\x00ah\x00s."),  # contains itself: no tensor in it
-        pickled(b"\x80\x02"),
-        pickled(b"\x80\x02u."),
-        pickled(b"\x80\x02h\x05."),
-        pickled(b"\x80\x02NQ."),
-        pickled(b"\x80\x02K\x01K\x02b."),
         pickled(b"\xff\xff"),
-        pickled(b"\x80\x02" + b"}" * 9 + b"."),
         lambda members: {name: content for name, content in members.items() if name != "checkpoints/data/0"},
         lambda members: members | {"checkpoints/data/0": b"\0" * 8},
-        lambda members: {name.replace("data.pkl", "other"): content for name, content in members.items()},
-        lambda members: members | {"other/data.pkl": b"."},
         lambda members: members | {"checkpoints/data.pkl": members["checkpoints/data.pkl"] + b" " * (1 << 20)},
         replaced("checkpoints/data.pkl", b"FloatStorage", b"HalfStorage"),
     ],
@@ -187,12 +178,6 @@ def test_a_corrupt_archive_is_reported_in_one_line(tmp_path, change):
     with pytest.raises(InputError) as error:
         AnchorModel.read(tmp_path)
     assert "\n" not in str(error.value)
-
-
-def storage(key=b"0", count=16):
-    """Instructions that describe a storage."""
-    text = b"X" + struct.pack("<I", len(key)) + key
-    return b"(X\x07\0\0\0storagectorch\nFloatStorage\n" + text + b"X\x03\0\0\0cpuJ" + struct.pack("<i", count) + b"tQ"
 
 
 def test_a_model_without_its_networks_says_which_are_missing(tmp_path):

@@ -1,13 +1,8 @@
 """What every scheme promises: the built-in ones, and the example of the guide."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from numpy.lib.recfunctions import repack_fields
 
-from gspure import plugins
-from gspure.cameras import orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import gradient_correlation
@@ -17,14 +12,10 @@ from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
-from gspure.schemes import gs_hider, splats_in_splats
+from gspure.schemes import gs_hider
 from gspure.schemes.pair import read_pair
-from gspure.schemes.registry import (
-    find_scheme,
-    read_public_model,
-    schemes,
-)
-from gspure.schemes.scheme import Key, Scheme, hide, wrong_key
+from gspure.schemes.registry import find_scheme, read_public_model, schemes
+from gspure.schemes.scheme import Key, hide, wrong_key
 from tests.models import blobs, without
 from tests.scheme_cases import NEEDS_TORCH, SETTINGS
 
@@ -173,53 +164,6 @@ def test_a_model_is_opened_by_its_columns(tmp_path):
     assert type(read_public_model(tmp_path / "hider.ply")) is gs_hider.FeatureModel
 
 
-class Mirrored(PublicModel):
-    """Gaussians whose file holds -x: no command may take the stored rows for what is drawn."""
-
-    rows_are_gaussians = False
-
-    def _drawn(self):
-        return PublicModel(self.model.with_columns({"x": -self.model.table["x"]}))
-
-    def gaussians(self, camera):
-        return self._drawn().gaussians(camera)
-
-    def scene(self, *args, **kwargs):
-        return self._drawn().scene(*args, **kwargs)
-
-    def contributions(self, *args, **kwargs):
-        return self._drawn().contributions(*args, **kwargs)
-
-    def geometry_digest(self):
-        return self._drawn().geometry_digest()
-
-    def opacities(self, cameras):
-        return super().opacities(cameras) / 2
-
-    def write(self, path):
-        written = [*super().write(path), path.with_name("mirror.txt")]
-        written[-1].write_text("beside the model")
-        return written
-
-
-@pytest.fixture
-def mirrored(tmp_path, monkeypatch):
-    """A plug-in scheme, a model that it drew, and the same model as vanilla 3DGS; folders and options by name."""
-    scheme = Scheme("mirrored", splats_in_splats.SCHEME.embed, Mirrored.read, Mirrored.read, {}, signature=("mirror",))
-    entry = SimpleNamespace(name="mirrored", value="m:S", dist=None, load=lambda: scheme)
-    monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == "gspure.schemes" else [])
-    shown = blobs(300)
-    table = np.zeros(300, [*shown.table.dtype.descr, ("mirror", "<f4")])
-    for name in shown.table.dtype.names:
-        table[name] = shown.table[name]
-    table["x"] *= -1
-    write_model(tmp_path / "shown.ply", shown)
-    write_model(tmp_path / "recognized.ply", Gaussians(table))
-    write_model(tmp_path / "named.ply", Gaussians(repack_fields(table[list(shown.table.dtype.names)])))
-    write_cameras(tmp_path / "cameras.json", orbit_cameras(shown, count=4, width=48, height=32))
-    return tmp_path
-
-
 def test_built_in_schemes_have_the_settings_that_all_have():
     assert {*schemes()} == {*SETTINGS, "splats_in_splats_hardened", "gs_hider_hardened", "secure_gs_hardened"} - {
         "veil"
@@ -276,10 +220,3 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
     expected = "expected one of message, message_adaptive, message_oracle, found 'guess'"
     assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err
-
-
-def enormous(weights):
-    """Finite weights with which a network overflows: an array, a tensor, or a mapping of them."""
-    if isinstance(weights, dict):
-        return {name: enormous(value) for name, value in weights.items()}
-    return (weights * 1e19).clip(-1e19, 1e19) * 1e19

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gspure.renderer import Renderer
 from gspure.schemes.secure_gs import first_anchors
@@ -19,22 +17,10 @@ from gspure.schemes.secure_gs.growing import (
     inside,
     screen_norms,
 )
-from gspure.schemes.secure_gs.model import HiddenKey
 from tests.anchor_cases import random_key, random_public
-from tests.models import blobs, camera, tilted_camera, without
+from tests.models import blobs, camera, tilted_camera
 
 VIEW = camera()
-
-
-def test_a_key_is_read_back_exactly(tmp_path):
-    key = random_key()
-    key.write(tmp_path)
-    again = HiddenKey.read(tmp_path)
-    for name, network in key.networks.items():
-        for parameter, array in network.items():
-            np.testing.assert_array_equal(again.networks[name][parameter], array)
-    public = random_public()
-    assert (again.message(public, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
 
 
 def test_the_message_depends_on_no_public_offset_or_network():
@@ -43,15 +29,6 @@ def test_the_message_depends_on_no_public_offset_or_network():
     changed = type(public)(public.model.with_columns(offsets), other.networks)
     assert not np.allclose(changed.scene()(VIEW), public.scene()(VIEW), atol=1e-3)
     assert (key.message(changed, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
-
-
-def test_the_hidden_gaussians_of_pruned_anchors_are_gone():
-    public, key = random_public(), random_key()
-    pruned = np.random.default_rng(1).random(40) < 0.4
-    whole, rows = key.gaussians(public, VIEW, "message")
-    left, owners = key.gaussians(without(public, pruned), VIEW, "message")
-    assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
-    np.testing.assert_allclose(left.means, whole.means[~pruned[rows]], rtol=1e-4, atol=1e-5)
 
 
 def test_screen_space_gradients_equal_those_of_the_renderer():
@@ -82,8 +59,7 @@ def cells_of(anchors: Anchors, side):
     return {tuple(cell) for cell in np.rint(anchors.positions / np.float32(side)).astype(int).tolist()}
 
 
-@settings(deadline=None, max_examples=40)
-@given(st.integers(0, 2**32 - 1), st.integers(0, 30))
+@pytest.mark.parametrize(("seed", "room"), [(0, 0), (1, 3), (2, 30)])
 def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, room):
     rng = np.random.default_rng(seed)
     before = rng.uniform(-1, 1, (20, 3)).astype(np.float32)

@@ -42,9 +42,7 @@ def read_rows(path: Path) -> Gaussians:
     model = read_model(path)
     channels = len(model.columns_named("semantic_"))
     if channels != CHANNELS:
-        hint = "the column semantic_0 marks a model of GS-Hider"
-        found = f"{channels} properties"
-        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=found, hint=hint)
+        raise InputError(path, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
     return model
 
 

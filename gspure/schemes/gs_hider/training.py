@@ -52,7 +52,7 @@ class Field:
         self.state = state
         self._norms = np.zeros(len(self), np.float32)
         self._views = np.zeros(len(self), np.uint32)
-        self._upload()
+        self._renderer = Renderer(self.model(), self._device)
 
     @property
     def features(self) -> Float32:
@@ -105,9 +105,6 @@ class Field:
         for values, first, second, gradient, rate in zip(*states, gradients, rates_by_group, strict=True):
             adam_step(values, first, second, gradient, rate, self._steps)
         self._gradients.clear()
-        self._upload()
-
-    def _upload(self) -> None:
         self._renderer = Renderer(self.model(), self._device)
 
     def _raw(self, gradients: Gradients) -> Parameters:

@@ -5,13 +5,11 @@ message_weight L(message), each with Scaffold-GS's volume term; anchors grow by 
 pruned if neither uses them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -27,9 +25,6 @@ from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, UNITED, fresh
 from gspure.settings import Amount, Range, Steps
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.trainer import watched
-
-if TYPE_CHECKING:
-    from gspure.schemes.secure_gs.training import Training
 
 FEAT_DIM: Final = 32  # length of a feature (Scaffold-GS)
 K: Final = 10  # Gaussians per anchor (Scaffold-GS)
@@ -68,12 +63,21 @@ def embed(
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
     settings = Run(pair, iterations, message_weight, max_anchors, seed, device, hardened)
     run = Training(settings, anchors, voxel, branches[: 1 + bool(message_weight)], density)
+
+    def outcome() -> tuple[AnchorModel, HiddenKey | None]:
+        return run.public(), HiddenKey(run.learner.networks(1)) if run.hides else None
+
+    def state() -> str:
+        public, key = outcome()
+        views = [public.scene(device)] + ([key.message(public, MESSAGE, device)] if key else [])
+        return f"{pair.quality(*views)}  {len(public.model)} anchors"
+
     with single_threaded():
-        for _ in watched(run, iterations, lambda: _state(run, device)):
+        for _ in watched(run, iterations, state):
             pass
     if message_weight and density > 1:
         say(f"RDO: up to {percent(run.boxed, 0)} of the scene's Gaussians lay in the box of the hidden region")
-    return _outcome(run)
+    return outcome()
 
 
 def first_anchors(clouds: Sequence[Float64], at_most: int) -> tuple[Anchors, float]:
@@ -103,16 +107,6 @@ def _voxels(xyz: Float64, at_most: int) -> tuple[Float64, float]:
     while len(cells := np.unique(np.rint(xyz / side), axis=0)) > at_most:
         side *= VOXEL_GROWTH
     return cells, side
-
-
-def _outcome(run: Training) -> tuple[AnchorModel, HiddenKey | None]:
-    return run.public(), HiddenKey(run.learner.networks(1)) if run.hides else None
-
-
-def _state(run: Training, device: Device) -> str:
-    public, key = _outcome(run)
-    views = [public.scene(device)] + ([key.message(public, "message", device)] if key else [])
-    return f"{run.pair.quality(*views)}  {len(public.model)} anchors"
 
 
 READS = ("x", "y", "z", "f_anchor_feat_*", "scale_*")

@@ -49,8 +49,7 @@ class Anchors:
 
     def at(self, rows: Any) -> Anchors:
         """Return some of the anchors."""
-        parts = (self.positions, self.offsets, self.features, self.log_scalings)
-        return Anchors(*(rows_of(part, rows) for part in parts))
+        return Anchors(*(rows_of(part, rows) for part in vars(self).values()))
 
 
 def rows_of(array: Any, rows: Any) -> Any:

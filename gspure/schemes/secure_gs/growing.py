@@ -170,12 +170,7 @@ def grown(
 
 def joined(*parts: Anchors) -> Anchors:
     """Return all anchors of `parts`, in their order."""
-    return Anchors(
-        *(
-            np.concatenate([getattr(p, name) for p in parts])
-            for name in ("positions", "offsets", "features", "log_scalings")
-        )
-    )
+    return Anchors(*(np.concatenate(arrays) for arrays in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:

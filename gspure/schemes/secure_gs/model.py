@@ -1,4 +1,9 @@
-"""SecureGS's public model, anchors in a Scaffold-GS .ply and the networks beside it; and its key, private networks."""
+"""SecureGS's public model, anchors in a Scaffold-GS .ply and the networks beside it; and its key, private networks.
+
+::
+
+    <key>/securegs_hidden.npz       {offset,opacity,cov,color}.{0,2}.{weight,bias}
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Float32, digest, replacing
+from gspure.files import Float32, Kind, digest, load_arrays, replacing, save_arrays
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
@@ -32,15 +37,13 @@ from gspure.schemes.secure_gs.anchors import (
 )
 from gspure.schemes.secure_gs.networks import (
     BANK,
-    HIDDEN,
+    PARAMETERS,
     PRIVATE,
     UNITED,
     Networks,
     fresh,
-    read_hidden,
     read_networks,
     require_networks,
-    write_hidden,
     write_networks,
 )
 
@@ -182,6 +185,7 @@ class AnchorModel(PublicModel):
         return digest(self.model.geometry_digest(), *self.networks, *weights)
 
 
+HIDDEN: Final = "securegs_hidden.npz"
 FIT_RATE: Final = 2e-3  # first learning rate of `HiddenKey.fitted`; ours
 
 
@@ -204,13 +208,22 @@ class HiddenKey(Key):
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read a key."""
-        key = cls(read_hidden(folder))
-        require_networks(Path(folder) / HIDDEN, key.networks, key.feat_dim, key.k)
+        kinds: dict[str, Kind] = {
+            f"{name}.{parameter}": (np.float32, (None, None) if parameter.endswith("weight") else (None,))
+            for name in PRIVATE
+            for parameter in PARAMETERS
+        }
+        arrays = load_arrays(file := Path(folder) / HIDDEN, kinds, "the private networks of SecureGS")
+        key = cls({name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE})
+        require_networks(file, key.networks, key.feat_dim, key.k)
         return key
 
     def write(self, folder: Path) -> None:
         """Write the networks."""
-        write_hidden(folder, self.networks)
+        named = {
+            f"{name}.{parameter}": array for name, net in self.networks.items() for parameter, array in net.items()
+        }
+        save_arrays(Path(folder) / HIDDEN, named)
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the private networks' Gaussians."""

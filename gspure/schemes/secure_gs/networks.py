@@ -4,7 +4,6 @@
 
     <folder>/checkpoints.pth                                          all state dicts ("unite"); read and written
     <folder>/{opacity,cov,color}_mlp.pt [feature_bank_mlp.pt]         one TorchScript trace each ("split"); read
-    <key>/securegs_hidden.npz                                         {offset,opacity,cov,color}.{0,2}.{weight,bias}
 """
 
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.files import Float32, Kind, load_arrays, save_arrays
+from gspure.files import Float32
 from gspure.progress import warn
 from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
 
@@ -28,6 +27,7 @@ PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
 DIRECTION: Final = 3  # inputs besides the feature: the direction from the camera; optionally, one more for the distance
 OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}  # `cov`: scale factors and quaternion
 
+BANK: Final = "feature_bank"
 BANK_INPUTS: Final = 4
 BANK_LEVELS: Final = 3
 BANK_STEP: Final = 4
@@ -66,7 +66,7 @@ def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> 
 def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
     """Refuse networks that are not finite or do not fit anchors of `feat_dim` features and `k` Gaussians."""
     for name, network in networks.items():
-        bank = name == "feature_bank"
+        bank = name == BANK
         inputs = (BANK_INPUTS,) if bank else (feat_dim + DIRECTION, feat_dim + DIRECTION + 1)
         outputs = BANK_LEVELS if bank else OUTPUTS[name] * k
         shapes = tuple(network[parameter].shape for parameter in PARAMETERS)
@@ -79,7 +79,7 @@ def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) ->
         for parameter in PARAMETERS:
             if not np.isfinite(network[parameter]).all():
                 raise InputError(source, f"{name}.{parameter}", expected="finite numbers", found="others")
-    if "feature_bank" in networks and feat_dim % BANK_STEP:
+    if BANK in networks and feat_dim % BANK_STEP:
         expected = f"a multiple of {BANK_STEP} features"
         raise InputError(source, "feature_bank", expected=expected, found=str(feat_dim))
 
@@ -87,10 +87,8 @@ def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) ->
 Loaded = dict[str, dict[str, Float32]]
 
 PUBLIC: Final = ("opacity", "cov", "color")
-BANK: Final = "feature_bank"
 PRIVATE: Final = ("offset", *PUBLIC)
 UNITED: Final = "checkpoints.pth"
-HIDDEN: Final = "securegs_hidden.npz"
 
 
 def read_networks(folder: Path) -> Loaded:
@@ -117,23 +115,6 @@ def read_networks(folder: Path) -> Loaded:
 def write_networks(folder: Path, networks: Networks) -> None:
     """Write the public networks in Scaffold-GS's united format."""
     write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
-
-
-def read_hidden(folder: Path) -> Loaded:
-    """Read the private networks in a folder."""
-    kinds: dict[str, Kind] = {
-        f"{name}.{parameter}": (np.float32, (None, None) if parameter.endswith("weight") else (None,))
-        for name in PRIVATE
-        for parameter in PARAMETERS
-    }
-    arrays = load_arrays(Path(folder) / HIDDEN, kinds, "the private networks of SecureGS")
-    return {name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE}
-
-
-def write_hidden(folder: Path, networks: Networks) -> None:
-    """Write the private networks."""
-    named = {f"{name}.{parameter}": array for name, net in networks.items() for parameter, array in net.items()}
-    save_arrays(Path(folder) / HIDDEN, named)
 
 
 def _by_network(source: Path, tensors: Mapping[str, Tensor]) -> Loaded:

@@ -85,12 +85,6 @@ def _published(
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
 READS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMETRY, ORACLE: GEOMETRY}
 
-SCHEME = Scheme(
-    "splats_in_splats",
-    embed,
-    PublicModel.read,
-    SplatsInSplatsKey.read,
-    READS,
-)
+SCHEME = Scheme("splats_in_splats", embed, PublicModel.read, SplatsInSplatsKey.read, READS)
 
 HARDENED = replace(SCHEME, name="splats_in_splats_hardened", embed=partial(embed, hardened=2.0))

@@ -51,8 +51,7 @@ class SplatsInSplatsKey(Key):
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the message."""
-        renderer = Renderer(self._revealed(public, extraction)[0], device)
-        return renderer.image
+        return Renderer(self._revealed(public, extraction)[0], device).image
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that show the message, and the row of each.
