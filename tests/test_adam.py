@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.opencl.adam import Adam, LearningRates, Moments
+from gspure.opencl.adam import Adam, LearningRates, Moments, adam_step
 from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients, by_row
 from gspure.opencl.storage import Storage, upload_attributes
-from gspure.training.adam import adam_step
 
 RATES = LearningRates(means=1e-3, quats=2e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1e-4)
 OF_GEOMETRY = np.repeat(astuple(RATES)[:4], [3, 4, 3, 1])

@@ -1,13 +1,17 @@
-"""Adam over a model's parameters on the device (adam.cl)."""
+"""Adam (Kingma & Ba 2015, algorithm 1) with the settings of 3DGS: of a model on the device (adam.cl), and in numpy."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
-from gspure.constants import ADAM_BETA1, ADAM_BETA2
+from gspure.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
 from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients
+
+Floats = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -69,3 +73,15 @@ class Adam:
             *(self._count, float(rates.sh_dc), float(rates.sh_rest), *corrections),
             *(gradients.channels, channels.raw, channels.first, channels.second),
         )
+
+
+def adam_step(
+    values: Floats, first: Floats, second: Floats, gradient: Floats, rate: float | Floats, number: int
+) -> None:
+    """Take step `number`, from 1 on, in numpy; change values and both moments in place, in their precision."""
+    first *= ADAM_BETA1
+    first += (1 - ADAM_BETA1) * gradient
+    second *= ADAM_BETA2
+    second += (1 - ADAM_BETA2) * np.square(gradient)
+    unbiased = second / (1 - ADAM_BETA2**number)
+    values -= rate / (1 - ADAM_BETA1**number) * first / (np.sqrt(unbiased) + ADAM_EPSILON)

@@ -12,6 +12,7 @@ from gspure.errors import InputError
 from gspure.files import Float32
 from gspure.model import Gaussians, model_file
 from gspure.model.activations import sigmoid
+from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.losses import Photographs
@@ -28,7 +29,6 @@ from gspure.schemes.gs_hider.files import (
     read_rows,
 )
 from gspure.schemes.scheme import Key
-from gspure.training.adam import adam_step
 
 
 class FeatureModel(PublicModel):

@@ -10,7 +10,7 @@ from gspure.cameras.camera import Camera
 from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.model.activations import sigmoid
-from gspure.opencl.adam import LearningRates
+from gspure.opencl.adam import LearningRates, adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
@@ -22,7 +22,6 @@ from gspure.schemes.gs_hider.model import FeatureModel
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import Run
-from gspure.training.adam import adam_step
 from gspure.training.pytorch import single_threaded, torch
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified

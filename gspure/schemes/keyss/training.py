@@ -8,13 +8,13 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.files import Float32
 from gspure.model.activations import sigmoid
+from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.schemes.keyss.network import Network, added, fresh, parameters_of, random_key, rows_of
 from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.growing import screen_norms
-from gspure.training.adam import adam_step
 from gspure.training.pytorch import torch
 from gspure.training.schedule import Schedule
 from gspure.training.torch_bridge import TorchRenderer
