@@ -52,7 +52,7 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
             if image.width * image.height > MOST_PIXELS:
                 found = f"{image.width}x{image.height}"
                 raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
-            if image.mode[0] in "IF" or any(_DEEP.search(str(tile.args)) for tile in image.tile):
+            if image.mode[0] in "IF" or any(_is_deep(tile.codec_name, tile.args) for tile in image.tile):
                 raise InputError(path, "pixels", expected="8 bits per channel", found="more")
             yield image
 
@@ -116,3 +116,11 @@ def is_blank(image: Float32) -> bool:
 def is_flat(image: Float32) -> bool:
     """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
     return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())
+
+
+def _is_deep(codec: str, args: object) -> bool:
+    """Return whether Pillow cuts what it decodes to 8 bits per channel."""
+    match codec, args:
+        case "ppm", (_, int(largest)):
+            return largest > 255
+    return _DEEP.search(str(args)) is not None

@@ -9,7 +9,10 @@ import yaml
 from gspure.attacks import Attack, Attacked, Measurements, Strength, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
+from gspure.errors import InputError
 from gspure.evaluation.matched import DAMAGE_TOLERANCE
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_back
 from gspure.method.pruning import prune_mask
 from gspure.public_model import PublicModel
 from gspure.settings import Range
@@ -94,3 +97,14 @@ def test_every_published_strength_is_a_variant_of_the_configuration_of_severitie
             setting = PUBLISHED[name][0]
             values[name].add(settings.get(setting, find_attack(name).settings[setting]))
     assert [name for name, (_, expected) in PUBLISHED.items() if not expected <= values[name]] == []
+
+
+def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:
+    public = PublicModel(blobs(50))
+    renders = [read_back(public.scene()(view)) for view in VIEWS]
+    with pytest.raises(InputError, match="photographs"):
+        scene_damage(public, VIEWS, renders)
+    photograph = renders[1] * 0.9
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, sigma=0.2).model)
+    before, after = (psnr(photograph, read_back(model.scene()(VIEWS[1]))) for model in (public, noisy))
+    assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(before - after)

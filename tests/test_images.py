@@ -106,3 +106,9 @@ def test_more_than_8_bits_per_channel_are_refused_and_not_cut(tmp_path, colour, 
     (tmp_path / "a.png").write_bytes(png(4, 3, 16, colour, 3 * (b"\0" + bytes(8 * channels))))
     with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
         read_image(tmp_path / "a.png")
+
+
+def test_a_ppm_of_16_bits_per_channel_is_refused_and_not_cut(tmp_path):
+    (tmp_path / "a.ppm").write_bytes(b"P6 4 3 1023\n" + bytes(72))
+    with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
+        read_image(tmp_path / "a.ppm")

@@ -97,8 +97,8 @@ def scene_damage(
 
     with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
 
-    Views move with the model, by the transform of the attack. Views that equal their photograph do not count; if no
-    other is left, the damage is minus infinity.
+    Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
+    unattacked render, so there is no PSNR to drop from.
     """
 
     def renders(model: PublicModel, transform: Float64 | None = None) -> list[Float32]:
@@ -116,6 +116,8 @@ def scene_damage(
     if photographs is None:
         return estimate
     before = psnrs(public)
+    if not np.isfinite(before).any():
+        raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")
 
     def drop(model: PublicModel, transform: Float64 | None = None) -> float:
         after = psnrs(model, transform)

@@ -112,7 +112,7 @@ def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
     if not (error <= _RIGID and volume > 0):
         found = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"
         raise InputError(source, field, expected="a rotation without scale, shear or mirroring", found=found)
-    if len(transform) > 3 and not np.allclose(transform[3], (0, 0, 0, 1), atol=1e-6):
+    if transform[3:].ravel().tolist() not in ([], [0, 0, 0, 1]):
         raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
 
 
