@@ -3,7 +3,8 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Int32
+from gspure.files import Bools, Float32, Int32, load_array
+from gspure.method.clusters import read_labels
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
@@ -41,6 +43,18 @@ class Measurements:
 
     labels: Int32 | None = None
     """GSPure's clusters [K], 0 .. M-1; -1 is noise."""
+
+    @classmethod
+    def read(cls, public: PublicModel, files: Mapping[str, Path]) -> Self:
+        """Read measurements of a public model from files by name; opacities of Gaussians are in the model."""
+        known: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
+        for name, file in files.items():
+            if name == "labels":
+                known[name] = read_labels(file)
+            else:
+                dtype = np.bool_ if name == "prune_mask" else np.float32
+                known[name] = load_array(file, dtype=dtype, shape=(len(public.model),), least=0)
+        return cls(**known)
 
 
 MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))

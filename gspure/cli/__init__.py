@@ -33,7 +33,7 @@ COMMANDS = {
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "report": "write tables, figures and report of a run, even if it failed or still goes on",
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
-    "doctor": "check OpenCL devices, OpenGL and packages, and print how to fix what is missing",
+    "doctor": "check OpenCL devices, OpenGL and packages; with --fix, install what is missing",
     "completion": "print a script for tab completion in a shell",
 }
 

@@ -13,9 +13,8 @@ from gspure.cameras import Camera, split
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import load_array, save_array
+from gspure.files import save_array
 from gspure.images import read_image
-from gspure.method.clusters import read_labels
 from gspure.model import require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
@@ -28,11 +27,11 @@ EXAMPLES = """\
 """
 
 _MEASUREMENTS = {
-    "weights": ("weights.npy of `gspure purify` or of the workflow", np.float32),
-    "prune_mask": ("prune_mask.npy of `gspure purify` or of the workflow", np.bool_),
-    "opacities": ("opacities.npy of the workflow (default: as stored in the model)", np.float32),
-    "surface": ("surface.npy of the workflow", np.float32),
-    "labels": ("labels.npy of `gspure purify`, or clusters.npz of the workflow", np.int32),
+    "weights": "weights.npy of `gspure purify` or of the workflow",
+    "prune_mask": "prune_mask.npy of `gspure purify` or of the workflow",
+    "opacities": "opacities.npy of the workflow (default: as stored in the model)",
+    "surface": "surface.npy of the workflow",
+    "labels": "labels.npy of `gspure purify`, or clusters.npz of the workflow",
 }
 
 
@@ -41,7 +40,7 @@ def add_arguments(parser: Parser) -> None:
     options.list_choices(parser, "attacks", BUILT_IN)
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
-    for name, (meaning, _) in _MEASUREMENTS.items():
+    for name, meaning in _MEASUREMENTS.items():
         measurements.add_argument(f"--{name.replace('_', '-')}", type=Path, metavar="FILE", help=meaning)
     parser.number("--seed", "N", "random seed", SEED, 0)
     parser.pairs("--set", "NAME=VALUE", "a setting of the attack")
@@ -64,7 +63,8 @@ def run(args: Arguments) -> None:
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
     public = options.read_public(args)
-    measurements = _read_measurements(args, public, attack.needs)
+    given = {name: file for name in sorted(attack.needs & _MEASUREMENTS.keys()) if (file := getattr(args, name))}
+    measurements = Measurements.read(public, given)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
     device = options.read_device(args) if views else None
     known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
@@ -97,18 +97,6 @@ def _print_damage(args: Arguments, search: Match) -> None:
         warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
     else:
         print(f"{args.name}: {drop}")
-
-
-def _read_measurements(args: Arguments, public: PublicModel, needs: frozenset[str]) -> Measurements:
-    """Read the measurements that an attack needs."""
-    known: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
-    for name in sorted(needs & _MEASUREMENTS.keys()):
-        path, (_, dtype) = getattr(args, name), _MEASUREMENTS[name]
-        if path and name == "labels":
-            known[name] = read_labels(path)
-        elif path:
-            known[name] = load_array(path, dtype=dtype, shape=(len(public.model),), least=0)
-    return Measurements(**known)
 
 
 def _read_training_views(args: Arguments) -> list[Camera]:

@@ -14,7 +14,7 @@ from gspure.training.dataset import BLENDER_HELD_OUT, POINT_FILES
 
 Settings = Mapping[str, Any]
 
-SMALL_IMAGE: Final = 256 * 256  # pixels: a training of the demo takes 1.5 times as long on one thread as on two
+SMALL_IMAGE: Final = 256 * 256  # pixels: so few tiles give a second thread little to do; ours
 
 
 def pair_of(scene: str) -> str:

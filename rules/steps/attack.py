@@ -9,16 +9,13 @@ from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.attacked import affected
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
-from gspure.files import load_array, save_array, write_json, write_provenance
+from gspure.files import save_array, write_json, write_provenance
 from gspure.images import read_image
-from gspure.method.clusters import read_labels
 from gspure.opencl.device import choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.settings import parsed_settings
 from gspure.workflow.step import run, views_of
-
-DTYPES = {"weights": np.float32, "opacities": np.float32, "surface": np.float32, "prune_mask": np.bool_}
 
 
 def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdict: Path, **how: Any) -> None:
@@ -26,7 +23,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     known, before = find_attack(name), read_public_model(model, how["scheme"]).drawable(model)
     texts = {key: str(value) for key, value in settings.items()}
     used: dict[str, Any] = parsed_settings(f"attack {name}", known.function, texts)
-    measurements = read(before, {need: Path(how[need]) for need in known.needs})
+    measurements = Measurements.read(before, {need: Path(how[need]) for need in known.needs})
     learns = "cameras" in known.parameters
     views = views_of(Path(how["cameras"]), "train") if learns else []
     do: dict[str, Any] = {"seed": how["seed"], "cameras": views, "device": choose_device() if learns else None}
@@ -57,17 +54,6 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     write_json(verdict, {"reached": changed, "strength": strength})
     write_provenance(public, "attack", inputs={"model": model}, settings={"attack": name, **used, **how})
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
-
-
-def read(public: PublicModel, measured: dict[str, Path]) -> Measurements:
-    """Return what the attack needs beside the model; the opacities of Gaussians are in the model."""
-    found: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
-    for name, file in measured.items():
-        if name == "labels":
-            found[name] = read_labels(file)
-        else:
-            found[name] = load_array(file, dtype=DTYPES[name], shape=(len(public.model),), least=0)
-    return Measurements(**found)
 
 
 def damage_in(public: PublicModel, views: list[Camera], photographs: str | None) -> Damage:
