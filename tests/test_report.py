@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gspure.evaluation.csv_tables import read_table
@@ -15,7 +16,6 @@ from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
 from gspure.report.writing import ReportPlan, write_report
 from tests.contest_cases import write_model
-from tests.recomputation import CHECKS, Results, check_searched
 from tests.test_clouds import AXES, purified
 
 ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
@@ -68,9 +68,19 @@ def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
     assert "Without results: noise on sis, vault" in (run / "tables" / "results.md").read_text()
 
 
-@pytest.mark.parametrize("check", CHECKS)
-def test_every_number_of_the_tables_over_scenes_follows_from_the_results(run: Path, check) -> None:
-    assert check(Results(run)) > 0 or check is check_searched
+def test_means_over_scenes_follow_from_the_results(run: Path) -> None:
+    def rows(name: str) -> list[dict[str, str]]:
+        table = csv.DictReader((run / "tables" / f"{name}.csv").read_text().splitlines())
+        return [row for row in table if row.get("variant", row.get("attack")) == "gspure"]
+
+    drops = {
+        target: np.mean([float(row["psnr_drop"]) for row in rows("results") if row["target"] == target])
+        for target in ("scene", "message")
+    }
+    (survival,), (summary,) = rows("survival"), rows("summary")
+    assert float(survival["message_drop_mean"]) == pytest.approx(drops["message"], rel=1e-4)
+    assert float(survival["scene_drop_mean"]) == pytest.approx(drops["scene"], rel=1e-4)
+    assert float(summary["score_mean"]) == pytest.approx(drops["message"] - drops["scene"], rel=1e-4)
 
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
