@@ -1,14 +1,10 @@
 """The owner's audit: one of six sentences, which agrees with every row of the table of survival."""
 
-import re
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.names import display_name
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
 from gspure.report.audit import NO_KEY, Audit, audits
@@ -43,6 +39,7 @@ FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"messag
             "partly",
             "present or retrieved in 1 of 2 scenes after GOF",
         ),
+        (of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)), "removed", "did not survive crop: "),
         (of_scenes(2, gof=(2.5, 25.0)), "unknown", "no attack was tested with at most 2 dB"),
         ([o for o in of_scenes(2, gof=(1.0, 3.0)) if not o.is_control], "unknown", "no negative control"),
         ([outcome(n, targets={"scene": 30.0}) for n in ("unattacked", "gspure")], "unknown", NO_KEY),
@@ -68,38 +65,6 @@ def test_each_verdict_is_given_where_it_applies(outcomes, verdict: str, text: st
     audit = audit_of(outcomes)
     assert (audit.verdict, text in audit.sentence) == (verdict, True), audit.sentence
     assert "{" not in audit.sentence
-
-
-@settings(max_examples=200, deadline=None)
-@given(
-    st.dictionaries(
-        st.sampled_from(["gspure", "gof", "crop"]),
-        st.tuples(
-            st.sampled_from([0.5, 2.0, 2.03, 2.2]),
-            st.sampled_from([1.0, 5.0, 20.0]),
-            st.sampled_from([(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0)]),  # survived, only retrieved
-        ),
-        min_size=1,
-    )
-)
-def test_the_sentence_agrees_with_every_row_of_the_table(rows) -> None:
-    outcomes = of_scenes(2, **{name: row[:2] for name, row in rows.items()})
-    counts = {name: row[2] for name, row in rows.items()}
-    known = [
-        row._replace(survived=counts[row.variant][0], only_retrieved=counts[row.variant][1])
-        if row.variant in counts
-        else row
-        for row in survival(outcomes)
-    ]
-    (audit,) = audits(outcomes, known)
-    allowed = {display_name(name): counts[name] for name, (damage, _, _) in rows.items() if damage < 2.1}
-    lost = {name: sum(found) for name, found in allowed.items() if found[0] < 2}
-    assert (audit.verdict == "survived") == bool(allowed and not lost)
-    assert (audit.verdict == "unknown") == (not allowed)
-    if lost:
-        name = re.search(r"(?:survive|after) (\w+):", audit.sentence)[1]
-        assert lost[name] == min(lost.values())
-        assert (audit.verdict == "removed") == (lost[name] == 0)
 
 
 def test_conditions_are_judged_apart() -> None:

@@ -22,13 +22,6 @@ def coverage(draw: Callable[[], NDArray[np.float64]], truth: float, trials: int 
 
 
 @settings(max_examples=30, deadline=None)
-@given(SCENES, st.randoms(use_true_random=False))
-def test_the_order_of_scenes_and_seeds_changes_no_bit(values, random):
-    shuffled = [random.sample(group, len(group)) for group in random.sample(values, len(values))]
-    assert mean_interval(values) == mean_interval(shuffled)
-
-
-@settings(max_examples=30, deadline=None)
 @given(SCENES)
 def test_the_interval_holds_the_mean_and_stays_within_the_data(values):
     interval = mean_interval(values)
@@ -36,10 +29,6 @@ def test_the_interval_holds_the_mean_and_stays_within_the_data(values):
     assert interval.low - slack <= interval.mean <= interval.high + slack
     flat = [value for group in values for value in group]
     assert min(flat) - slack <= interval.low <= interval.high <= max(flat) + slack
-
-
-def test_every_scene_counts_the_same_however_many_seeds_it_has():
-    assert mean_interval([[0.0] * 9, [3.0], [6.0, 6.0]]).mean == 3.0
 
 
 @pytest.mark.parametrize(("scenes", "one_seed", "three_seeds"), [(6, 0.933, 0.969), (9, 0.944, 0.973)])
@@ -53,16 +42,7 @@ def test_intervals_of_normal_scenes_cover_their_mean_as_often_as_the_docs_say(sc
 
 def test_three_scenes_give_their_range_and_its_own_level():
     interval = mean_interval([[1.0, 3.0], [9.0], [4.0]])
-    assert (interval.low, interval.high, interval.level, interval.scenes) == (2.0, 9.0, 0.75, 3)
-
-
-@pytest.mark.parametrize(("scenes", "level"), [(3, 0.75), (5, 0.9375)])
-def test_the_range_of_few_scenes_covers_the_median_as_often_as_it_says(scenes, level):
-    rng = np.random.default_rng(scenes)
-    # A skewed distribution, since the level holds for any; ranges cost nothing, so trials are many.
-    found = coverage(lambda: rng.exponential(size=(scenes, 1)), np.log(2), trials=4000)
-    assert found == pytest.approx(level, abs=0.03)
-    assert mean_interval(list(rng.exponential(size=(scenes, 1)))).level == level
+    assert interval == (5.0, 2.0, 9.0, 0.75, 3)
 
 
 DIFFERENCES = st.lists(st.integers(-20, 20).map(float), min_size=2, max_size=7)
@@ -96,12 +76,6 @@ def test_few_scenes_cannot_be_significant_and_the_test_says_so(scenes, smallest)
     assert (test.p, test.smallest_p) == (smallest, smallest)
 
 
-def test_a_true_null_is_rejected_no_more_often_than_the_level():
-    rng = np.random.default_rng(5)
-    p = [paired_test(list(rng.normal(size=(7, 1)) + rng.normal(size=(7, 3)))).p for _ in range(400)]
-    assert 0.02 <= np.mean(np.array(p) <= 0.05) <= 0.09
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0, 1), max_size=6))
 def test_holm_rejects_what_the_step_down_procedure_rejects(p):
@@ -133,10 +107,3 @@ def test_hanley_and_mcneils_109_images():
     found = detectability(abnormal, normal)
     assert found.auc == pytest.approx(0.893, abs=5e-4)
     assert (found.high - found.low) / 2 == pytest.approx(1.96 * 0.032, rel=0.05)
-
-
-def test_95_percent_of_intervals_cover_the_true_area():
-    rng = np.random.default_rng(2)
-    truth = 0.7602499389065233  # of N(1, 1) against N(0, 1): the normal distribution at 1 / sqrt(2)
-    found = [detectability(rng.normal(1, 1, 8), rng.normal(0, 1, 12)) for _ in range(600)]
-    assert np.mean([interval.low <= truth <= interval.high for interval in found]) == pytest.approx(0.95, abs=0.03)
