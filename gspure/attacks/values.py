@@ -103,10 +103,11 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
 
 
 def _to_levels(values: Float32, levels: int) -> Float32:
-    """Return the nearest of `levels` equally spaced numbers between the extremes of `values`."""
-    if not len(values) or values.min() == values.max():
+    """Return the nearest of `levels` equally spaced numbers between the finite extremes of `values`."""
+    finite = values[np.isfinite(values)]
+    if not len(finite) or finite.min() == finite.max():
         return values
-    least, greatest = float(values.min()), float(values.max())
+    least, greatest = float(finite.min()), float(finite.max())
     step = (greatest - least) / (levels - 1)
     rounded: Float32 = (least + step * np.rint((values.astype(np.float64) - least) / step)).astype(np.float32)
     return rounded

@@ -10,6 +10,7 @@ import numpy as np
 
 from gspure.errors import InputError
 from gspure.files import replacing
+from gspure.model.activations import CERTAIN, finite
 from gspure.model.compressed import CHUNK
 from gspure.model.finite import drawable
 from gspure.model.gaussians import Gaussians
@@ -20,7 +21,6 @@ PACKAGES: Final = {"gsply": "gspure[compression]"}
 PACKED_PLY: Final = ".compressed.ply"
 SPZ: Final = ".spz"
 
-_CERTAIN: Final = 20.0  # logit of an opacity that 8 bits round to 1
 _FRACTION_BITS: Final = 12  # of positions in SPZ, as usual
 _CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # of a coordinate in a chunk: 11, 10 and 11 bits
 _FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
@@ -118,6 +118,6 @@ def _comments(model: Gaussians) -> list[bytes]:
 
 def _parts(gsply: Any, model: Gaussians, means: Any, quats: Any, coeffs: Any) -> Any:
     quats = quats / np.maximum(np.linalg.norm(quats, axis=1, keepdims=True), np.finfo(np.float32).tiny)
-    opacities = np.clip(model.table["opacity"], -_CERTAIN, _CERTAIN)
-    parts = means, model.log_scales, quats, opacities, coeffs[:, 0], coeffs[:, 1:]
+    opacities = np.clip(model.table["opacity"], -CERTAIN, CERTAIN)
+    parts = means, finite(model.log_scales), quats, opacities, coeffs[:, 0], coeffs[:, 1:]
     return gsply.GSData.from_arrays(*parts, format="ply")

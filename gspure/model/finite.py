@@ -1,4 +1,7 @@
-"""Rows with numbers that are not finite: detection, and models without them."""
+"""Rows with numbers that are not finite: detection, and models without those that cannot be drawn.
+
+Some infinities have a meaning: a logit of opacity 0 or 1, and the logarithm of a size of 0. They are drawn.
+"""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -8,12 +11,13 @@ import numpy as np
 
 from gspure.errors import InputError
 from gspure.files import Float32, Indices
+from gspure.model.activations import NOTHING
 from gspure.model.filtered import FILTER, filtered
 from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
 from gspure.progress import warn
 
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
-_INVISIBLE: Final = -200.0  # an opacity logit whose sigmoid is 0 in float32
+_MEANINGFUL: Final = {"opacity": (-np.inf, np.inf)} | dict.fromkeys(SCALES, (-np.inf,))
 
 _LISTED: Final = 10
 
@@ -30,14 +34,14 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices
 
 
 def undrawable_rows(model: Gaussians) -> Indices:
-    """Return the rows that cannot be drawn, sorted: a number in them is not finite, or a scale overflows float32."""
+    """Return the rows that cannot be drawn, sorted: a number in them has no meaning, or a scale overflows float32."""
     return np.unique(np.concatenate([np.empty(0, np.intp), *_undrawable(model).values()]))
 
 
 def drawable(model: Gaussians, source: str | Path) -> Gaussians:
-    """Return a model that can be drawn: rows with numbers that are not finite become invisible, with a warning.
+    """Return a model that can be drawn: rows that cannot become invisible, with a warning.
 
-    So a planted row cannot stop an audit. In such a row, numbers that are not finite are replaced by the median of
+    So a planted row cannot stop an audit. In such a row, numbers without a meaning are replaced by the median of
     their column, and the opacity by 0. A 3-D filter becomes part of scales and opacities. Other models are returned
     unchanged.
 
@@ -54,19 +58,18 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
         _refuse(model, source, *next(iter(undrawable.items())))
     warn(f"{source}: {len(rows)} of {len(model)} rows are not finite and are not drawn: {listed(rows)}")
     values = {name: model.columns(name)[:, 0] for name in ("opacity", *undrawable)}
-    for name, at in undrawable.items():
-        values[name][at] = np.median(np.delete(values[name], at))
-    values["opacity"][rows] = _INVISIBLE
+    for name in undrawable.keys() - {"opacity"}:
+        values[name][undrawable[name]] = np.median(np.delete(values[name], undrawable[name]))
+    values["opacity"][rows] = NOTHING
     return filtered(model.with_columns(values))
 
 
 def require_finite(model: Gaussians, source: str | Path) -> None:
-    """Check that geometry, opacity and colour are finite, as stored.
+    """Check that geometry, opacity and colour are finite, as stored, or infinities with a meaning.
 
-    Raise `InputError` with the first property that is not finite, its number of such rows, and the first of them (from
-    0).
+    Raise `InputError` with the first property that is not, its number of such rows, and the first of them (from 0).
     """
-    for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
+    for name, rows in _meaningless(model).items():
         _refuse(model, source, name, rows)
 
 
@@ -90,13 +93,21 @@ def _drawn_columns(model: Gaussians) -> list[str]:
     return [*CORE, *(name for name in (*colours, FILTER) if name in model.names)]
 
 
+def _meaningless(model: Gaussians) -> dict[str, Indices]:
+    """Return the rows with not-a-numbers, or infinities without a meaning, for each column with any."""
+    by_name = non_finite_rows(model, _drawn_columns(model))
+    meaningless = {
+        name: rows[~np.isin(model.table[name][rows], _MEANINGFUL.get(name, ()))] for name, rows in by_name.items()
+    }
+    return {name: rows for name, rows in meaningless.items() if len(rows)}
+
+
 def _undrawable(model: Gaussians) -> dict[str, Indices]:
     """Return the rows that cannot be drawn, for each column that prevents it."""
-    undrawable = non_finite_rows(model, _drawn_columns(model))
+    undrawable = _meaningless(model)
     for name in SCALES:
         column = model.columns(name)[:, 0]
-        rows = np.flatnonzero(~(np.abs(column) < np.inf) | (column > _LARGEST_LOG_SCALE))
-        if len(rows):
+        if len(rows := np.flatnonzero(~(column <= _LARGEST_LOG_SCALE))):
             undrawable[name] = rows
     return undrawable
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.files import Float64, Indices
+from gspure.model.activations import finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import moved
 from gspure.model.summary import extent_and_distances
@@ -109,7 +110,7 @@ def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
 
 def _scales(model: Gaussians) -> NDArray[Any]:
     """Return the log-scales [K,3] of each row, ascending."""
-    return np.sort(model.log_scales, axis=1)
+    return np.sort(finite(model.log_scales), axis=1)
 
 
 def _fitted(source: Float64, target: Float64) -> Similarity:

@@ -49,7 +49,8 @@ def mesh_distances(model: Gaussians, mesh: Mesh) -> Float32:
 
     tree = KDTree(face_points(mesh), leafsize=64, balanced_tree=False)
     distances, _ = tree.query(model.means, workers=-1)
-    return np.asarray(distances / model.scales.max(axis=1), np.float32)
+    with np.errstate(divide="ignore", invalid="ignore"):  # Gaussians without size
+        return np.asarray(np.fmin(distances / model.scales.max(axis=1), INVISIBLE), np.float32)
 
 
 def face_points(mesh: Mesh) -> Float64:

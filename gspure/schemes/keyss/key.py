@@ -18,6 +18,7 @@ from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
 from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians
+from gspure.model.activations import finite
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
@@ -85,5 +86,5 @@ def _rows(public: PublicModel) -> Float32:
     if not public.visible or not public.rows_are_gaussians:
         raise InputError("keyss", "model", expected="vanilla 3DGS", found="a model of another kind")
     model = public.model
-    geometry = (model.means, model.quats, model.log_scales, model.table["opacity"])
+    geometry = (model.means, model.quats, finite(model.log_scales), finite(model.table["opacity"]))
     return rows_of(Parameters(*geometry, model.sh_coeffs_of(MAX_SH_DEGREE)))
