@@ -153,12 +153,12 @@ def points_shown(
     Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
     a share of its size. A point that is not finite is not shown.
     """
-    with np.errstate(invalid="ignore"):
-        view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
-        behind = np.flatnonzero(view[:, 2] > near)
-        x, y, z = view[behind].T
+    with np.errstate(all="ignore"):
+        # Products of long arrays with three columns keep all threads of OpenBLAS busy; these do not.
+        x, y, z = camera.viewmat[:3, :3] @ points.T + camera.viewmat[:3, 3, None]
         u = camera.K[0, 0] * x / z + camera.K[0, 2]
         v = camera.K[1, 1] * y / z + camera.K[1, 2]
         left, top = margin * camera.width, margin * camera.height
         inside = (u >= -left) & (u < camera.width + left) & (v >= -top) & (v < camera.height + top)
-    return behind[inside], np.stack([u, v, z], axis=1)[inside]
+        rows = np.flatnonzero(inside & (z > near))
+    return rows, np.stack([u, v, z], axis=1)[rows]
