@@ -11,7 +11,8 @@ from gspure.opencl.engine import Engine, Program, by_name
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.program import build_options, kernel_source
-from gspure.opencl.projection import project
+from gspure.opencl.projection import camera_numbers, project
+from gspure.opencl.sorting import sort_pairs
 from gspure.opencl.storage import morton_order, store
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 from tests.reference.footprint import extents
@@ -48,6 +49,17 @@ def projected(device, style, energy, model, view):
     positions = engine.read(order.positions, (order.visible,), np.uint32)
     splats = engine.read(buffers.splats, (len(model), frame.traversal.splat_floats), np.float32)
     return storage.order[positions], splats[positions]
+
+
+@pytest.mark.parametrize(("x", "is_origin"), [(0.0, False), (-10.0, False), (-10.5, True), (5e5, True)])
+def test_a_camera_with_a_coordinate_beyond_ten_is_the_origin_of_its_frame(x, is_origin):
+    centre, point, viewmat = np.array([x, 0.5, -2]), np.array([x, 4, 3]), np.eye(4)[[1, 2, 0, 3]]
+    viewmat[:3, 3] = -viewmat[:3, :3] @ centre
+    numbers = camera_numbers(camera(viewmat=viewmat))
+    view, origin = numbers[6:18].reshape(3, 4), numbers[21:]
+    assert origin.tolist() == (centre * is_origin).tolist()
+    assert (numbers[18:21] + origin).tolist() == centre.tolist()
+    assert (view[:, :3] @ (point - origin) + view[:, 3]).tolist() == [3.5, 5, 0]
 
 
 def test_splats_hold_centre_depth_and_opacity(device, style):
@@ -121,6 +133,13 @@ def test_visible_rows_come_front_to_back_and_equal_depths_in_row_order(device, s
 def test_any_byte_of_a_key_changes_the_digest(device, style):
     keys = np.random.default_rng(0).integers(0, NOT_VISIBLE, 5000, dtype=np.uint32)
     assert np.array_equal(sorted_rows(device, style, keys), np.argsort(keys, kind="stable"))
+
+
+def test_only_the_gpu_style_sorts_in_parallel(device, style, monkeypatch):
+    calls = []
+    monkeypatch.setattr("gspure.opencl.ordering.sort_pairs", lambda *a, **k: calls.append(a) or sort_pairs(*a, **k))
+    assert sorted_rows(device, style, np.arange(40, dtype=np.uint32)[::-1]).tolist() == list(range(40))[::-1]
+    assert len(calls) == (style == "gpu")
 
 
 def test_a_view_without_gaussians_has_an_empty_depth_order(device, style):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
+from gspure.method.diagnosis import diagnose
 from gspure.method.weights import (
     REDUCTIONS,
     accumulate,
@@ -112,7 +113,7 @@ def test_weights_of_rows_that_no_view_shows_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "weight", "is_heavy"), [(2001, 223.0, True), (2001, 222.0, False), (501, 126.0, True), (501, 124.0, False)]
+    ("rows", "weight", "is_heavy"), [(2001, 223.0, True), (2001, 222.0, False), (501, 126.0, True), (200, 199.0, False)]
 )
 def test_a_row_is_heavy_beyond_a_tenth_of_all_weights_or_a_hundred_times_their_mean(rows, weight, is_heavy) -> None:
     weights = np.ones(rows)
@@ -127,5 +128,12 @@ def test_views_that_see_less_than_a_hundredth_of_the_rows_are_named() -> None:
 
 def test_the_heaviest_rows_that_hold_99_percent_of_all_weight_are_counted() -> None:
     assert holding_rows(np.array([30.0, *[0.01] * 50, 60.0, 9.5])) == 3
+    assert holding_rows(np.array([0.5, 98.6, 0.9])) == 2
     assert holding_rows(np.array([0.0, 1.0, 0.0])) == 1
     assert holding_rows(np.zeros(4)) == 4
+
+
+@pytest.mark.parametrize(("rows", "warned"), [(10, False), (11, True)])
+def test_more_than_five_times_the_rows_that_hold_99_percent_of_all_weight_are_warned_of(rows, warned) -> None:
+    weights = np.where(np.arange(rows) < 2, 1.0, 0.0)
+    assert any("lower the thresholds" in text for text in diagnose(np.full(rows, -1), weights).warnings) == warned

@@ -45,7 +45,8 @@ def standardize(columns: NDArray[Any], counted: Bools | slice = slice(None)) -> 
     mean, deviation = ordered.mean(axis=1), ordered.std(axis=1)
     # Rounding in the mean can give a constant column a deviation of 1e-17.
     constant = ordered[:, 0] == ordered[:, -1]
-    return np.clip(np.where(constant, 0.0, (columns - mean) / np.where(constant, 1.0, deviation)), -LARGEST, LARGEST)
+    standardized: Float64 = np.divide(columns - mean, deviation, out=np.zeros_like(columns), where=~constant)
+    return standardized.clip(-LARGEST, LARGEST)
 
 
 def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> Float64:

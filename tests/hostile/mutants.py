@@ -49,8 +49,7 @@ _REFUSALS = (
     "test_renderer.py::test_features_of_another_shape_are_refused",
     "test_renderer.py::test_an_unknown_energy_is_refused",
     "test_renderer.py::test_an_image_too_large_for_the_device_is_refused",
-    "test_opacity_field.py::test_any_number_of_points_agrees",
-    "test_opacity_field.py::test_pixels_and_points_are_independent",
+    "test_opacity_field.py::test_any_image_size_and_number_of_points_agrees",
     "test_contribution_rays.py",
 )
 CORE = {
@@ -60,9 +59,16 @@ CORE = {
     "gspure.evaluation.metrics": (
         "test_metrics.py",
         "test_survival.py::test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before",
-        "test_survival.py::test_the_rms_ratio_of_a_variant_is_that_of_its_scenes_means_over_seeds",
     ),
-    "gspure.schemes.splats_in_splats.bits": ("test_hidden_scene.py",),
+    "gspure.schemes.splats_in_splats.bits": (
+        "test_hidden_scene.py::test_the_shift_is_the_papers_and_its_range_the_widest_that_works",
+        "test_hidden_scene.py::test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow",
+        "test_hidden_scene.py::test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits",
+        "test_hidden_scene.py::test_extraction_and_embedding_of_bits_are_inverse",
+        "test_hidden_scene.py::test_the_zeroth_harmonic_has_the_most_room",
+        "test_hidden_scene.py::test_invalid_values_become_finite_and_bounded",
+        "test_hidden_scene.py::test_hidden_bits_survive_a_file_but_not_scaling",
+    ),
     "gspure.opencl.ordering": ("test_kernels.py", *_FRAME),
     "gspure.opencl.projection": (
         "test_kernels.py",

@@ -1,0 +1,12 @@
+"""The lists of tests that must notice mutants."""
+
+import pytest
+
+from tests.hostile.mutants import CORE, ROOT
+
+
+@pytest.mark.parametrize("module", CORE)
+def test_the_tests_of_a_module_exist(module: str) -> None:
+    files = [name.split("::") for name in CORE[module]]
+    missing = [test for file, *test in files if f"def {''.join(test)}" not in (ROOT / "tests" / file).read_text()]
+    assert missing == []
