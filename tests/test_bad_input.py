@@ -86,7 +86,6 @@ BAD = {
         "empty": (lambda: cut("cameras.json", 0), "cameras.json: file: expected "),
         "no view": (lambda: Path("cameras.json").write_text("[]"), "cameras.json: views: expected at least one"),
         "NaN focal length": (edited(fy=float("nan")), "cameras.json: [2].fy: expected a positive number up to 1e+18"),
-        "a name twice": (edited(img_name="view_0"), "cameras.json: view names: expected each name once"),
     },
     "weights.npy": {
         "of another model": (

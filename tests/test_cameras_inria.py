@@ -83,10 +83,8 @@ def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
     assert "\n" not in str(caught.value)
 
 
-def test_a_name_that_occurs_twice_is_refused_on_reading_and_on_writing(tmp_path):
-    with pytest.raises(InputError, match="each name once, found 2 times 'a'"):
-        read_cameras(written(tmp_path, VIEW, VIEW | {"img_name": "a.jpg"}))
+def test_a_name_that_occurs_twice_is_refused_on_writing(tmp_path):
     (camera,) = read_cameras(written(tmp_path, VIEW))
-    with pytest.raises(InputError, match="each name once"):
+    with pytest.raises(InputError, match="each name once, found 2 times 'a'"):
         write_cameras(tmp_path / "twice.json", [camera, replace(camera, width=5)])
     assert not (tmp_path / "twice.json").exists()

@@ -15,11 +15,12 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, view_name
+from gspure.cameras.photographs import distinct, located, view_names
 from gspure.errors import InputError, reading
 from gspure.files import Float64, UInt8
 from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices
+from gspure.progress import warn
 
 Record = TypeVar("Record")
 
@@ -71,7 +72,21 @@ def read_colmap(folder: Path) -> list[Camera]:
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
     with reading(images_file, "images of a COLMAP sparse model"):
-        return distinct([_camera(pose, optics, photographs) for pose in _poses(images_file)], images_file)
+        poses = [*_poses(images_file)]
+    _mention_larger(images_file)
+    files, names = [pose.text("name") for pose in poses], view_names(poses, "name")
+    images = located(files, [photographs and photographs / file for file in files], images_file.parent)
+    views = zip(poses, names, images, strict=True)
+    return distinct([_camera(pose, optics, name, image) for pose, name, image in views], images_file)
+
+
+def _mention_larger(images_file: Path) -> None:
+    """Warn if another model of the same photographs, which COLMAP writes beside this one, is larger."""
+    sparse = images_file.parent
+    beside = sparse.parent.glob(f"*/{images_file.name}") if sparse.name.isdigit() else ()
+    larger = max(beside, key=lambda path: path.stat().st_size, default=images_file)
+    if larger.stat().st_size > images_file.stat().st_size:
+        warn(f"{sparse}: {larger.parent} holds a larger model: name that folder to read it instead")
 
 
 def read_points(folder: Path) -> Points:
@@ -100,7 +115,7 @@ def _optics(lens: Entry) -> dict[str, Any]:
     return {**size, "K": K, "distortion": lens.distortion(COEFFICIENTS)}
 
 
-def _camera(pose: Entry, optics: dict[int, dict[str, Any]], photographs: Path | None) -> Camera:
+def _camera(pose: Entry, optics: dict[int, dict[str, Any]], name: str, image: Path | None) -> Camera:
     number = pose.value("camera_id", "a camera of the file of cameras", lambda value: value in optics)
     quat = pose.array("quat", (4,))
     if not np.linalg.norm(quat) > 0:
@@ -108,8 +123,7 @@ def _camera(pose: Entry, optics: dict[int, dict[str, Any]], photographs: Path | 
     viewmat = np.eye(4)
     viewmat[:3, :3] = rotation_matrices(quat[None])[0]
     viewmat[:3, 3] = pose.array("translation", (3,))
-    image = photographs / pose.text("name") if photographs else None
-    return Camera(name=view_name(pose, "name"), viewmat=viewmat, image=image, **optics[number])
+    return Camera(name=name, viewmat=viewmat, image=image, **optics[number])
 
 
 def _lenses(path: Path) -> Iterator[tuple[int, Entry]]:

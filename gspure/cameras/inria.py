@@ -17,18 +17,19 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, view_name
+from gspure.cameras.photographs import distinct, view_names
 from gspure.files import write_text
 
 
 def parse(source: Path, content: list[Any]) -> list[Camera]:
     """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from.
 
-    Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, a rotation
-    not rigid, or a name not unique.
+    Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, or a
+    rotation not rigid.
     """
     entries = [Entry.of(source, f"[{i}]", value) for i, value in enumerate(content)]
-    return distinct([_camera(entry, source.parent) for entry in entries], source)
+    names = view_names(entries, "img_name")
+    return distinct([_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)], source)
 
 
 def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | None = None) -> None:
@@ -42,7 +43,7 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 
 
-def _camera(entry: Entry, folder: Path) -> Camera:
+def _camera(entry: Entry, name: str, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
     viewmat = np.eye(4)
     viewmat[:3, :3] = entry.rigid("rotation", (3, 3)).T
@@ -50,7 +51,7 @@ def _camera(entry: Entry, folder: Path) -> Camera:
     centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
     K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
     image = folder / entry.text("image") if "image" in entry else None
-    return Camera(view_name(entry, "img_name"), width, height, K, viewmat, image, entry.distortion(COEFFICIENTS))
+    return Camera(name, width, height, K, viewmat, image, entry.distortion(COEFFICIENTS))
 
 
 def _values(index: int, camera: Camera, place: Path) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, photograph_size, view_name
+from gspure.cameras.photographs import distinct, located, photograph_size, view_names
 from gspure.files import Float64
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
@@ -41,10 +41,11 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
     entries = [_completed(Entry.of(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
-    names = [view_name(entry, "file_path") for entry in entries]
-    files = [source.parent / entry.text("file_path") for entry in entries]
-    images = [file if file.suffix else file.with_suffix(".png") for file in files]  # Blender scenes omit it
-    existing = next((image for image in images if image.is_file()), None)
+    names = view_names(entries, "file_path")
+    files = [entry.text("file_path") for entry in entries]
+    named = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]  # Blender scenes omit it
+    images = located(files, named, source.parent)
+    existing = next((image for image in images if image and image.is_file()), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
 
 

@@ -1,18 +1,22 @@
 """The photographs of views: the names they give, their sizes, missing ones, and the resolution of views."""
 
 import hashlib
+import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Sequence
-from itertools import chain
+from collections.abc import Iterator, Sequence
+from itertools import chain, count, islice, takewhile
 from pathlib import Path, PurePosixPath
-from typing import Final
+from typing import Final, TypeVar
 
 from gspure.cameras.camera import Camera
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError
 from gspure.images import FORMATS, opened
+from gspure.progress import say
+
+Named = TypeVar("Named", Path, Path | None)
 
 TRAINING_RULE: Final = "1600px"  # the default size of training in 3DGS
 
@@ -22,16 +26,46 @@ LONGEST_NAME: Final = 120
 _DIGEST: Final = 16
 _PHOTO_SUFFIXES = re.compile(f"( *({'|'.join(map(re.escape, chain(*FORMATS.values())))}))+$", re.IGNORECASE)
 _PHOTO_FOLDER = re.compile(r"images(_\d+)?")
+_PHOTOS = re.compile(r"(images?|imgs?|photos?|photographs|pictures|rgb|colou?r|input|frames)(_\d+)?", re.IGNORECASE)
+_MODEL_FOLDER = re.compile(r"\d+|sparse|colmap|dense|distorted|undistorted|text")  # of COLMAP, inside of a capture
+_DEEPEST: Final = 3  # folders below a capture in which its photographs are looked for; ours
 _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-9]\d{0,4})px")
 
 
-def view_name(entry: Entry, key: str) -> str:
-    """Return the view's name from the file name stored under `key`: `safe_name`, which must not be empty."""
-    text = entry.text(key)
-    name = safe_name(text)
-    if not name:
-        raise entry.refusal(key, expected="a file name", found=repr(text))
-    return name
+def view_names(entries: Sequence[Entry], key: str) -> list[str]:
+    """Return the names of views: the `safe_name` of the file under `key`, which must not be empty, `kept_apart`."""
+    files = [entry.text(key) for entry in entries]
+    for entry, file in zip(entries, files, strict=True):
+        if not safe_name(file):
+            raise entry.refusal(key, expected="a file name", found=repr(file))
+    return kept_apart([safe_name(file) for file in files], files, entries[0].source if entries else "")
+
+
+def kept_apart(names: list[str], files: Sequence[str], source: Path | str) -> list[str]:
+    """Return names, no two equal: one that several `files` share gets what distinguishes these, and a line says so.
+
+    That is the folders that differ, also those up to ``images``; if it is not enough, the suffix, too; or a number.
+    """
+    names, sharing = [*names], [name for name, views in Counter(names).items() if views > 1]
+    taken = {*names} - {*sharing}
+    for shared in sharing:
+        rows = [row for row, name in enumerate(names) if name == shared]
+        paths = [_parts(files[row]) for row in rows]
+        levels = zip(*(path[:-1] for path in paths), strict=False)
+        common = sum(1 for _ in takewhile(lambda level: len({*level}) == 1, levels))
+        folders = ["/".join(part for part in path[common:] if not _PHOTO_FOLDER.fullmatch(part)) for path in paths]
+        suffixes = [_PHOTO_SUFFIXES.sub(lambda suffix: suffix[0].replace(".", "_"), path) for path in folders]
+        numbers = [*islice((f"{shared}_{i}" for i in count(1) if f"{shared}_{i}" not in taken), len(rows))]
+        spellings = ([safe_name(text) for text in texts] for texts in (folders, suffixes, numbers))
+        apart = next(spelt for spelt in spellings if len({*spelt}) == len(rows) and taken.isdisjoint(spelt))
+        taken.update(apart)
+        for row, name in zip(rows, apart, strict=True):
+            names[row] = name
+    if sharing:
+        say(
+            f"{source}: views that share a name are kept apart: {len(sharing)} names, such as {apart[0]} and {apart[1]}"
+        )
+    return names
 
 
 def safe_name(text: str) -> str:
@@ -43,7 +77,7 @@ def safe_name(text: str) -> str:
     unprintable characters and leading dots are replaced or dropped, and a name longer than `LONGEST_NAME` is cut and
     gets a digest of the whole. A name maps to itself.
     """
-    parts = PurePosixPath(unicodedata.normalize("NFC", text).replace("\\", "/")).parts
+    parts = _parts(text)
     within = max((i + 1 for i, part in enumerate(parts[:-1]) if _PHOTO_FOLDER.fullmatch(part)), default=0)
     joined = "_".join(part for part in parts[within:] if part.strip("/."))
     visible = "".join(c if c.isprintable() else "_" for c in joined).lstrip(". ").rstrip(" ")
@@ -54,15 +88,72 @@ def safe_name(text: str) -> str:
     return f"{name.encode()[: LONGEST_NAME - _DIGEST - 1].decode(errors='ignore')}-{digest}"
 
 
+def _parts(text: str) -> tuple[str, ...]:
+    """Return folders and name of a file, with either kind of slash."""
+    return PurePosixPath(unicodedata.normalize("NFC", text).replace("\\", "/")).parts
+
+
 def distinct(cameras: Sequence[Camera], source: Path) -> list[Camera]:
     """Return the cameras if there is at least one and no two share a name."""
     if not cameras:
         raise InputError(source, "views", expected="at least one", found="none")
-    counts = Counter(camera.name for camera in cameras)
-    name, count = counts.most_common(1)[0]
-    if count > 1:
-        raise InputError(source, "view names", expected="each name once", found=f"{count} times {name!r}")
+    name, views = Counter(camera.name for camera in cameras).most_common(1)[0]
+    if views > 1:
+        raise InputError(source, "view names", expected="each name once", found=f"{views} times {name!r}")
     return list(cameras)
+
+
+def located(files: Sequence[str], named: Sequence[Named], place: Path) -> Sequence[Named]:
+    """Return the paths `named` of the photographs `files`, or those in another folder, if it has more of them.
+
+    `place` is the folder of the camera file. The other folder is in the capture, or has a usual name in it; suffix,
+    letter case and leading folders of the photographs may differ. A line says which folder it is.
+    """
+    best, chosen = named, place
+    most = sum(path is not None and os.path.isfile(path) for path in named)  # noqa: PTH113 - false for names that are too long
+    if most == len(files):
+        return named
+    for folder, stored in _stored_photographs(place):
+        paths = [next((stored[tail] for tail in _tails(file) if stored.get(tail)), None) for file in files]
+        existing: list[Path] = [path for path in paths if path]
+        if most < len(existing) == len({*existing}):
+            best, most, chosen = [new or old for new, old in zip(paths, named, strict=True)], len(existing), folder
+    if best is not named:
+        say(f"{place}: {most} of {len(files)} photographs are in {chosen}, not where the cameras name them")
+    return best
+
+
+def _stored_photographs(place: Path) -> Iterator[tuple[Path, dict[str, Path | None]]]:
+    """Yield each folder of a capture that may hold its photographs, and these by the ends of their paths.
+
+    The ends of paths in a folder without a usual name are whole: it may hold masks and depths, too. An end that several
+    share has no photograph.
+    """
+    above = [place.absolute(), *place.absolute().parents]
+    depth = next((i for i, path in enumerate(above) if not _MODEL_FOLDER.fullmatch(path.name)), 0)
+    for parent in above[: depth + 1]:
+        photos = sorted(_photographs_below(parent))
+        inside = {folder for photo in photos for folder in photo.parents if parent in folder.parents}
+        usual = sorted((len(path.parts), path) for path in inside if _PHOTOS.fullmatch(path.name))
+        for folder in (*(path for _, path in usual), parent):
+            stored: dict[str, Path | None] = {}
+            for photo in (path for path in photos if path.is_relative_to(folder)):
+                tails = _tails(photo.relative_to(folder).as_posix())
+                stored |= {tail: None if tail in stored else photo for tail in tails[: 1 if folder == parent else None]}
+            yield folder, stored
+
+
+def _photographs_below(folder: Path) -> Iterator[Path]:
+    for path, folders, files in os.walk(folder):
+        yield from (Path(path, file) for file in files if _PHOTO_SUFFIXES.search(file))
+        if len(Path(path).relative_to(folder).parts) == _DEEPEST:
+            folders.clear()
+
+
+def _tails(file: str) -> list[str]:
+    """Return the ends of a path, longest first, without suffix and in lower case."""
+    parts = _parts(_PHOTO_SUFFIXES.sub("", file).casefold())
+    return ["/".join(parts[i:]) for i in range(len(parts))]
 
 
 def photograph_size(path: Path) -> tuple[int, int]:

@@ -11,14 +11,15 @@ from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError
 from gspure.files import Float64, load_array, read_json
-from gspure.progress import warn
+from gspure.progress import say, warn
 
-_IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
+IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
 
 _MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
 _LEAST_FOCAL: Final = 0.004  # share of the width: a field of view of 179 degrees, the widest of generated views
 
-CAMERA_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt", *_IN_FOLDER)
+COLMAP_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
+CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)
 """Names of the files that cameras are read from, of all formats."""
 
 
@@ -41,7 +42,8 @@ def read_lenses(path: str | Path) -> list[Camera]:
     path : str or Path
         A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder: with a
         COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's output
-        folder. COLMAP has priority, since it has principal points and photographs.
+        folder; or one of whose subfolders, up to two levels deeper, is such a folder. COLMAP has priority, since it has
+        principal points and photographs.
 
     Raises
     ------
@@ -50,7 +52,10 @@ def read_lenses(path: str | Path) -> list[Camera]:
 
     """
     path = Path(path)
-    cameras = read_colmap(path) if path.is_dir() and find_sparse(path) else _read_file(_camera_file(path))
+    place = camera_place(path)
+    if path.is_dir() and not _place_in(path):
+        say(f"{path}: reading {place}")
+    cameras = read_colmap(place) if place.is_dir() else _read_file(place)
     if odd := [camera.name for camera in cameras if not _fits(camera)]:
         views = f"{len(odd)} of {len(cameras)} views, such as {odd[0]}"
         mismatch = "does not fit the image size: it may be normalized, or belong to another size"
@@ -78,10 +83,8 @@ def _read_file(path: Path) -> list[Camera]:
 
 def camera_object(source: Path) -> Entry | None:
     """Return the object in a camera file or that of a folder, such as a transforms.json; None if it holds no object."""
-    if source.is_dir() and find_sparse(source):
-        return None
-    path = _camera_file(source)
-    content = read_json(path)
+    path = camera_place(source)
+    content = None if path.is_dir() else read_json(path)
     return Entry(path, "", content) if isinstance(content, dict) else None
 
 
@@ -94,12 +97,32 @@ def read_transform(path: Path) -> Float64:
     return Entry(path, "", {"array": matrix.tolist()}).rigid("array", (4, 4))
 
 
-def _camera_file(source: Path) -> Path:
-    """Return the camera file in a folder without a COLMAP sparse model; a file stands for itself."""
+def camera_place(source: Path) -> Path:
+    """Return the camera file, or the folder of a COLMAP sparse model, that a path stands for.
+
+    A folder without either stands for one in its subfolders, if that is the only one.
+    """
     if not source.is_dir():
-        return source
-    files = [source / name for name in _IN_FOLDER if (source / name).is_file()]
-    if not files:
-        expected = f"a COLMAP sparse model, {', '.join(_IN_FOLDER[:-1])} or {_IN_FOLDER[-1]}"
-        raise InputError(source, "folder", expected=expected, found="none of them")
-    return files[0]
+        return source.parent if source.name in COLMAP_FILES else source
+    places = camera_places(source)
+    if len(places) == 1:
+        return places[0]
+    expected = f"a COLMAP sparse model, {', '.join(IN_FOLDER[:-1])} or {IN_FOLDER[-1]}"
+    found = ", ".join(str(path.relative_to(source)) for path in places) or "none of them"
+    hint = "name one of them" if places else None
+    raise InputError(source, "folder", expected=expected, found=found, hint=hint)
+
+
+def camera_places(folder: Path) -> list[Path]:
+    """Return the camera file or sparse model of a folder, or else those of its subfolders, up to two levels deeper."""
+    for pattern in ("", "*", "*/*"):
+        folders = sorted(path for path in folder.glob(pattern) if path.is_dir()) if pattern else [folder]
+        places = {place: None for path in folders if (place := _place_in(path))}
+        if places:
+            return [*places]
+    return []
+
+
+def _place_in(folder: Path) -> Path | None:
+    files = (folder / name for name in IN_FOLDER)
+    return find_sparse(folder) or next((file for file in files if file.is_file()), None)

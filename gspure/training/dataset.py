@@ -1,7 +1,8 @@
 """Training data: views with photographs, and initial points. Everything is checked before training."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,17 +13,18 @@ from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import (
-    distinct,
+    kept_apart,
+    located,
     missing_photographs,
     photograph,
     photograph_size,
     require_present,
     safe_name,
 )
-from gspure.cameras.reading import camera_object
+from gspure.cameras.reading import IN_FOLDER, camera_object, camera_place
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, UInt8, digest
-from gspure.images import read_image
+from gspure.images import FORMATS, read_image
 from gspure.model.ply import read_point_ply
 from gspure.progress import say
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
@@ -83,10 +85,11 @@ def read_dataset(
     another shape; all views have the same position; or no training view contains any of the points.
     """
     source = Path(source)
+    source = _photographed(source)
     views = read_views(source)
-    cameras = _with_photographs(views.cameras, photographs)
+    cameras = _with_photographs(views.cameras, photographs, camera_place(source).parent)
     cameras = _present(cameras, source) if skip_missing else cameras
-    require_present(cameras, source, hint="`gspure train --skip-missing` leaves out their views")
+    require_present(cameras, source, hint=_remedy(cameras, source))
     shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
@@ -121,7 +124,7 @@ class Views(NamedTuple):
 def read_views(source: Path) -> Views:
     """Read the views of any source of `gspure.cameras.read_cameras`, with the splits of a Blender or nerfstudio scene.
 
-    Raise `InputError` if a camera file is unreadable, two views share a name, or a split lists no view.
+    Raise `InputError` if a camera file is unreadable, or a split lists no view.
     """
     cameras, scene = read_cameras(source), camera_object(source)
     if scene and any(name in scene for name in _NERFSTUDIO_HELD_OUT):
@@ -131,15 +134,21 @@ def read_views(source: Path) -> Views:
     file = next((source / name for name in BLENDER_HELD_OUT if (source / name).is_file()), None)
     if file is None:
         return Views(cameras)
-    held_out = read_cameras(file)
-    return Views(distinct([*cameras, *held_out], file), frozenset(camera.name for camera in held_out))
+    both = [*cameras, *read_cameras(file)]
+    names = kept_apart([camera.name for camera in both], [str(camera.image) for camera in both], file)
+    views = [replace(camera, name=name) for camera, name in zip(both, names, strict=True)]
+    return Views(views, frozenset(names[len(cameras) :]))
 
 
 def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     """Return the views that the lists ``train_filenames`` and ``test_filenames`` (or val) name, as nerfstudio does."""
     key = next(name for name in _NERFSTUDIO_HELD_OUT if name in entry)
-    held_out = _names(entry, key)
-    train = _names(entry, "train_filenames") if "train_filenames" in entry else {c.name for c in cameras} - held_out
+    files = (frame["file_path"] for frame in entry.values["frames"])
+    views = dict(zip(files, (camera.name for camera in cameras), strict=True))
+    held_out = _names(entry, key, views)
+    train = {*views.values()} - held_out
+    if "train_filenames" in entry:
+        train = _names(entry, "train_filenames", views)
     if missing := (train | held_out) - {camera.name for camera in cameras}:
         raise entry.refusal(key, expected="views of the file", found=min(missing))
     if both := train & held_out:
@@ -147,11 +156,13 @@ def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     return Views([camera for camera in cameras if camera.name in train | held_out], frozenset(held_out))
 
 
-def _names(entry: Entry, key: str) -> set[str]:
+def _names(entry: Entry, key: str, views: Mapping[str, str]) -> set[str]:
+    """Return the names of the views that a list of files names; `views` are these by file."""
+
     def is_names(value: object) -> bool:
         return isinstance(value, list) and all(isinstance(file, str) for file in value)
 
-    return {safe_name(file) for file in entry.value(key, "a list of file names", is_names)}
+    return {views.get(file) or safe_name(file) for file in entry.value(key, "a list of file names", is_names)}
 
 
 def extent(cameras: Sequence[Camera]) -> float:
@@ -170,18 +181,41 @@ def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
 
 
 def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
-    """Return the views whose photograph exists, and report the others."""
+    """Return the views whose photograph exists, and report the others; all if none has one, to be refused."""
     present = [camera for camera in cameras if not missing_photographs([camera])]
     if len(present) < len(cameras):
         missing = ", ".join(missing_photographs(cameras))
         say(f"{source}: {len(cameras) - len(present)} of {len(cameras)} views left out, photographs missing: {missing}")
-    return present
+    return present or [*cameras]
 
 
-def _with_photographs(cameras: list[Camera], photographs: Path | None) -> list[Camera]:
-    """Return the cameras with the photographs of their names in the folder `photographs`, if it is not None."""
+def _photographed(source: Path) -> Path:
+    """Return the camera file of a folder that names photographs, if its first one, such as 3DGS's, names none."""
+    place = camera_place(source)
+    if not source.is_dir() or place.is_dir() or any(camera.image for camera in read_cameras(place)):
+        return source
+    others = (path for name in IN_FOLDER if (path := place.with_name(name)).is_file())
+    return next((path for path in others if any(camera.image for camera in read_cameras(path))), source)
+
+
+def _remedy(cameras: Sequence[Camera], source: Path) -> str:
+    """Return the hint for missing photographs: the option that leaves them out, or that names their folder."""
+    if len(missing_photographs(cameras)) < len(cameras):
+        return "`gspure train --skip-missing` leaves out their views"
+    files = (source if source.is_dir() else source.parent).rglob("*")
+    folders = {str(file.parent) for file in files if file.suffix.lower() in chain(*FORMATS.values())}
+    place = f"there are some in {', '.join(sorted(folders)[:3])}" if folders else "there are none here"
+    return f"`gspure train --images DIR` names a folder of photographs named as the views; {place}"
+
+
+def _with_photographs(cameras: list[Camera], photographs: Path | None, place: Path) -> list[Camera]:
+    """Return the cameras with the photographs of their names in the folder `photographs`.
+
+    If it is None, views that name no photograph get those near `place`, the folder of the camera file.
+    """
     if photographs is None:
-        return cameras
+        images = located([c.name for c in cameras], [c.image for c in cameras], place)
+        return [replace(c, image=image) for c, image in zip(cameras, images, strict=True)]
     named: dict[str, Path] = {}
     views = {camera.name for camera in cameras}
     for file in sorted(path for path in photographs.rglob("*") if path.is_file()):
@@ -215,9 +249,9 @@ def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[Float64, 
 
 def stored_points(source: Path) -> tuple[Float64, UInt8]:
     """Return the sparse points of a capture, or none: those that its transforms.json names, or that lie beside it."""
-    folder = source if source.is_dir() else source.parent
-    sparse = find_sparse(folder)
-    scene = camera_object(source)
+    place, scene = camera_place(source), camera_object(source)
+    folder = source if place.is_dir() else place.parent
+    sparse = place if place.is_dir() else find_sparse(folder)
     if scene and "ply_file_path" in scene:
         return read_point_ply(Path(scene.source).parent / scene.text("ply_file_path"))
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):

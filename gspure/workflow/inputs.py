@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from gspure.cameras.reading import CAMERA_FILES
+from gspure.cameras.reading import CAMERA_FILES, camera_places
 from gspure.files import digest
 from gspure.model import model_file
 from gspure.model.inria import UNPACKED_SOG
@@ -94,8 +94,9 @@ def model_files(source: str) -> list[str]:
 
 
 def _files(source: str, names: Sequence[str]) -> list[str]:
-    """Return the files of these names in a folder or its COLMAP model; a file stands for itself."""
+    """Return the files of these names in a folder, its COLMAP model or `camera_places`; a file stands for itself."""
     if not Path(source).is_dir():
         return [source]
-    paths = [Path(source, place, name) for place in ("", "sparse/0", "sparse") for name in names]
-    return [str(path) for path in paths if path.exists()]
+    places = (place if place.is_dir() else place.parent for place in camera_places(Path(source)))
+    folders = dict.fromkeys([Path(source), Path(source, "sparse/0"), Path(source, "sparse"), *places])
+    return [str(path) for folder in folders for name in names if (path := folder / name).exists()]

@@ -1,0 +1,119 @@
+"""Where cameras and photographs of a capture may lie."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from gspure.cameras import read_cameras, write_cameras
+from gspure.errors import InputError
+from gspure.files import write_json
+from gspure.training.dataset import read_dataset
+from gspure.workflow.inputs import camera_files
+from tests.models import gaussians
+from tests.training_cases import blender_scene, colmap_project, ring
+
+POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+
+
+@pytest.fixture
+def project(tmp_path):
+    return colmap_project(tmp_path / "project", ring(9), POINTS)
+
+
+def moved(project, places):
+    """Move files and folders of a project: ``old new`` each; ``old/*`` moves all files."""
+    for old, new in (place.split() for place in places):
+        for path in sorted(project.glob(old)):
+            target = project / (new.replace("*", path.stem))
+            target = target / path.name if new.endswith("/") else target
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(path, target)
+    return project
+
+
+@pytest.mark.parametrize(
+    "places",
+    [
+        ["sparse/0/* dense/0/sparse/", "images dense/0/images"],
+        ["sparse/0/* colmap/sparse/0/"],
+        ["sparse/0/* export/registration/"],
+        ["sparse/0 sparse/1"],
+        ["sparse/0/* ./", "images/* ./"],
+        ["sparse/0/* ./", "images/* photos/"],
+        ["images images_4"],
+        ["images Images"],
+        ["images undistorted/images"],
+        ["images/* images/*.JPG"],
+        ["images/* input/day/"],
+    ],
+)
+def test_cameras_and_photographs_are_found_near_their_usual_places(project, places, monkeypatch):
+    dataset = read_dataset(moved(project, places), "native")
+    assert len(dataset.train) == 7
+    assert np.array_equal(dataset.xyz, POINTS)
+    assert all(view.image.stem.lower() == view.name for view in dataset.train)
+    assert len(camera_files(str(project))) == 2
+    monkeypatch.chdir(project)
+    assert len(read_dataset(".", "native").train) == 7
+
+
+def test_absolute_names_from_another_machine_are_found(project):
+    file = project / "sparse" / "0" / "images.txt"
+    file.write_text(file.read_text().replace("orbit", "/home/someone/capture/images/orbit"))
+    assert all(view.image.is_file() for view in read_cameras(project))
+
+
+@pytest.mark.parametrize("suffix", [".PNG", ".jpg"])
+def test_photographs_of_another_suffix_are_those_that_a_transforms_file_names(tmp_path, suffix):
+    scene = blender_scene(tmp_path, {"train": ring(3)}, gaussians(means=POINTS, scales=0.1, opacities=0.9))
+    moved(scene, [f"train/* train/*{suffix}"])
+    assert [view.image.name for view in read_cameras(scene)] == [f"r_{i}{suffix}" for i in range(3)]
+
+
+def test_masks_are_not_taken_for_photographs(project):
+    moved(project, ["images masks"])
+    assert {view.image for view in read_cameras(project)} == {None}
+
+
+def test_several_captures_are_named(project):
+    moved(project, ["sparse/0 a/sparse/0"])
+    shutil.copytree(project / "a", project / "b")
+    with pytest.raises(InputError, match=r"found a/sparse/0, b/sparse/0 \(name one of them\)"):
+        read_cameras(project)
+
+
+def test_a_larger_model_beside_the_one_that_is_read_is_mentioned(project, capsys):
+    shutil.copytree(project / "sparse" / "0", larger := project / "sparse" / "1")
+    assert read_cameras(project)
+    assert not capsys.readouterr().err
+    (larger / "images.txt").write_text("# more\n" + (larger / "images.txt").read_text())
+    assert read_cameras(project)
+    assert f"{larger} holds a larger model" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("places", "hint"),
+    [
+        (["images elsewhere"], r"--images DIR.*there are some in \S*/elsewhere"),
+        (["images ../gone"], r"--images DIR.*there are none here"),
+        (["images/orbit_000.png ../gone.png"], "--skip-missing` leaves out"),
+    ],
+)
+def test_the_hint_about_missing_photographs_can_help(project, places, hint):
+    for skip_missing in (False, "skip" not in hint):
+        with pytest.raises(InputError, match=hint):
+            read_dataset(moved(project, places), "native", skip_missing=skip_missing)
+
+
+def test_training_looks_into_images_and_else_reads_the_camera_file_that_names_photographs(project):
+    views = read_cameras(project)
+    shutil.rmtree(project / "sparse")
+    write_cameras(project / "cameras.json", ring(9))  # without photographs, as 3DGS does
+    assert len(read_dataset(project, "native").train) == 7
+    moved(project, ["images elsewhere"])
+    axes = np.diag([1.0, -1, -1, 1])
+    poses = {f"elsewhere/{view.name}.png": (np.linalg.inv(view.viewmat) @ axes).tolist() for view in views[:8]}
+    frames = [{"file_path": file, "transform_matrix": pose} for file, pose in poses.items()]
+    write_json(project / "transforms.json", {"w": 32, "h": 24, "fl_x": views[0].K[0, 0], "frames": frames})
+    assert len(read_dataset(project, "native").train) == 7
