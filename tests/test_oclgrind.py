@@ -13,69 +13,56 @@ pytestmark = pytest.mark.oclgrind
 
 LIBRARY = "liboclgrind-rt-icd.so"
 
-RENDER = """
+PREPARE = """
+import numpy as np
+from gspure.method.clusters import select
+from gspure.method.tree import spanning_tree
 from gspure.opencl.device import matching_devices
-from tests.reference.blending import render
+from gspure.opencl.trainable import TrainableModel, TrainState
 from gspure.renderer import Renderer
-from tests.comparison import assert_pixels_agree
+from tests.comparison import assert_gradients_agree, assert_pixels_agree, steady_pixels
 from tests.models import blobs, tilted_camera
-device = matching_devices("oclgrind")[0]
-model, view = blobs(150, 1, sh_degree=1), tilted_camera(40, 30)
-renderer = Renderer(model, device, energy={energy!r}, style={style!r})
-expected = render(model, view, {energy!r})
-assert_pixels_agree(renderer.image(view), expected.channels, expected.margins, spread=expected.channels.max())
-renderer.depth(view)
-renderer.contributions(view)
+from tests.reference.blending import render
+from tests.reference.gradients import pull_back
+from tests.test_clustering import with_ties
+from tests.test_opacity_field import assert_agrees
+from tests.test_trainable import RATES, parameters, scene
+device, view, style = matching_devices("oclgrind")[0], tilted_camera(20, 18), {style!r}
+"""
+
+RENDER = """
+for energy in ("ewa", "ray"):
+    model, view = blobs(150, 1, sh_degree=1), tilted_camera(40, 30)
+    renderer = Renderer(model, device, energy=energy, style=style)
+    expected = render(model, view, energy)
+    assert_pixels_agree(renderer.image(view), expected.channels, expected.margins, spread=expected.channels.max())
+    renderer.depth(view)
+    renderer.contributions(view)
 """
 
 POINTS = """
-import numpy as np
-from gspure.opencl.device import matching_devices
-from gspure.renderer import Renderer
-from tests.models import blobs, tilted_camera
-from tests.test_opacity_field import assert_agrees
-device = matching_devices("oclgrind")[0]
-model, view = blobs(40, 1, sh_degree=0), tilted_camera(20, 18)
-renderer = Renderer(model, device, energy="ray", style={style!r})
+model = blobs(40, 1, sh_degree=0)
+renderer = Renderer(model, device, energy="ray", style=style)
 assert_agrees(renderer.opacities_at(view, model.means), model, view, model.means)
 """
 
 GRADIENTS = """
-import numpy as np
-from gspure.opencl.device import matching_devices
-from tests.reference.blending import render
-from tests.reference.gradients import pull_back
-from gspure.renderer import Renderer
-from tests.comparison import assert_gradients_agree, steady_pixels
-from tests.models import blobs, tilted_camera
-device = matching_devices("oclgrind")[0]
-model, view = blobs(17, 1, sh_degree=1), tilted_camera(20, 18)
-_, pullback = Renderer(model, device, style={style!r}).vjp(view)
+model = blobs(17, 1, sh_degree=1)
+_, pullback = Renderer(model, device, style=style).vjp(view)
 gradient = np.random.default_rng(0).normal(size=(18, 20, 3)).astype(np.float32)
 gradient *= steady_pixels(render(model, view, "ewa").margins)[..., None]
 assert_gradients_agree(pullback(gradient), pull_back(model, view, gradient), model)
 """
 
 TRAIN = """
-import numpy as np
-from gspure.opencl.device import matching_devices
-from gspure.opencl.trainable import TrainableModel, TrainState
-from tests.models import tilted_camera
-from tests.test_trainable import RATES, parameters, scene
-device = matching_devices("oclgrind")[0]
-model = TrainableModel(TrainState.fresh(parameters(scene(17))), device=device, style={style!r})
+model = TrainableModel(TrainState.fresh(parameters(scene(17))), device=device, style=style)
 model.set_targets([np.random.default_rng(0).random((18, 20, 3), np.float32)])
-model.step(tilted_camera(20, 18), 0, RATES)
+model.step(view, 0, RATES)
 model.statistics()
 model.replace(model.state())
 """
 
 CLUSTER = """
-from gspure.method.clusters import select
-from gspure.method.tree import spanning_tree
-from gspure.opencl.device import matching_devices
-from tests.test_clustering import with_ties
-device = matching_devices("oclgrind")[0]
 tree = spanning_tree(with_ties(1, 300), 5, device=device)
 assert select(tree, 10, "leaf", device=device).max() > 0
 """
@@ -136,14 +123,10 @@ def test_the_simulator_reports_races_and_invalid_accesses(simulate):
     assert "Invalid write" in simulate(WRITE.format(place="get_global_id(0) + 2"))
 
 
-def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, energy):
-    assert simulate(RENDER.format(style=style, energy=energy)) == ""
-
-
-def test_the_kernels_of_clustering_have_no_race_and_no_invalid_access(simulate):
-    assert simulate(CLUSTER) == ""
-
-
-@pytest.mark.parametrize("program", [POINTS, GRADIENTS, TRAIN], ids=["points", "gradients", "training"])
-def test_the_other_kernels_have_no_race_and_no_invalid_access(simulate, style, program):
-    assert simulate(program.format(style=style)) == ""
+@pytest.mark.parametrize(
+    "program",
+    [RENDER, POINTS, GRADIENTS, TRAIN, CLUSTER],
+    ids=["images", "points", "gradients", "training", "clustering"],
+)
+def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, program):
+    assert simulate(PREPARE.format(style=style) + program) == ""

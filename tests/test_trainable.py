@@ -1,6 +1,6 @@
 """Training on the device: steps by the float64 twin, twins of a scene and its message."""
 
-from dataclasses import astuple, fields, replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -70,12 +70,12 @@ def reference_step(model, view, photograph):
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_a_step_follows_the_references_gradient_of_the_loss(device, style, number):
-    """Fresh moments tell it, before Adam makes all steps alike: first = 0.1 gradient, second = 0.001 gradient^2."""
+    """Fresh moments tell it, before Adam makes all steps alike: first = 0.1 gradient."""
     model = scene()
     loss, expected = reference_step(model, VIEWS[number], photographs()[number])
     found = learner(model, device, style)
     assert found.step(VIEWS[number], number, RATES, background=BACKGROUND) == pytest.approx(loss, rel=1e-5)
-    first, second = found.state().first, found.state().second
+    first = found.state().first
     opacities = model.opacities.astype(np.float64)
     actual = SimpleNamespace(
         means=first.means / 0.1,
@@ -86,22 +86,6 @@ def test_a_step_follows_the_references_gradient_of_the_loss(device, style, numbe
         means2d=expected.means2d,
     )
     assert_gradients_agree(actual, expected, model, tight=2e-5)
-    for field in fields(second):
-        gradient = getattr(first, field.name) / 0.1
-        np.testing.assert_allclose(getattr(second, field.name), 0.001 * gradient**2, rtol=1e-5, atol=1e-30)
-
-
-def test_a_step_goes_against_the_gradient_by_the_groups_rate(device, style):
-    model = scene()
-    found = learner(model, device, style)
-    found.step(VIEWS[0], 0, RATES)
-    before, state = parameters(model), found.state()
-    for name, rate in zip(("means", "quats", "log_scales", "opacity_logits"), astuple(RATES), strict=False):
-        moved = getattr(state.parameters, name) - getattr(before, name)
-        np.testing.assert_allclose(moved, -rate * np.sign(getattr(state.first, name)), atol=0.01 * rate)
-    moved = state.parameters.sh_coeffs - before.sh_coeffs
-    rates = np.where(np.arange(4) == 0, RATES.sh_dc, RATES.sh_rest)[:, None]
-    np.testing.assert_allclose(moved, -rates * np.sign(state.first.sh_coeffs), atol=1e-5)
 
 
 # --- spherical harmonics by and by ------------------------------------------------------------------------------------
@@ -116,14 +100,10 @@ def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style
     found = learner(rich, device, style)
     found.sh_degree_active = 1
     assert steps(found, range(3)) == steps(expected, range(3))
-    state, small = found.state(), expected.state()
-    for part, used in zip(arrays(state), arrays(small), strict=True):
-        for array, other in zip(part[:4], used[:4], strict=True):
-            assert array.tobytes() == other.tobytes()
-        assert np.array_equal(part[4][:, :4], used[4])
-    assert np.array_equal(state.parameters.sh_coeffs[:, 4:], rich.sh_coeffs[:, 4:])
-    assert not state.first.sh_coeffs[:, 4:].any()
-    assert not state.second.sh_coeffs[:, 4:].any()
+    state, small = found.state().parameters, expected.state().parameters
+    assert state.means.tobytes() == small.means.tobytes()
+    assert np.array_equal(state.sh_coeffs[:, :4], small.sh_coeffs)
+    assert np.array_equal(state.sh_coeffs[:, 4:], rich.sh_coeffs[:, 4:])
     found.sh_degree_active = 2
     steps(found, range(1))
     assert found.state().first.sh_coeffs[:, 4:].any()
@@ -195,16 +175,6 @@ def twins(device, style, weight=0.5, begin=None, targets=(1, 9)):
     return found
 
 
-def test_geometry_stays_the_same_and_the_rest_does_not(device, style):
-    model = twins(device, style)
-    for i in range(6):
-        model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
-    first, second = map(arrays, model.states())
-    for a, b in zip(first, second, strict=True):
-        assert [x.tobytes() for x in a[SHARED]] == [x.tobytes() for x in b[SHARED]]
-        assert all((x != y).any() for x, y in zip(a[3:], b[3:], strict=True))
-
-
 def test_with_weight_zero_the_scene_trains_as_if_alone(device, style):
     model, alone = twins(device, style, weight=0.0), TrainableModel(states()[0], device=device, style=style)
     alone.set_targets(photographs(1))
@@ -216,7 +186,7 @@ def test_with_weight_zero_the_scene_trains_as_if_alone(device, style):
 
 
 def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
-    begin, weight = states()[0], 0.5
+    begin, weight = states()[0], 0.5  # the same scene twice
     model = twins(device, style, weight, (begin, begin), targets=(1, 1))
     alone = TrainableModel(begin, device=device, style=style)
     alone.set_targets(photographs(1))
@@ -228,18 +198,6 @@ def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
     both, one = model.statistics(), alone.statistics()
     np.testing.assert_allclose(both.gradient_norms, (1 + weight) * one.gradient_norms, rtol=1e-3, atol=1e-9)
     assert (both.views == one.views).all()
-
-
-def test_a_gaussian_visible_in_one_twin_counts_as_visible(device, style):
-    first, second = states()
-    first.parameters.opacity_logits[:] = -9.0  # below 1/255: not drawn
-    model = twins(device, style, begin=(first, second))
-    model.step((VIEWS[0],) * 2, (0,) * 2, RATES)
-    alone = TrainableModel(second, device=device, style=style)
-    alone.set_targets(photographs(9))
-    alone.step(VIEWS[0], 0, RATES)
-    assert (model.statistics().views == alone.statistics().views).all()
-    assert model.statistics().views.any()
 
 
 def test_runs_agree_to_the_last_bit(device, style):

@@ -108,9 +108,3 @@ def test_transparent_photographs_train_to_the_background_of_option_or_cfg_args(t
     rows = read_metrics(tmp_path / "asked" / "metrics.csv")
     assert [row.view for row in rows] == ["test_r_0", "test_r_1", "test_r_2"]
     assert min(row.psnr for row in rows) > 25
-
-
-def test_files_of_others_are_not_mixed_with_results(project, tmp_path, capsys):
-    (tmp_path / "model.ply").touch()
-    assert main(words(project, tmp_path)) == 2
-    assert "--out: expected an empty folder or results of `gspure train`" in capsys.readouterr().err

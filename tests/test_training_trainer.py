@@ -1,17 +1,13 @@
-"""The training loop: on a recorder, and on the device."""
+"""The training loop, on a recorder."""
 
 import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.opencl.trainable import Parameters, TrainableModel
-from gspure.renderer import Renderer
-from gspure.training.checkpoints import read_checkpoint, write_checkpoint
-from gspure.training.initialization import gaussians_at
+from gspure.opencl.trainable import Parameters
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import Trainer, beginning
-from tests.models import gaussians
-from tests.training_cases import parameters, ring, same_bits, statistics
+from tests.training_cases import parameters, ring, statistics
 
 BRISK = Schedule(iterations=60, sh_every=10, densify_from=8, densify_until=45, densify_every=6, reset_every=18)
 """Everything that a long run does, in few iterations."""
@@ -60,47 +56,3 @@ def test_a_run_without_remaining_gaussians_ends_with_an_error():
     trainer, _ = recorded(BRISK, logits=-9.0)
     with pytest.raises(InputError, match="training: Gaussians: expected at least one, found none after iteration 12"):
         list(trainer)
-
-
-@pytest.fixture(scope="module")
-def scene():
-    """Views of three blobs, and points near them."""
-    rng = np.random.default_rng(3)
-    means = np.array([[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]])
-    colors = np.array([[0.9, 0.2, 0.1], [0.1, 0.8, 0.3], [0.2, 0.3, 0.9]])
-    return gaussians(means=means, scales=[0.1, 0.15, 0.08], opacities=0.95, colors=colors), rng.normal(
-        scale=0.25, size=(60, 3)
-    )
-
-
-def trained(scene, device, *, stop=None, resume=None):
-    """Train on pictures of the scene; up to a stop, or from a snapshot on."""
-    model, points = scene
-    views = ring()
-    images = [Renderer(model, device).image(view) for view in views]
-    start = resume or beginning(gaussians_at(points, np.full(points.shape, 128, np.uint8)), seed=0)
-    learner = TrainableModel(start.state, start.iteration, device)
-    learner.set_targets(images)
-    trainer = Trainer(learner, views, BRISK, start, extent=1.0, max_gaussians=200)
-    losses = []
-    for loss in trainer:
-        losses.append(loss)
-        if trainer.iteration == stop:
-            break
-    return trainer, losses
-
-
-@pytest.mark.parametrize("stop", [18, 30, 52])
-def test_a_killed_and_resumed_run_ends_like_an_uninterrupted_one(tmp_path, scene, device, stop):
-    whole, losses = trained(scene, device)
-    killed, before = trained(scene, device, stop=stop)
-    write_checkpoint(tmp_path / "checkpoint.npz", killed.snapshot(), {})
-    resumed, after = trained(scene, device, resume=read_checkpoint(tmp_path / "checkpoint.npz", {}))
-    assert before + after == losses
-    assert same_bits(resumed.model.state(), whole.model.state())
-
-
-def test_training_grows_gaussians_and_brings_the_images_closer(scene, device):
-    trainer, losses = trained(scene, device)
-    assert len(scene[1]) < trainer.model.count <= 200
-    assert np.mean(losses[-9:]) < 0.5 * np.mean(losses[:9])
