@@ -5,14 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Attacked, Measurements, NotApplicable, affected, find_attack
+from gspure.attacks import Attacked, NotApplicable, affected
 from gspure.attacks.geometry import radius
 from gspure.model import Gaussians
-from gspure.model.rotations import rotate_sh, sh_rotation
 from tests.attack_cases import KINDS, anchors, apply, changed, features, measurements, unhurried
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.blending import render
-from tests.reference.spherical_harmonics import sh_basis
 
 COUNT = 30
 counts = st.integers(1, 40)
@@ -49,12 +47,6 @@ def test_exactly_the_fraction_of_lowest_or_random_rows_is_removed(count: int, fr
             assert values[mask].max(initial=-np.inf) <= values[~mask].min(initial=np.inf)
     for name in ("random_matched", "lowest_weight_matched", "lowest_opacity_matched"):
         assert apply(name, blobs(count), seed).prune_mask.sum() == known.prune_mask.sum()
-
-
-def test_plain_weight_removes_what_lies_below_the_mean_over_tau() -> None:
-    weights = np.array([1.0, 2.0, 9.0], np.float32)  # mean 4
-    attacked = find_attack("plain_weight").apply(blobs(3), Measurements(weights), tau=2.5)
-    assert attacked.prune_mask.tolist() == [True, False, False]
 
 
 @unhurried
@@ -130,20 +122,10 @@ def test_attacks_on_colour_change_harmonics_or_features_alone(kind: str) -> None
         np.testing.assert_array_equal(scaled.table[name], before.table[name] * np.float32(1.5))
 
 
-def test_feature_scaling_of_opacity_scales_the_activated_one_and_stays_below_one() -> None:
-    before = blobs(COUNT)
-    after = apply("feature_scaling", before, factor=2.0, attributes="opacity").model
-    assert changed(before, after) == {"opacity"}
-    np.testing.assert_allclose(after.opacities, np.minimum(2 * before.opacities, 1), rtol=1e-5)
-    assert np.isfinite(after.table["opacity"]).all()
-
-
 def test_noise_has_the_given_deviation_and_is_independent() -> None:
     before = blobs(20_000, sh_degree=1)
     noise = (apply("gaussian_noise", before, sigma=0.05).model.sh_coeffs - before.sh_coeffs).reshape(20_000, -1)
-    np.testing.assert_allclose(noise.std(axis=0), 0.05, rtol=0.03)
-    np.testing.assert_allclose(noise.mean(axis=0), 0, atol=0.002)
-    np.testing.assert_allclose(np.corrcoef(noise.T), np.eye(12), atol=0.04)
+    np.testing.assert_allclose(np.cov(noise.T), 0.05**2 * np.eye(12), atol=0.04 * 0.05**2)
     after = apply("opacity_noise", before, sigma=0.05).model
     assert changed(before, after) == {"opacity"}
     middle = (before.opacities > 0.01) & (before.opacities < 0.7)  # nothing of these is clipped
@@ -174,7 +156,6 @@ def test_half_precision_is_that_of_ieee_and_does_not_overflow() -> None:
     after = apply("quantize", before, bits=16).model
     assert np.abs(after.table["f_dc_0"]).max() == 65504
     np.testing.assert_array_equal(after.table["opacity"], before.table["opacity"].astype(np.float16))
-    np.testing.assert_array_equal(after.means, before.means)
 
 
 @pytest.mark.parametrize("degree", range(3))
@@ -208,27 +189,6 @@ def test_attacks_on_missing_attributes_refuse_anchors(name: str, settings: dict)
 
 
 # --- motion -----------------------------------------------------------------------------------------------------------
-
-angles = st.floats(-400, 400)
-axes = st.tuples(*[st.floats(-3, 3)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1)
-
-
-@unhurried
-@given(degree=st.integers(1, 3), axis=axes, one=angles, other=angles, seed=seeds)
-def test_turned_harmonics_are_those_seen_from_turned_directions(degree, axis, one, other, seed) -> None:
-    unit, (one_turn, other_turn) = np.array(axis) / np.linalg.norm(axis), np.deg2rad([one, other])
-    moved = apply("rigid_transform", blobs(1), angle=one, axis=",".join(map(str, axis)))
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(10, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    coeffs = rng.normal(size=(1, (degree + 1) ** 2, 3))
-    before = sh_basis(directions)[:, : coeffs.shape[1]] @ coeffs[0]
-    turned = rotate_sh(coeffs, one_turn * unit)[0]
-    after = sh_basis(directions @ moved.transform[:3, :3].T)[:, : coeffs.shape[1]] @ turned
-    np.testing.assert_allclose(after, before, atol=1e-10)
-    first, second = (sh_rotation(degree, turn * unit) for turn in (one_turn, other_turn))
-    np.testing.assert_allclose(first @ first.T, np.eye(2 * degree + 1), atol=1e-12)
-    np.testing.assert_allclose(second @ first, sh_rotation(degree, (one_turn + other_turn) * unit), atol=1e-12)
 
 
 @pytest.mark.parametrize("view", [camera(), tilted_camera()], ids=["straight", "tilted"])

@@ -47,12 +47,6 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
 
 
-def test_gspure_repair_removes_the_rows_that_gspure_scaled_removes() -> None:
-    factors = {"scale": 0.5, "tau_c": 2.0, "tau_n": 1.5}
-    pruned = find_attack("gspure_scaled").apply(blobs(ROWS), measurements(ROWS), **factors)
-    np.testing.assert_array_equal(attacked_by("gspure_repair", **factors).prune_mask, pruned.prune_mask)
-
-
 def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
     attacked = attacked_by("distil", iterations=20)
     assert attacked.prune_mask.all()

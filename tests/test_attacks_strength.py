@@ -1,12 +1,9 @@
 """The search for a strength by its damage, and the published strengths."""
 
-from typing import Annotated
-
 import numpy as np
 import pytest
-import yaml
 
-from gspure.attacks import Attack, Attacked, Measurements, Strength, find_attack
+from gspure.attacks import Strength, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.errors import InputError
@@ -15,22 +12,10 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_back
 from gspure.method.pruning import prune_mask
 from gspure.public_model import PublicModel
-from gspure.settings import Range
 from tests.attack_cases import measurements
-from tests.documentation import ROOT
 from tests.models import blobs, camera, tilted_camera
 
 STRONG = [attack for attack in BUILT_IN if attack.strength]
-PUBLISHED = {
-    "random_pruning": ("fraction", {0.05, 0.1, 0.15, 0.25, 0.3, 0.5, 0.7}),
-    "lowest_opacity": ("fraction", {0.1, 0.25, 0.3, 0.5}),
-    "inject": ("fraction", {0.05, 0.1, 0.3}),
-    "gaussian_noise": ("sigma", {0.0005, 0.001, 0.005, 0.01, 0.02}),
-    "opacity_noise": ("sigma", {0.05, 0.1, 0.2}),
-    "position_noise": ("sigma", {0.001, 0.005, 0.01}),
-    "quantize": ("bits", {16, 8, 6, 4}),
-    "sh_truncation": ("degree", {2, 1, 0}),
-}
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
 
 
@@ -67,36 +52,6 @@ def test_gspure_scaled_multiplies_both_factors() -> None:
     known = measurements(60)
     removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=0.5, tau_c=3.0, tau_n=2.0).prune_mask
     np.testing.assert_array_equal(removed, prune_mask(known.labels, known.weights, 1.5, 1.0))
-
-
-def test_views_move_with_the_model_whose_damage_is_searched() -> None:
-    public, shift = PublicModel(blobs(50)), np.eye(4)
-    shift[0, 3] = 0.5
-
-    def noise_and_turn(model, rng, *, sigma: Annotated[float, Range(0.0, 10.0)] = 0.1):
-        noisy = {"x": model.table["x"] + np.float32(0.5)}
-        noisy |= {n: model.table[n] + rng.normal(0, sigma, len(model)).astype(np.float32) for n in ("f_dc_0", "f_dc_1")}
-        return Attacked.changed(model, noisy, shift)
-
-    attack = Attack("noise_and_turn", noise_and_turn, strength=Strength("sigma", 0.001, 10.0, "log"))
-    found = attack.matching(public, Measurements(), 1.0, scene_damage(public, VIEWS))
-    assert found.damage == pytest.approx(1, abs=0.04)
-    in_place = scene_damage(public, VIEWS)(PublicModel(attack.apply(public, sigma=found.value).model))
-    assert in_place > 2  # what the search would have seen
-
-
-def test_every_published_strength_is_a_variant_of_the_configuration_of_severities() -> None:
-    variants = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
-    values: dict[str, set] = {name: set() for name in PUBLISHED}
-    for variant, entry in variants.items():
-        settings = {key: value for key, value in entry.items() if key not in ("attack", "damage")}
-        name = entry.get("attack", variant)
-        attacked = find_attack(name).apply(blobs(200), measurements(200), **settings)
-        assert np.isfinite(attacked.model.columns(*attacked.model.names)).all()
-        if name in PUBLISHED:
-            setting = PUBLISHED[name][0]
-            values[name].add(settings.get(setting, find_attack(name).settings[setting]))
-    assert [name for name, (_, expected) in PUBLISHED.items() if not expected <= values[name]] == []
 
 
 def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:

@@ -95,11 +95,6 @@ def test_a_partial_download_is_kept(tmp_path):
     assert server.asked == [f"bytes={PIECE}-"]
 
 
-def test_a_file_missing_on_the_server_is_reported_in_one_line(tmp_path):
-    with Server() as server, pytest.raises(InputError, match="download: expected an answer, found 404"):
-        fetch(server.url.replace("scenes", "others"), tmp_path)
-
-
 GARDEN = Archive("http://localhost/scenes.zip", "none", {"garden": "images_4"}, folder="set")
 
 

@@ -1,17 +1,11 @@
 """The message of an InputError: one printable line of bounded length, whatever the file holds."""
 
-import os
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.cameras import read_cameras
 from gspure.errors import InputError, reading
-from gspure.files import read_json
-from gspure.images import read_image
 from gspure.model import read_model
-from gspure.schemes.tensors import read_tensors
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included
 
@@ -55,10 +49,3 @@ def test_a_more_precise_error_and_an_interruption_are_kept(error):
     with pytest.raises(type(error)) as caught, reading("x.json", "JSON"):
         raise error
     assert caught.value is error
-
-
-@pytest.mark.parametrize("read", [read_model, read_json, read_cameras, read_image, read_tensors])
-def test_a_pipe_is_refused_by_every_reader(tmp_path, read):
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(InputError, match=r"pipe: file: expected .*, found a folder, a pipe or a device"):
-        read(tmp_path / "pipe")

@@ -90,12 +90,9 @@ def stored(array):
 
 HOSTILE = {
     "no array": b"text",
-    "longest header": b"\x93NUMPY\x02\x00\xff\xff\xff\xff",
     "deep nesting": with_header("(" * 9000),
     "a huge length": with_header(f"({10**15},)"),
-    "a product beyond int64": with_header(f"({2**40}, {2**40})"),
     "shortened": stored(np.arange(3.0))[:-1],
-    "longer": stored(np.arange(3.0)) + b"\0",
     "another precision": stored(np.zeros(3, np.float32)),
     "another shape": stored(np.zeros((3, 1))),
     "NaN": stored(np.array([1, np.nan, 2])),
@@ -111,14 +108,6 @@ def test_a_hostile_array_is_refused_in_one_line(tmp_path, data):
         load_array(tmp_path / "a.npy", dtype=np.float64, shape=(None,))
     with pytest.raises(InputError, match=r"a\.npz: "):
         load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
-
-
-@pytest.mark.parametrize("value", [np.inf, -1])
-def test_numbers_in_fields_are_checked_too(tmp_path, value):
-    pairs = np.dtype([("row", "<u4"), ("value", "<f4")])
-    save_array(tmp_path / "a.npy", np.array([(1, 0.5), (2, value)], pairs))
-    with pytest.raises(InputError, match=r"expected finite numbers of at least 0, found .* in row 1"):
-        load_array(tmp_path / "a.npy", dtype=pairs, shape=(None,), least=0)
 
 
 @pytest.mark.parametrize("array", [np.zeros((0, 3)), np.arange(12.0).reshape(3, 4), np.arange(12.0).reshape(4, 3).T])

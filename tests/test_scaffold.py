@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from gspure.renderer import Renderer
-from gspure.schemes.secure_gs.anchors import STORED_OPACITY, anchors_of, neural, table_of, visible_rows
+from gspure.schemes.secure_gs.anchors import neural, visible_rows
 from gspure.schemes.secure_gs.model import AnchorModel
-from tests.anchor_cases import distant, random_anchors, random_public
+from tests.anchor_cases import distant, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
 
@@ -71,26 +70,6 @@ def test_neural_gaussians_are_those_of_the_formulas(kind):
     assert 0 < len(active) < 4 * len(rows)
 
 
-def test_the_table_holds_the_active_gaussians_anchor_by_anchor():
-    public, view = random_public(), tilted_camera()
-    found, rows = public.neural(view)
-    gaussians, owners = public.gaussians(view)
-    assert owners.tolist() == rows[found.active // 4].tolist() == sorted(owners)
-    np.testing.assert_allclose(gaussians.opacities, found.opacities, rtol=1e-5)
-    np.testing.assert_allclose(gaussians.scales, found.scales, rtol=1e-5)
-    np.testing.assert_allclose(gaussians.sh_coeffs[:, 0] * 0.28209479 + 0.5, found.colors, atol=1e-6)
-
-
-def test_offsets_are_stored_by_coordinate():
-    anchors = random_anchors(count=3, k=2)
-    table = table_of(anchors)
-    stored = table.table[1]
-    assert [stored[f"f_offset_{i}"] for i in range(6)] == anchors.offsets[1].T.ravel().tolist()
-    assert stored["opacity"] == STORED_OPACITY
-    for name, array in vars(anchors_of(table)).items():
-        np.testing.assert_array_equal(array, getattr(anchors, name))
-
-
 @pytest.mark.parametrize("view", VIEWS, ids=["straight", "tilted"])
 def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     """The rule of the rasterizer, from the reference's splats."""
@@ -110,15 +89,6 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     found = visible_rows(view, model.means, model.quats, model.scales)
     assert found.tolist() == sorted(expected)
     assert 20 < len(found) < 380
-
-
-def test_contributions_of_anchors_add_up_to_those_of_the_image(energy):
-    public = random_public()
-    for view in VIEWS:
-        records = public.contributions(energy=energy)(view)
-        light = 1 - Renderer(public.gaussians(view)[0], energy=energy).transmittance(view)
-        assert records["sum"].sum(dtype=np.float64) == pytest.approx(light.sum(dtype=np.float64), rel=1e-4)
-        assert (np.diff(records["index"].astype(int)) > 0).all()
 
 
 def test_pruning_anchors_removes_exactly_their_gaussians():

@@ -110,16 +110,6 @@ def test_networks_of_scaffold_gs_are_read(tmp_path, bank):
     assert_same_networks(AnchorModel.read(tmp_path).networks, public.networks)
 
 
-def test_torch_reads_what_we_write(tmp_path):
-    torch = pytest.importorskip("torch")
-    public = write_asset(tmp_path, bank=True)
-    states = torch.load(tmp_path / UNITED, weights_only=True)
-    for name, module in modules(public.networks).items():
-        for parameter, tensor in states[f"{name}_mlp"].items():
-            assert torch.equal(tensor, module.state_dict()[parameter])
-        module.load_state_dict(states[f"{name}_mlp"])
-
-
 class Payload:
     """What runs a command when it is unpickled."""
 
@@ -153,23 +143,12 @@ def test_a_hostile_file_is_refused_and_nothing_is_executed(tmp_path, form):
     assert not trace.exists()
 
 
-def pickled(text: bytes):
-    return lambda members: members | {"checkpoints/data.pkl": text}
-
-
-def replaced(member, before, after):
-    return lambda members: members | {member: members[member].replace(before, after)}
-
-
 @pytest.mark.parametrize(
     "change",
     [
-        pickled(b"\x80\x02}q\x00X\x01\x00\x00\x00ah\x00s."),  # contains itself: no tensor in it
-        pickled(b"\xff\xff"),
+        lambda members: members | {"checkpoints/data.pkl": b"\xff\xff"},
         lambda members: {name: content for name, content in members.items() if name != "checkpoints/data/0"},
         lambda members: members | {"checkpoints/data/0": b"\0" * 8},
-        lambda members: members | {"checkpoints/data.pkl": members["checkpoints/data.pkl"] + b" " * (1 << 20)},
-        replaced("checkpoints/data.pkl", b"FloatStorage", b"HalfStorage"),
     ],
 )
 def test_a_corrupt_archive_is_reported_in_one_line(tmp_path, change):

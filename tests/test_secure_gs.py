@@ -9,12 +9,9 @@ from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.growing import (
     CELLS,
     GRADIENT_THRESHOLD,
-    NEIGHBOURS,
     Candidates,
     Statistics,
     grown,
-    hidden_box,
-    inside,
     screen_norms,
 )
 from tests.anchor_cases import random_key, random_public
@@ -74,18 +71,6 @@ def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, r
         assert len(np.unique(grid, axis=0)) == level.sum()
         old = np.rint(before / np.float32(0.02 * cell)).astype(int)
         assert not {*map(tuple, grid.tolist())} & {*map(tuple, old.tolist())}
-
-
-def test_the_hidden_region_is_the_box_of_dense_points():
-    rng = np.random.default_rng(0)
-    dense = rng.uniform([1, 1, 1], [1.2, 1.3, 1.4], (200, 3)).astype(np.float32)
-    stray = np.float32([[5, 5, 5], [-5, 0, 0]])
-    box = hidden_box(np.concatenate([dense, stray]), 0.01)
-    np.testing.assert_array_equal(box, [dense.min(axis=0), dense.max(axis=0)])
-    assert inside(box, np.concatenate([dense, stray])).tolist() == [True] * 200 + [False] * 2
-    assert hidden_box(stray, 0.01) is None
-    assert hidden_box(np.repeat(stray, NEIGHBOURS - 1, axis=0), 0.01) is None
-    assert not inside(None, dense).any()
 
 
 def test_statistics_follow_the_anchors():
