@@ -174,12 +174,20 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, name, 
         read_model(tmp_path / name) if (tmp_path / name).exists() else write_model(tmp_path / name, blobs(3))
 
 
+def test_bytes_after_a_compressed_ply_are_not_read(tmp_path, capsys):
+    path = write_all(tmp_path)["model.compressed.ply"]
+    before = read_model(path).table.tobytes()
+    path.write_bytes(path.read_bytes() + b"more")
+    assert read_model(path).table.tobytes() == before
+    assert "4 bytes after the last of 12 rows" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_cut_or_continued_file_is_refused(tmp_path, name):
     needs_zstandard(name)
     path = write_all(tmp_path)[name]
     data = path.read_bytes()
-    continued = [data + b"\0"] if path.suffix in {".splat", ".ply"} else []
+    continued = [data + b"\0"] if path.suffix == ".splat" else []
     for corrupt in (b"", data[:-1], data[: len(data) // 2 - 1], *continued):
         path.write_bytes(corrupt)
         refused(path, path.name)

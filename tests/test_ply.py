@@ -3,13 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.model import read_model, write_model
+from gspure.model import Gaussians, read_model, write_model
 from tests.models import blobs
 
 CORE = ["x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4))]
 ENCODINGS = ("ascii", "binary_little_endian", "binary_big_endian")
 PLY_TYPES = {"<f4": "float", "<f8": "double", "|u1": "uchar", "|i1": "char", "<u2": "ushort", "<i4": "int"}
+FURTHER_TYPES = {"<i2": "short", "<u4": "uint32"}
 
 
 def vanilla_columns(degree):
@@ -20,7 +22,9 @@ def vanilla_columns(degree):
 
 def header(dtype, count, encoding="binary_little_endian", lines=()):
     """A PLY header in the form that plyfile, and so the INRIA trainer, writes."""
-    properties = [f"property {PLY_TYPES[dtype[name].newbyteorder('<').str]} {name}" for name in dtype.names]
+    properties = [
+        f"property {(PLY_TYPES | FURTHER_TYPES)[dtype[name].newbyteorder('<').str]} {name}" for name in dtype.names
+    ]
     text = ["ply", f"format {encoding} 1.0", *lines, f"element vertex {count}", *properties, "end_header"]
     return "".join(line + "\n" for line in text).encode()
 
@@ -120,6 +124,124 @@ def test_elements_after_the_vertices_are_skipped(tmp_path):
     assert read_model(save(tmp_path / "m.ply", content)).table.tobytes() == table.tobytes()
 
 
+# --- what is read although it is not quite a 3DGS model --------------------------------------------------------------
+
+
+def read_with_a_warning(path, capsys):
+    """Return a model and the one warning that reading it prints."""
+    model = read_model(path)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"warning: {path}: ")
+    return model, line
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("kind", sorted((PLY_TYPES | FURTHER_TYPES).keys() - {"<f4"}))
+@pytest.mark.parametrize(
+    "names", [["x"], ["opacity", "rot_3"], ["f_rest_8", "f_dc_0"], [*vanilla_columns(1), "label_0"]]
+)
+def test_properties_of_any_number_type_become_float32(tmp_path, capsys, encoding, kind, names):
+    columns = [*vanilla_columns(1), "label_0"]
+    dtype = np.dtype([(name, kind if name in names else "<f4") for name in columns])
+    table = np.ones(4, dtype)
+    for i, name in enumerate(columns):
+        table[name] = np.arange(i, i + 4)
+    body = "\n".join(" ".join(map(str, row)) for row in table.tolist()).encode()
+    order = dtype.newbyteorder(">" if "big" in encoding else "<")
+    content = header(dtype, 4, encoding) + (body if encoding == "ascii" else table.astype(order).tobytes())
+    model, line = read_with_a_warning(save(tmp_path / "m.ply", content), capsys)
+    assert {str(np.dtype(kind)), "float32"} <= {*line.replace(",", "").split()}
+    for name in columns:
+        np.testing.assert_array_equal(model.table[name], table[name])
+        kept = name in names and name in {"nx", "ny", "nz", "label_0"}
+        assert model.table.dtype[name] == (dtype[name] if kept else np.float32)
+    write_model(tmp_path / "out.ply", model)
+    assert read_model(tmp_path / "out.ply").table.tobytes() == model.table.tobytes()
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("more", [b"\n\n", b"0123456", b"1 " * 11 + b"\n", bytes(2 * 44), b"\xff" * 1001])
+def test_bytes_after_the_last_row_are_not_read(tmp_path, capsys, encoding, more):
+    rows = np.full((5, 11), 0.5, ">f4" if "big" in encoding else "<f4")
+    body = b"0.5 " * 10 + b"0.5\n" if encoding == "ascii" else rows[0].tobytes()
+    path = save(tmp_path / "m.ply", header(floats(CORE), 5, encoding) + 5 * body + more)
+    if encoding == "ascii" and not more.strip():
+        assert len(read_model(path)) == 5
+        return
+    model, line = read_with_a_warning(path, capsys)
+    assert model.table.tobytes() == np.full((5, 11), 0.5, "<f4").tobytes()
+    assert ("2 rows" in line) == (len(more) == 88 and encoding != "ascii")
+
+
+HEADERS = {
+    "blanks": lambda text: text.replace(b"\n", b" \t\n"),
+    "blanks before": lambda text: b"ply\n  " + text[4:].replace(b"\n", b"\n  ").removesuffix(b"  "),
+    "blanks between": lambda text: text.replace(b" ", b"\t  "),
+    "empty lines": lambda text: text.replace(b"\nproperty", b"\n\n \nproperty"),
+    "all, on Windows": lambda text: text.replace(b" ", b"  ").replace(b"\n", b" \r\n").replace(b"e ", b"e  "),
+    "empty lines of an old Mac": lambda text: text.replace(b"\n", b"\r").replace(b"\rprop", b"\r\rprop"),
+}
+
+
+@pytest.mark.parametrize("change", HEADERS.values(), ids=HEADERS)
+@pytest.mark.parametrize("first", [0x0A, 0x0D, 0x20, 0x41])
+def test_blanks_and_empty_lines_in_a_header_are_skipped(tmp_path, capsys, change, first):
+    table = np.frombuffer(bytes([first]) * 88, floats(CORE))
+    content = change(header(table.dtype, 2)) + table.tobytes()
+    assert read_with_a_warning(save(tmp_path / "m.ply", content), capsys)[0].table.tobytes() == table.tobytes()
+
+
+NOT_NEWLINES = st.binary(max_size=30).filter(lambda text: not {*b"\n\r\0"} & {*text})
+
+
+@given(comments=st.lists(NOT_NEWLINES, max_size=3))
+def test_comments_of_any_encoding_are_kept_byte_for_byte(folder, comments):
+    lines = [b"comment " + comment for comment in comments]
+    plain, _, rest = of_columns(vanilla_columns(0)).partition(b"element")
+    content = plain + b"".join(line + b"\n" for line in lines) + b"element" + rest
+    model = read_model(save(folder / "in.ply", content))
+    write_model(folder / "out.ply", model.with_comment("één"))
+    written = (folder / "out.ply").read_bytes().splitlines()
+    assert (folder / "out.ply").read_bytes().startswith(plain + b"".join(line + b"\n" for line in lines))
+    assert "comment één".encode() in written
+
+
+@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
+def test_compressed_files_keep_them_too(tmp_path, suffix):
+    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
+    content = of_columns(vanilla_columns(0)).replace(b"element", b"comment \xff caf\xc3\xa9 \x85\nelement", 1)
+    model = Gaussians(blobs(3).table, read_model(save(tmp_path / "in.ply", content)).comments)
+    write_model(tmp_path / f"m{suffix}", model)
+    assert read_model(tmp_path / f"m{suffix}").comments[-1:] == model.comments
+    write_model(tmp_path / "out.ply", read_model(tmp_path / f"m{suffix}"))
+    assert b"\ncomment \xff caf\xc3\xa9 \x85\n" in (tmp_path / "out.ply").read_bytes()
+
+
+SHADES = {"|u1": (0, 255, 51), "<u2": (0, 65535, 13107), "<f4": (0, 1, 0.2), "<f8": (0, 255, 51), "<i4": (0, 255, 51)}
+
+
+@pytest.mark.parametrize("kind", SHADES)
+def test_red_green_and_blue_become_coefficients(tmp_path, capsys, kind):
+    table = np.zeros(3, [*((name, "<f4") for name in CORE), *((name, kind) for name in ("red", "green", "blue"))])
+    for name, shade in zip(("red", "green", "blue"), SHADES[kind], strict=True):
+        table[name] = shade
+    model, line = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
+    assert "red, green, blue" in line
+    np.testing.assert_allclose(0.5 + SH_DC * model.sh_coeffs[:, 0], [[0, 1, 0.2]] * 3, atol=1e-6)
+    assert model.sh_degree == 0
+    assert "red" not in model.names
+
+
+@pytest.mark.parametrize(("lacking", "third"), [(["scale_2"], -2 + np.log(1e-3)), (["scale_1", "scale_2"], -1.0)])
+def test_flat_and_round_gaussians_get_the_scales_they_lack(tmp_path, capsys, lacking, third):
+    table = np.zeros(3, floats([name for name in vanilla_columns(0) if name not in lacking]))
+    table["scale_0"] = -1
+    if "scale_1" in table.dtype.names:
+        table["scale_1"] = -2
+    model, _ = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
+    np.testing.assert_allclose(model.table["scale_2"], third, rtol=1e-6)
+
+
 # --- what is refused --------------------------------------------------------------------------------------------------
 
 
@@ -136,16 +258,10 @@ def of_columns(columns, rows=1, encoding="binary_little_endian", body=None):
     return header(floats(columns), rows, encoding) + (bytes(4 * len(columns) * rows) if body is None else body)
 
 
-def of_kind(name, kind):
-    dtype = np.dtype([(column, kind if column == name else "<f4") for column in vanilla_columns(1)])
-    return header(dtype, 1) + bytes(dtype.itemsize)
-
-
 WHOLE = of_columns(CORE, 3)
 FACES = b"element face 0\nproperty list uchar int vertex_indices\nend_header"
 REFUSED = {
     **{f"no {name}": (of_columns([n for n in vanilla_columns(0) if n != name]), name) for name in ("y", "f_dc_2")},
-    **{f"{name} as {kind}": (of_kind(name, kind), name) for name in ("x", "f_rest_8") for kind in ("<f8", "|u1")},
     **{
         f"{n} f_rest": (of_columns(vanilla_columns(0) + [f"f_rest_{i}" for i in range(n)]), "f_rest_*") for n in (1, 72)
     },
@@ -154,16 +270,17 @@ REFUSED = {
     "a mesh": (of_columns(["x", "y", "z"]).replace(b"end_header", FACES), "opacity"),
     "a list": (of_columns(CORE).replace(b"end_header", b"property list uchar float sh\nend_header"), "sh"),
     "a row less": (WHOLE[:-44], "element vertex"),
-    "a byte more": (WHOLE + b"\0", "file"),
+    "rows of another size": (WHOLE + bytes(3 * 4), "file"),
+    "rows of another size and number": (WHOLE + bytes(3 * 52), "file"),
     "no rows": (of_columns(CORE, 0), "element vertex"),
     **{f"too many rows, {e}": (of_columns(CORE, 10**15, e, b"1 " * 11), "element vertex") for e in ENCODINGS},
     "a word in ascii": (of_columns(CORE, 1, "ascii", b"1 " * 10 + b"x\n"), "element vertex"),
-    "a row more in ascii": (of_columns(CORE, 1, "ascii", b"1 " * 11 + b"\n" + b"1 " * 11), "element vertex"),
     "faces first": (b"ply\nformat ascii 1.0\n" + FACES + b"\n", "element vertex"),
     "nothing": (b"", "file"),
     "another format": (b"ply\nformat binary_middle_endian 1.0\nelement vertex 1\nend_header\n", "file"),
     "bytes": (b"ply\n" + bytes(3_000_000), "file"),
-    "a comment in another encoding": (WHOLE.replace(b"end_header", b"comment \xff\nend_header"), "file"),
+    "a property in another encoding": (WHOLE.replace(b"opacity", b"opacit\xe9"), "file"),
+    "no end of the header": (WHOLE[:200], "file"),
 }
 
 

@@ -14,13 +14,13 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from plyfile import PlyData
 
 from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.gaussians import COEFFICIENTS, Gaussians
+from gspure.model.header import Header, require_size
 
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
@@ -52,16 +52,17 @@ def read_splat(path: Path) -> Gaussians:
         return from_bytes(rows["mean"], quats, _log(rows["scale"]), rgba[:, 3], _colour_coeffs(rgba[:, :3] / 255))
 
 
-def is_packed(header: PlyData) -> bool:
+def is_packed(header: Header) -> bool:
     """Return whether a header is that of a compressed ``.ply``."""
-    return any(element.name == "vertex" and "packed_position" in element for element in header.elements)
+    return any(element.name == "vertex" and "packed_position" in element for element in header.content.elements)
 
 
-def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
-    """Read a compressed ``.ply``, whose elements begin after `offset` bytes."""
+def read_packed(path: Path, file: Header) -> Gaussians:
+    """Read a compressed ``.ply`` of this header."""
+    header = file.content
     with reading(path, "a compressed .ply"):
         require_room(path, path.stat().st_size, header["vertex"].count, COEFFICIENTS[-1] if "sh" in header else 0)
-        tables = _tables(path, header, offset)
+        tables = _tables(path, file)
         chunks, packed = tables["chunk"][np.arange(header["vertex"].count) // CHUNK], tables["vertex"]
         colours = _numbers(packed["packed_color"], _COLOUR)
         if "min_r" in header["chunk"]:
@@ -75,7 +76,7 @@ def read_packed(path: Path, header: PlyData, offset: int) -> Gaussians:
             _colour_coeffs(colours),
             _harmonics(tables["sh"]) if "sh" in tables else None,
         )
-        return Gaussians(model.table, (*header.comments, *header.obj_info))
+        return Gaussians(model.table, file.comments)
 
 
 def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> None:
@@ -121,12 +122,15 @@ def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
     return quats
 
 
-def _tables(path: Path, header: PlyData, offset: int) -> dict[str, NDArray[np.void]]:
+def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:
     """Return the rows of each element."""
+    header, offset = file.content, file.size
     dtypes = {element.name: np.dtype(element.dtype("<")) for element in header.elements}
+    if header.text or header.byte_order != "<":
+        raise ValueError("a header that does not say binary_little_endian")
     size = sum(element.count * dtypes[element.name].itemsize for element in header.elements)
-    if header.text or header.byte_order != "<" or size != path.stat().st_size - offset:
-        raise ValueError(f"other than {size} bytes after a header that says binary_little_endian")
+    last = header.elements[-1]
+    require_size(path, file, last.count, dtypes[last.name].itemsize, size)
     tables = {}
     for element in header.elements:
         tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)

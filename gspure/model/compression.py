@@ -10,6 +10,7 @@ import numpy as np
 
 from gspure.errors import InputError
 from gspure.files import replacing
+from gspure.model import header
 from gspure.model.activations import CERTAIN, finite
 from gspure.model.compressed import CHUNK
 from gspure.model.finite import drawable
@@ -64,8 +65,7 @@ def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
     _warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
     _warn_of_coarse_chunks(model)
     data = gsply.compress_to_bytes(_parts(gsply, model, model.means, model.quats, model.sh_coeffs))
-    magic, encoding, rest = data.split(b"\n", 2)
-    path.write_bytes(b"\n".join([magic, encoding, *(b"comment " + line for line in _comments(model)), rest]))
+    path.write_bytes(header.with_comments(data, model.comments))
 
 
 def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
@@ -74,7 +74,7 @@ def _write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
     coeffs[:, 1:] *= TURNED_HARMONICS[: coeffs.shape[1] - 1]
     parts = _parts(gsply, model, model.means * TURNED, model.quats * TURNED_QUATS, coeffs)
     gsply.write_spz(path, parts, fractional_bits=_fraction_bits(path, model))
-    path.write_bytes(with_comments(path.read_bytes(), _comments(model)))
+    path.write_bytes(with_comments(path.read_bytes(), header.encoded(model.comments)))
 
 
 def _warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
@@ -110,10 +110,6 @@ def _fraction_bits(path: Path, model: Gaussians) -> int:
         text = f"{far} of {len(model)} rows have coordinates beyond ±2048"
         warn(f"{text}, so all positions are rounded to 1/{2**bits}, not to 1/4096")
     return bits
-
-
-def _comments(model: Gaussians) -> list[bytes]:
-    return [line.encode("ascii", "replace") for comment in model.comments for line in comment.splitlines()]
 
 
 def _parts(gsply: Any, model: Gaussians, means: Any, quats: Any, coeffs: Any) -> Any:

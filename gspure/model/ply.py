@@ -1,8 +1,8 @@
 """PLY files: 3DGS models, and coloured points such as 3DGS's ``input.ply``.
 
 A model is the element ``vertex`` of a PLY: one row per Gaussian, raw values (opacity as logit, scale as logarithm). Any
-property order, any byte order and further scalar properties are read. Elements after ``vertex`` are not kept. The
-header is checked before rows are read.
+property order, any byte order, any number type and further scalar properties are read. Elements after ``vertex`` are
+not kept. The header is checked before rows are read.
 """
 
 import io
@@ -11,15 +11,16 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from plyfile import PlyData, PlyElement, PlyListProperty
+from plyfile import PlyListProperty
 
 from gspure.constants import LARGEST
 from gspure.errors import InputError, reading
 from gspure.files import Float64, UInt8, replacing
 from gspure.model.compressed import is_packed, read_packed
+from gspure.model.conversion import converted
 from gspure.model.gaussians import COEFFICIENTS, COLOUR, CORE, NORMALS, Gaussians
-
-_HEADER_LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
+from gspure.model.header import Header, header_of, read_header, require_size
+from gspure.progress import warn
 
 _POSITION: Final = ("x", "y", "z")
 _RGB: Final = ("red", "green", "blue")
@@ -31,19 +32,23 @@ def read_ply(path: Path) -> Gaussians:
 
     Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. A
     little-endian binary file is mapped: its table is read-only and takes memory only where it is used. A compressed PLY
-    is unpacked in memory. Values are not checked; see `gspure.model.finite`.
+    is unpacked in memory. Properties that are not those of 3DGS are converted, with a warning
+    (`gspure.model.conversion`). Values are not checked; see `gspure.model.finite`.
 
-    Raise `InputError` if the file is no PLY or no 3DGS model: a property is missing or is not float32, the number of
-    ``f_rest_*`` fits no degree, a property is a list, there is no row, or there are fewer rows than the header says.
+    Raise `InputError` if the file is no PLY or no 3DGS model: a property is missing, the number of ``f_rest_*`` fits no
+    degree, a property is a list, there is no row, or there are fewer rows than the header says.
     """
-    header, offset = _read_header(path, "a 3DGS .ply")
+    header = read_header(path, "a 3DGS .ply")
     if is_packed(header):
-        return read_packed(path, header, offset)
+        return read_packed(path, header)
     dtype = _row_type(path, header)
-    _require_rows(path, header["vertex"].count)
-    _require_columns(path, dtype, "a mesh" if "face" in header else "a plain point cloud")
-    comments = (*header.comments, *header.obj_info, *header["vertex"].comments)
-    return Gaussians(_rows(path, header, offset, dtype), comments)
+    _require_rows(path, header.content["vertex"].count)
+    columns = converted(np.empty(0, dtype))[0].dtype
+    _require_columns(path, columns, "a mesh" if "face" in header.content else "a plain point cloud")
+    table, changes = converted(_rows(path, header, dtype))
+    if changes:
+        warn(f"{path}: {'; '.join(changes)}")
+    return Gaussians(table, header.comments)
 
 
 def write_ply(path: Path, model: Gaussians) -> None:
@@ -61,14 +66,14 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
     or a coordinate is not finite or above `LARGEST`.
     """
-    header, offset = _read_header(path, "a PLY of points")
+    header = read_header(path, "a PLY of points")
     dtype = _row_type(path, header)
     is_coloured = {*_RGB} <= {*(dtype.names or ())}
     for name in (*_POSITION, *(_RGB if is_coloured else ())):
         if name not in (dtype.names or ()) or (name in _RGB and dtype[name] != np.uint8):
             expected = "8 bits" if name in _RGB else "a coordinate of every point"
             raise InputError(path, name, expected=expected, found="another property")
-    rows = _rows(path, header, offset, dtype)
+    rows = _rows(path, header, dtype)
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
         xyz = np.column_stack([rows[name].astype(np.float64) for name in _POSITION])
     require_coordinates(path, xyz)
@@ -92,27 +97,20 @@ def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
 
 
 def _write(path: Path, table: NDArray[np.void], comments: tuple[str, ...] = ()) -> None:
-    with replacing(path) as temporary:
-        PlyData([PlyElement.describe(table, "vertex")], byte_order="<", comments=comments).write(str(temporary))
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(header_of(table, comments))
+        table.tofile(stream)
 
 
-def _read_header(path: Path, content: str) -> tuple[PlyData, int]:
-    """Return the header of a PLY that should hold `content`, and its size in bytes."""
-    with reading(path, content), path.open("rb") as stream:
-        head = io.BytesIO(stream.read(_HEADER_LIMIT))
-        # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
-        return PlyData._parse_header(head), head.tell()  # noqa: SLF001
-
-
-def _row_type(path: Path, header: PlyData) -> np.dtype[np.void]:
+def _row_type(path: Path, header: Header) -> np.dtype[np.void]:
     """Return the little-endian type of the rows of ``vertex``, which comes first and has no lists."""
-    names = [element.name for element in header.elements]
+    names = [element.name for element in header.content.elements]
     if names[:1] != ["vertex"]:
         raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
-    for stored in header["vertex"].properties:
+    for stored in header.content["vertex"].properties:
         if isinstance(stored, PlyListProperty):
             raise InputError(path, stored.name, expected="one value per row", found="a list property")
-    dtype: np.dtype[np.void] = np.dtype(header["vertex"].dtype("<"))
+    dtype: np.dtype[np.void] = np.dtype(header.content["vertex"].dtype("<"))
     return dtype
 
 
@@ -122,7 +120,7 @@ def _require_rows(path: Path, count: int) -> None:
 
 
 def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
-    """Refuse rows that lack a float32 property of 3DGS: the core, and all colour columns if there are any."""
+    """Refuse rows that lack a property of 3DGS: the core, and all colour columns if there are any."""
     names = Gaussians(np.empty(0, dtype)).columns_named("f_rest_")
     if len(names) not in [3 * count for count in COEFFICIENTS]:
         found = f"{len(names)} properties"
@@ -130,43 +128,46 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
     rest = [f"f_rest_{i}" for i in range(len(names))]
     has_colour = rest or not {*COLOUR}.isdisjoint(dtype.names or ())
     for name in (*CORE, *(COLOUR if has_colour else ()), *rest):
-        if name not in (dtype.names or ()):
-            hint = f"{other}, not a 3DGS model" if {*CORE[3:]}.isdisjoint(dtype.names or ()) else None
-            raise InputError(path, name, expected="a float32 property", found="no such property", hint=hint)
-        if dtype[name] != np.float32:
-            raise InputError(path, name, expected="a float32 property", found=str(dtype[name]))
+        if name not in (stored := dtype.names or ()):
+            is_other = {*CORE[3:]}.isdisjoint(stored) and len(stored) < len(CORE)
+            hint = f"{other}, not a 3DGS model" if is_other else f"renamed? It has {' '.join(stored)}"
+            raise InputError(path, name, expected="a property of 3DGS", found="no such property", hint=hint)
 
 
-def _rows(path: Path, header: PlyData, offset: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Return the rows; those of a little-endian binary file are mapped and read-only.
 
-    Raise `InputError` if there are fewer rows than the header claims, something follows the last element, or a row of
-    an ASCII file is malformed.
+    Raise `InputError` if there are fewer rows than the header claims, they are of another size, or a row of an ASCII
+    file is malformed; warn of what follows the last.
     """
+    header, offset = file.content, file.size
     count, rest = header["vertex"].count, path.stat().st_size - offset
     row_bytes = dtype.itemsize
     if header.text:
         row_bytes = 2 * len(dtype.names or ())  # a digit and a separator each, the last of which may lack
     if not 0 <= count <= (room := (rest + header.text) // row_bytes):
-        raise InputError(path, "element vertex", expected=f"{count} rows", found=f"room for {room}")
+        hint = "cut short: copy or download it again"
+        raise InputError(path, "element vertex", expected=f"{count} rows", found=f"room for {room}", hint=hint)
     if header.text:
-        return _parsed(path, header, offset, dtype)
+        return _parsed(path, file, dtype)
     stored = [(element.count, np.dtype(element.dtype(header.byte_order))) for element in header.elements]
-    size = sum(rows * each.itemsize for rows, each in stored)
-    if rest != size and not any(each.hasobject for _, each in stored):  # lists make the size of an element unknown
-        raise InputError(path, "file", expected=f"{offset + size} bytes", found=f"{offset + rest} bytes")
+    if not any(each.hasobject for _, each in stored):  # lists make the size of an element unknown
+        rows, last = stored[-1]
+        require_size(path, file, rows, last.itemsize, sum(rows * each.itemsize for rows, each in stored))
     if not count:
         return np.empty(0, dtype)
     return np.memmap(path, stored[0][1], "r", offset, count).view(np.ndarray).astype(dtype, copy=False)
 
 
-def _parsed(path: Path, header: PlyData, offset: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
+def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Return the rows of an ASCII file; numpy's parser is several times faster than plyfile's."""
-    count = header["vertex"].count
+    count = file.content["vertex"].count
     with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
-        stream.seek(offset)
-        text = io.TextIOWrapper(stream, encoding="ascii")
-        rows = np.loadtxt(text, dtype, comments=None, max_rows=count + (len(header.elements) == 1), ndmin=1)
+        stream.seek(file.size)
+        text = io.TextIOWrapper(stream, encoding="latin-1")
+        rows = np.loadtxt(iter(text.readline, ""), dtype, comments=None, max_rows=count, ndmin=1)
         if len(rows) != count:
             raise ValueError(f"{len(rows)} rows, not {count}")
+        if len(file.content.elements) == 1 and any(map(str.strip, text)):
+            warn(f"{path}: text after the last of {count} rows that the header names is not read")
         return rows

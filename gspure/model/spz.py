@@ -20,6 +20,7 @@ from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
 from gspure.model.compressed import from_bytes, require_room, smallest_three
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
+from gspure.model.header import decoded
 
 TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
 TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs by which this multiplies (w, x, y, z)
@@ -97,7 +98,7 @@ def _comments(data: bytes) -> tuple[str, ...]:
     """Return the lines of the comment of a gzip header; none if it has other fields."""
     if data[_FLAGS] != _COMMENTED:
         return ()
-    return tuple(data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].decode("ascii").splitlines())
+    return tuple(map(decoded, data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].split(b"\n")))
 
 
 def _require_usual_values(extensions: bytes) -> None:

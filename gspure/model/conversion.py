@@ -1,0 +1,51 @@
+"""Rows whose properties are not quite those of 3DGS: number types, two scales, colours as red, green and blue."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.constants import SH_DC
+from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
+
+_RGB: Final = ("red", "green", "blue")
+_THIN: Final = 1e-3  # the third axis of a flat Gaussian, as a share of its shorter one; ours
+
+
+def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str]]:
+    """Return rows [K] with 3DGS's properties, float32 as far as images depend on them; and what was changed, in words.
+
+    Rows that have these are returned as they are. Those without scales or opacity are no Gaussians, and stay so.
+    """
+    columns: dict[str, NDArray[Any]] = {name: rows[name] for name in rows.dtype.names or ()}
+    changes = []
+    if {*_RGB, "opacity"} <= columns.keys() and "f_dc_0" not in columns:
+        shades = zip(COLOUR, (columns.pop(name) for name in _RGB), strict=True)
+        columns |= {name: (_unit(shade) - 0.5) / np.float32(SH_DC) for name, shade in shades}
+        changes.append(f"colours {', '.join(_RGB)} become f_dc_0..2")
+    scales = [name for name in SCALES if name in columns]
+    if scales == ["scale_0"]:
+        columns |= dict.fromkeys(SCALES, columns["scale_0"])
+        changes.append("one scale per row: round Gaussians")
+    if scales == ["scale_0", "scale_1"]:
+        columns["scale_2"] = np.minimum(columns["scale_0"], columns["scale_1"]) + np.float32(math.log(_THIN))
+        changes.append(f"flat Gaussians (2DGS) get scale_2, {_THIN:g} of their shorter axis")
+    numbered = Gaussians(rows[:0]).columns_named("f_rest_")
+    drawn = [name for name in (*CORE, *COLOUR, *numbered) if name in columns]
+    if others := sorted({str(columns[name].dtype) for name in drawn} - {"float32"}):
+        changes.append(f"properties of type {', '.join(others)} become float32")
+    if not changes:
+        return rows, []
+    table = np.empty(len(rows), [(name, "<f4" if name in drawn else column.dtype) for name, column in columns.items()])
+    with np.errstate(over="ignore", invalid="ignore"):
+        for name, column in columns.items():
+            table[name] = column
+    return table, changes
+
+
+def _unit(shades: NDArray[Any]) -> NDArray[np.float32]:
+    """Return colours from 0 to 1 of stored ones: in the range of an unsigned type, else to 255 if any is above 1."""
+    if shades.dtype.kind == "u":
+        return np.asarray(shades / np.float32(np.iinfo(shades.dtype).max), np.float32)
+    return np.asarray(shades / np.float32(255 if (shades > 1).any() else 1), np.float32)

@@ -1,0 +1,86 @@
+"""PLY headers, read more leniently than the standard asks, and their comments: free text of any encoding."""
+
+import io
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from plyfile import PlyData, PlyElement
+
+from gspure.errors import InputError, reading
+from gspure.progress import warn
+
+_LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
+_MAGIC: Final = re.compile(rb"(?:\xef\xbb\xbf)?\s*ply[ \t]*(\r\n|\n|\r)")
+_COMMENT: Final = re.compile(rb"\s*(?:comment|obj_info)(?:[ \t](.*))?", re.DOTALL)
+
+
+class Header(NamedTuple):
+    """A header, its size in bytes, and its comments."""
+
+    content: PlyData
+    size: int
+    comments: tuple[str, ...]
+
+
+def read_header(path: Path, content: str) -> Header:
+    """Return the header of a PLY that should hold `content`; warn of blanks and empty lines between its words."""
+    with reading(path, content), path.open("rb") as stream:
+        head = stream.read(_LIMIT)
+        if not (magic := _MAGIC.match(head)):
+            raise ValueError("no PLY")
+        newline = magic[1]
+        end = re.compile(rb"[\r\n][ \t]*end_header[ \t]*" + (b"\r" if newline == b"\r" else b"\r?\n")).search(head)
+        if not end:
+            raise ValueError("no end of the header")
+        lines = head[magic.end() : end.start()].split(b"\r" if newline == b"\r" else b"\n")
+        lines = [line.removesuffix(b"\r") for line in lines] if newline == b"\r\n" else lines
+        comments = tuple(decoded(comment[1] or b"") for line in lines if (comment := _COMMENT.fullmatch(line)))
+        lines = [line.removesuffix(b"\r") for line in lines if not _COMMENT.fullmatch(line)]
+        plain = [b" ".join(line.split()) for line in lines if line.strip()]
+        # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
+        parsed = PlyData._parse_header(io.BytesIO(b"\n".join([b"ply", *plain, b"end_header", b""])))  # noqa: SLF001
+    if plain != lines:
+        warn(f"{path}: blanks or empty lines in the header are skipped")
+    return Header(parsed, end.end(), comments)
+
+
+def require_size(path: Path, header: Header, count: int, row: int, size: int) -> None:
+    """Refuse a file whose elements have not the `size` in bytes that the header says; warn of bytes after them.
+
+    Its `count` rows have `row` bytes. If the further bytes are as many for each, it is their size that does not fit.
+    """
+    found = path.stat().st_size - header.size
+    more, rows = found - size, max(count, 1)
+    if more < 0 or (more % row and more % rows == 0):
+        hint = "cut short: copy or download it again" if more < 0 else f"rows of {row + more // rows} bytes?"
+        expected = f"{header.size + size} bytes"
+        raise InputError(path, "file", expected=expected, found=f"{header.size + found} bytes", hint=hint)
+    if more:
+        text = f"{more // row} rows" if more % row == 0 else f"{more} bytes"
+        warn(f"{path}: {text} after the last of {count} rows that the header names are not read")
+
+
+def header_of(table: NDArray[Any], comments: Iterable[str] = ()) -> bytes:
+    """Return the header of a little-endian PLY of one element, ``vertex``."""
+    header = PlyData([PlyElement.describe(np.empty(0, table.dtype), "vertex")], byte_order="<").header.encode()
+    return with_comments(header.replace(b"vertex 0\n", b"vertex %d\n" % len(table)) + b"\n", comments)
+
+
+def with_comments(ply: bytes, comments: Iterable[str]) -> bytes:
+    """Return a PLY with comments after its format."""
+    magic, encoding, rest = ply.split(b"\n", 2)
+    return b"\n".join([magic, encoding, *(b"comment " + line for line in encoded(comments)), rest])
+
+
+def decoded(comment: bytes) -> str:
+    """Return a comment as text: UTF-8, with other bytes as what `encoded` turns into them again."""
+    return comment.decode("utf-8", "surrogateescape")
+
+
+def encoded(comments: Iterable[str]) -> list[bytes]:
+    """Return the bytes of comments, line by line."""
+    return [line for comment in comments for line in comment.encode("utf-8", "surrogateescape").split(b"\n")]
