@@ -1,10 +1,6 @@
 """The renderer's vjp against the reference, and its invariants, on every device, in both kernel styles."""
 
-import os
-import subprocess
-import sys
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -220,30 +216,6 @@ def test_bands_give_the_same_gradients(device, style, budget):
     _, pullback = banded.vjp(view)
     assert bits(pullback(random_gradient(view))) == expected
     assert bits(pullback(random_gradient(view))) == expected
-
-
-HASH_IN_ANOTHER_PROCESS = """
-import hashlib
-from gspure.renderer import Renderer
-from tests.models import blobs, tilted_camera
-from tests.test_gradients import bits, gradients
-print(hashlib.sha256(b"".join(bits(gradients(Renderer(blobs(257, 10)), tilted_camera(65, 47))))).hexdigest())
-"""
-
-
-def test_the_number_of_threads_does_not_matter(device):
-    """On PoCL, whose threads an environment variable sets."""
-    if "Portable Computing Language" not in device.platform:
-        pytest.skip("not PoCL")
-    hashes = {
-        subprocess.check_output(
-            [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS],
-            env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads},
-            cwd=Path(__file__).parents[1],
-        )
-        for threads in ("1", "2", "3")
-    }
-    assert len(hashes) == 1
 
 
 # --- refusals ---------------------------------------------------------------------------------------------------------

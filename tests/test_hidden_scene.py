@@ -76,6 +76,7 @@ def test_invalid_values_become_finite_and_bounded():
     found = extract(words.view(np.float32), SHIFT)
     assert np.isfinite(found).all()
     assert np.abs(found).max() == LARGEST
+    assert not extract(np.full((1, 16, 3), 0xFFFFFFFF, np.uint32).view(np.float32)).any()  # not-a-number
 
 
 def sequence(count, seed=0):
