@@ -209,7 +209,45 @@ def test_images_elsewhere_are_not_read(tmp_path):
     refused(tmp_path, "a file elsewhere")
 
 
-@pytest.mark.parametrize(("name", "hint"), [("lod-meta.json", "one level of detail"), ("m.ksplat", "splat-transform")])
-def test_a_format_that_is_not_read_is_refused_with_a_remedy(tmp_path, name, hint):
-    (tmp_path / name).touch()
-    refused(tmp_path / name, f"format: expected .ply, .spz, .sog or .splat, found {name} .*{hint}")
+def test_a_format_that_is_not_read_is_refused_with_a_remedy(tmp_path):
+    (tmp_path / "m.ksplat").touch()
+    refused(tmp_path / "m.ksplat", "format: expected .ply, .spz, .sog or .splat, found m.ksplat .*splat-transform")
+
+
+def streamed(folder, *, environment, **more):
+    """Write a streamed model of a chunk for the finest level of each half, and one for a coarser level of both."""
+    lods = {
+        "left": {"1": {"file": 2, "offset": 0, "count": 4}, "0": {"file": 1, "offset": 1, "count": 11}},
+        "right": {"0": {"file": 0, "offset": 0, "count": 12}},
+    }
+    for chunk in ("0_0", "0_1", "1_0", "env"):
+        (folder / chunk).mkdir()
+        for name, data in unpacked_sog().items():
+            (folder / chunk / name).write_bytes(data)
+    index = {"lodLevels": 2, "filenames": [f"{chunk}/meta.json" for chunk in ("0_0", "0_1", "1_0")]}
+    index["tree"] = {"children": [{"lods": lods["left"]}, {"children": [{"lods": lods["right"]}]}]}
+    index |= {"environment": "env/meta.json"} if environment else {}
+    (folder / "lod-meta.json").write_text(json.dumps(index | more))
+    return folder / "lod-meta.json"
+
+
+@pytest.mark.parametrize("environment", [True, False])
+def test_the_chunks_of_the_finest_level_of_a_streamed_model_are_read_together(tmp_path, environment):
+    index = streamed(tmp_path, environment=environment)
+    chunk = read_model(tmp_path / "0_0").table
+    expected = [chunk[1:], chunk, *([chunk] if environment else [])]
+    for path in (index, tmp_path):
+        assert read_model(path).table.tobytes() == np.concatenate(expected).tobytes()
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"filenames": ["../0_0/meta.json"] * 3},
+        {"tree": {}},
+        {"filenames": ["0_0/meta.json"]},
+        {"tree": {"lods": {"0": {"file": 0, "offset": 0, "count": 13}}}},
+    ],
+)
+def test_a_streamed_model_that_names_no_rows_of_its_own_is_refused(tmp_path, more):
+    refused(streamed(tmp_path, environment=False, **more), "lod-meta.json: file: expected a streamed SOG model")

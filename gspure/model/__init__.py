@@ -10,28 +10,34 @@ from gspure.model.finite import require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
 from gspure.model.ply import read_ply, write_ply
-from gspure.model.sog import read_sog
+from gspure.model.recognition import recognized
+from gspure.model.sog import read_sog, read_streamed
 from gspure.model.spz import read_spz
 
 __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_writable", "write_model"]
 
-_READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog}
+_READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog, STREAMED: read_streamed}
 """By suffix, or by name; all others are PLY files, of which compressed ones are recognized by their header."""
 
-_NOT_READ = {STREAMED: "name the meta.json of one level of detail", ".ksplat": "convert it with splat-transform"}
+_NOT_READ = {".ksplat": "convert it with splat-transform"}
 
 
 def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
-    The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` of an unpacked SOG
-    model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS model.
+    The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
+    of an unpacked or streamed SOG model. Raise `InputError` if there is no such file, or if it does not hold a 3DGS
+    model.
     """
     file = model_file(Path(path))
-    if hint := _NOT_READ.get(file.name) or _NOT_READ.get(file.suffix.lower()):
+    if hint := _NOT_READ.get(file.suffix.lower()):
         raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=file.name, hint=hint)
     read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
-    return read(file).with_background(trained_background(file))
+    try:
+        model = read(file)
+    except InputError as error:
+        raise recognized(file, error) from error
+    return model.with_background(trained_background(file))
 
 
 def model_file(path: Path) -> Path:

@@ -8,7 +8,7 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -42,6 +42,36 @@ def read_sog(path: Path) -> Gaussians:
             return _model(path, partial(_beside, path.parent))
         with zipfile.ZipFile(path) as archive:
             return _model(path, partial(_member, archive, max(UNPACKED_ROOM, UNPACKED_RATIO * path.stat().st_size)))
+
+
+def read_streamed(path: Path) -> Gaussians:
+    """Read the finest level of a streamed model: the ``lod-meta.json`` of chunks, each a SOG model, and all of them."""
+    with reading(path, "a streamed SOG model"):
+        index = json.loads(path.read_bytes())
+        parts = [min(node["lods"].items(), key=lambda lod: int(lod[0]))[1] for node in _nodes(index["tree"])]
+        chunks = {number: _chunk(path, index["filenames"][number]) for number in {part["file"] for part in parts}}
+        if sum(part["count"] for part in parts) > sum(map(len, chunks.values())):
+            raise ValueError("more rows than the chunks hold")
+        rows = [chunks[part["file"]][part["offset"] : part["offset"] + part["count"]] for part in parts]
+        rows += [_chunk(path, index["environment"])] if index.get("environment") else []
+        degree = max(part.sh_degree for part in rows)
+        columns = [(p.means, p.quats, p.log_scales, p.table["opacity"], p.sh_coeffs_of(degree)) for p in rows]
+        names = ("means", "quats", "log_scales", "opacity_logits", "sh_coeffs")
+        return Gaussians.from_stored(**dict(zip(names, map(np.concatenate, zip(*columns, strict=True)), strict=True)))
+
+
+def _nodes(node: Any) -> Iterator[Any]:
+    """Yield the nodes of a tree that have rows."""
+    if node.get("lods"):
+        yield node
+    for child in node.get("children") or ():
+        yield from _nodes(child)
+
+
+def _chunk(index: Path, name: str) -> Gaussians:
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ValueError(f"a file elsewhere, {name}")
+    return read_sog(index.parent / name)
 
 
 def _beside(folder: Path, name: str) -> bytes:
