@@ -144,7 +144,7 @@ def test_the_core_does_not_import_torch() -> None:
 BUDGETS = {
     "": (1700, 12),
     "attacks": (1145, 10),
-    "cameras": (1400, 10),
+    "cameras": (1540, 11),
     "cli": (2300, 20),
     "evaluation": (2400, 16),
     "figures": (1410, 10),
@@ -155,7 +155,7 @@ BUDGETS = {
     "scenes": (950, 9),
     "schemes": (3690, 29),
     "surface": (280, 4),
-    "training": (1180, 10),
+    "training": (1215, 10),
     "workflow": (900, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from gspure.cameras import read_cameras
+from gspure.cameras.worlds import in_world_of, offset_comment, share_shown, shifted
 from gspure.errors import InputError
 from gspure.files import read_json, write_json
+from gspure.model import read_model
 from gspure.model.ply import read_point_ply, write_point_ply
 from gspure.training.dataset import read_dataset, read_photographs
+from gspure.training.initialization import gaussians_at
+from gspure.training.output import write_output
 from tests.models import gaussians
 from tests.training_cases import blender_scene, colmap_project, ring, turned_away
 
@@ -118,3 +123,27 @@ def test_transparent_photographs_are_composited_on_the_background(blender, shade
         assert 0 < alpha.mean() < 0.9
         np.testing.assert_allclose(image[..., 0], red * alpha + shade * (1 - alpha), atol=1.5 / 255)
         np.testing.assert_allclose(image[..., 2], blue * alpha + (1 - alpha), atol=1.5 / 255)
+
+
+@pytest.mark.parametrize("offset", [(456789, 5432100, 86), (0, 1e4, 0), (-3e7, 3e7, 0)])
+def test_a_capture_far_from_the_origin_is_moved_to_it(project, tmp_path, capsys, offset):
+    near = read_dataset(project, "native")
+    assert not near.offset.any()
+    far = read_dataset(colmap_project(tmp_path / "far", shifted(ring(), np.array(offset)), POINTS + offset), "native")
+    assert capsys.readouterr().err.count("training around") == 1
+    rest = np.array(offset) - far.offset
+    assert (np.abs(rest) < 2).all()
+    np.testing.assert_allclose(far.xyz, near.xyz + rest, atol=1e-7)
+    for there, here in zip(far.train, near.train, strict=True):
+        np.testing.assert_allclose(there.centre, here.centre + rest, atol=1e-7)
+
+
+def test_a_model_around_an_offset_is_seen_by_the_cameras_of_its_capture(tmp_path):
+    offset = np.array([456789.0, 5432100, 86])
+    source = colmap_project(tmp_path / "far", shifted(ring(), offset), POINTS + offset)
+    data = read_dataset(source, "native")
+    write_output(tmp_path / "out", data, gaussians_at(data.xyz, data.rgb), 1, (0, 0, 0), place=tmp_path / "out")
+    assert read_model(tmp_path / "out").comments == (offset_comment(data.offset),)
+    for cameras in (source, tmp_path / "out" / "cameras.json"):
+        views = in_world_of(tmp_path / "out", read_cameras(cameras), cameras)
+        assert share_shown(read_model(tmp_path / "out"), views) > 0.3

@@ -20,8 +20,9 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, located, photograph_size, view_names
-from gspure.files import Float64
+from gspure.cameras.photographs import distinct, located, photograph_size, safe_name, view_names
+from gspure.errors import InputError
+from gspure.files import Float64, read_json
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
@@ -47,6 +48,34 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     images = located(files, named, source.parent)
     existing = next((image for image in images if image and image.is_file()), None)
     return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
+
+
+def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
+    """Return the cameras of a list of poses that ``ns-export cameras`` has written, in the world of the model.
+
+    Their optics are those of the transforms.json beside the file or above the photographs. Raise `InputError` if there
+    is none, or as `parse` does.
+    """
+    poses = [Entry.of(source, f"[{i}]", pose) for i, pose in enumerate(content)]
+    files = [pose.text("file_path") for pose in poses]
+    folders = [source.parent, *(source.parent / folder for folder in Path(files[0]).parents)]
+    capture = next((path for folder in folders if (path := folder / "transforms.json").is_file()), None)
+    if capture is None:
+        hint = "copy the transforms.json of the capture there"
+        raise InputError(source, "optics", expected="a transforms.json beside the file", found="none", hint=hint)
+    scene = Entry.of(capture, "", read_json(capture))
+    frames = scene.value("frames", "a list", lambda value: isinstance(value, list))
+    stored = [Entry.of(capture, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
+    optics = {safe_name(frame.text("file_path")): frame.values for frame in stored}
+    frames = [
+        {
+            **optics.get(safe_name(file), {}),
+            "file_path": file,
+            "transform_matrix": pose.array("transform", (3, 4)).tolist(),
+        }
+        for file, pose in zip(files, poses, strict=True)
+    ]
+    return parse(source, {**scene.values, "frames": frames})
 
 
 def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:

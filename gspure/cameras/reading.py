@@ -40,7 +40,8 @@ def read_lenses(path: str | Path) -> list[Camera]:
     Parameters
     ----------
     path : str or Path
-        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, or a folder: with a
+        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses
+        of ``ns-export cameras``, or a folder: with a
         COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's output
         folder; or one of whose subfolders, up to two levels deeper, is such a folder. COLMAP has priority, since it has
         principal points and photographs.
@@ -73,11 +74,13 @@ def _fits(camera: Camera) -> bool:
 
 def _read_file(path: Path) -> list[Camera]:
     """Read the cameras of a file."""
-    content = read_json(path)
-    if isinstance(content, list):
-        return inria.parse(path, content)
-    if isinstance(content, dict) and "frames" in content:
-        return nerfstudio.parse(path, content)
+    match content := read_json(path):
+        case [{"transform": _}, *_]:
+            return nerfstudio.parse_poses(path, content)
+        case list():
+            return inria.parse(path, content)
+        case {"frames": _}:
+            return nerfstudio.parse(path, content)
     raise InputError(path, "file", expected="a list of cameras, or an object with frames", found=type(content).__name__)
 
 

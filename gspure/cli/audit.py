@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from gspure.cli.options import add_cameras, add_quiet
+from gspure.cli.options import add_cameras, add_quiet, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
 from gspure.progress import say, tell
@@ -112,8 +112,9 @@ def _configuration(args: Arguments, target: Path) -> Path:
     """Return the configuration file; that of a model is written to `target`."""
     import yaml
 
+    from gspure.cameras.worlds import mention_unseen
     from gspure.files import write_text
-    from gspure.model import model_file
+    from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG
 
     source: Path = args.source
@@ -125,6 +126,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
         raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")
     with reading(model := model_file(source), "a model"):
         model.stat()
+    if isinstance(args.cameras, Path):
+        mention_unseen(read_model(model), read_source(args.cameras, model))
     asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
     if args.up:
         asset["generated"] = {"up": args.up}

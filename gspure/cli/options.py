@@ -126,8 +126,9 @@ def add_up(parser: Parser, **group: Any) -> None:
 
 
 def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
-    """Read cameras, or generate them around a model; `settings` that are not None are those of generated views."""
+    """Read cameras, in the world of the model, or generate them; `settings` that are not None are of generated ones."""
     from gspure.cameras import GENERATED, read_cameras
+    from gspure.cameras.worlds import in_world_of
     from gspure.model import read_model
 
     settings = {name: value for name, value in settings.items() if value is not None}
@@ -135,7 +136,7 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
         if settings:
             found = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=found)
-        return read_cameras(source)
+        return in_world_of(model, read_cameras(source), source) if model else read_cameras(source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     return GENERATED[source](read_model(model), **settings)

@@ -11,6 +11,7 @@ from gspure import __version__
 from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
+from gspure.cameras.worlds import mention_unseen
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
@@ -89,6 +90,7 @@ def run(args: Arguments) -> None:
     if args.repair and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(options.read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
+    mention_unseen(public.model, cameras)
     train, test = split(cameras)
     if not train:
         warn("a single view: it measures the weights, and none is held out for the metrics")

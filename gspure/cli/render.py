@@ -23,10 +23,12 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Render every view."""
+    from gspure.cameras.worlds import mention_unseen
     from gspure.files import filling, save_array
     from gspure.images import is_flat, write_image
 
     views, public = options.read_views(args), options.read_public(args)
+    mention_unseen(public.model, views)
     args.background = options.read_background(args, public.model.background)
     scene = public.scene(options.read_device(args), args.background, args.energy)
     empty = []

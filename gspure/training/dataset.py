@@ -1,5 +1,6 @@
 """Training data: views with photographs, and initial points. Everything is checked before training."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -22,6 +23,7 @@ from gspure.cameras.photographs import (
     safe_name,
 )
 from gspure.cameras.reading import IN_FOLDER, camera_object, camera_place
+from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, UInt8, digest
 from gspure.images import FORMATS, read_image
@@ -31,6 +33,8 @@ from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_p
 
 EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
 ASPECT_TOLERANCE: Final = 0.01  # relative; rounding to whole pixels stays within it, cropping and turning do not
+
+MOST_ROUNDING: Final = 1e-5  # of float32, relative to the distance of the farthest camera from the mean; ours
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
 """Files of sparse points beside a camera file: COLMAP's and `gspure pair`'s, 3DGS's for Blender scenes, nerfstudio's,
@@ -48,7 +52,7 @@ class Dataset:
     """Views at training size, split into training and held-out ones, and initial points.
 
     Each view has a photograph. Points [P,3] are in world units, their colours 8-bit. `source` is the file or folder
-    that it was read from.
+    that it was read from, `offset` [3] the point of its world that is the origin here.
     """
 
     source: Path
@@ -56,6 +60,7 @@ class Dataset:
     test: list[Camera]
     xyz: Float64
     rgb: UInt8
+    offset: Float64
 
     @property
     def extent(self) -> float:
@@ -79,7 +84,8 @@ def read_dataset(
     `source` is a Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without
     splits, `gspure.cameras.split` makes them. `resolution` is a rule of `gspure.cameras.scaled`. The folder
     `photographs`, whose files are named after the views, replaces those that the source names. `skip_missing` leaves
-    out views whose photograph is missing. `seed` is that of the random points that replace missing ones.
+    out views whose photograph is missing. `seed` is that of the random points that replace missing ones. A capture far
+    from the origin, such as one in UTM coordinates, is moved to it, as float32 would round it.
 
     Raise `InputError` if a camera or point file is unreadable; a photograph is missing, smaller than its view or of
     another shape; all views have the same position; or no training view contains any of the points.
@@ -93,14 +99,18 @@ def read_dataset(
     shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
+    offset = _offset(shown)
+    if offset.any():
+        say(f"{source}: far from the origin: training around {' '.join(map(str, offset))}, the origin of all results")
+        shown = shifted(shown, -offset)
     train, test = views.split(shown)
     if not (train and extent(train) > 0):
         found = f"{len(train)} in one place" if train else "none"
         raise InputError(source, "training views", expected="several, from different places", found=found)
-    xyz, rgb = _points(source, train, seed)
+    xyz, rgb = _points(source, train, seed, offset)
     if not view_counts(xyz, train).any():
         raise InputError(source, "training views", expected="some that see points", found="all look away from them")
-    return Dataset(source, train, test, xyz, rgb)
+    return Dataset(source, train, test, xyz, rgb, offset)
 
 
 class Views(NamedTuple):
@@ -234,11 +244,19 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
             raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
 
 
-def _points(source: Path, train: Sequence[Camera], seed: int) -> tuple[Float64, UInt8]:
-    """Return the stored points, or random grey ones if fewer than `LEAST_POINTS` are stored."""
+def _offset(cameras: Sequence[Camera]) -> Float64:
+    """Return a point amid cameras that are so far from the origin that float32 rounds their scene, else the origin."""
+    centres, size = np.array([camera.centre for camera in cameras]), spread(cameras)
+    if not np.spacing(np.abs(centres).max().astype(np.float32)) > MOST_ROUNDING * size > 0:
+        return np.zeros(3)
+    return np.asarray(np.round(centres.mean(axis=0), max(0, -math.floor(math.log10(size)))))
+
+
+def _points(source: Path, train: Sequence[Camera], seed: int, offset: Float64) -> tuple[Float64, UInt8]:
+    """Return the stored points around `offset`, or random grey ones if fewer than `LEAST_POINTS` are stored."""
     xyz, rgb = stored_points(source)
     if len(xyz) >= LEAST_POINTS:
-        return xyz, rgb
+        return xyz - offset, rgb
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
     if len(xyz) < LEAST_POINTS:
         expected = f"overlapping ones, or at least {LEAST_POINTS} points"

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gspure.cameras import write_cameras
+from gspure.cameras.worlds import offset_comment
 from gspure.files import write_text
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
@@ -39,13 +40,15 @@ def write_output(
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
-    Cameras have their size in training and name their photographs. `place` is the folder that `folder` will become.
+    Cameras have their size in training and name their photographs; all lies around the offset of the dataset, if any,
+    which a comment of the model names. `place` is the folder that `folder` will become.
     """
     model = point_cloud(folder, iteration)
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)
     write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train], place)
     write_text(folder / "cfg_args", _arguments(place, dataset, parameters, background))
-    write_model(model, as_gaussians(parameters).with_background(background))
+    rows = as_gaussians(parameters).with_background(background)
+    write_model(model, rows.with_comment(offset_comment(dataset.offset)) if dataset.offset.any() else rows)
     return model
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gspure.cameras.reading import CAMERA_FILES, camera_places
+from gspure.cameras.worlds import NORMALIZED
 from gspure.files import digest
 from gspure.model import model_file
 from gspure.model.inria import UNPACKED_SOG
@@ -69,7 +70,7 @@ def message_of(pair: Settings) -> str:
 
 def camera_files(source: str) -> list[str]:
     """Return the files of the cameras of `source`, a folder or a file of cameras."""
-    return _files(source, CAMERA_FILES)
+    return _files(source, [*CAMERA_FILES, NORMALIZED])
 
 
 def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
@@ -82,13 +83,13 @@ def capture_files(source: str, photographs: Sequence[str]) -> list[str]:
 def model_files(source: str) -> list[str]:
     """Return the file of a model, a file or a training run's folder, and all that may be read with it.
 
-    That is cfg_args and the networks of schemes, beside the file or, for a model in ``point_cloud/iteration_N``, in the
-    run's folder; and the images beside the index of an unpacked SOG model.
+    That is cfg_args, nerfstudio's transforms and the networks of schemes, beside the file or, for a model in
+    ``point_cloud/iteration_N``, in the run's folder; and the images beside the index of an unpacked SOG model.
     """
     model = model_file(Path(source))
     folders = [model.parent, *([model.parents[2]] if model.parent.match("point_cloud/iteration_*") else [])]
     networks = [pattern for scheme in schemes().values() for pattern in scheme.beside]
-    patterns = ["cfg_args", *(["*.webp"] if model.name == UNPACKED_SOG else []), *networks]
+    patterns = ["cfg_args", NORMALIZED, *(["*.webp"] if model.name == UNPACKED_SOG else []), *networks]
     beside = {str(file) for folder in folders for pattern in patterns for file in folder.glob(pattern)}
     return [str(model), *sorted(beside)]
 

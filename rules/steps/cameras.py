@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.cameras import GENERATED, read_cameras, scaled, write_cameras
+from gspure.cameras.worlds import in_world_of
 from gspure.model import read_model
 from gspure.workflow.step import run
 
@@ -17,7 +18,7 @@ def prepare(
             generated["fov_degrees"] = generated.pop("fov")
             found = GENERATED[source](read_model(model), **generated)
         else:
-            found = read_cameras(source)
+            found = in_world_of(model, read_cameras(source), Path(source))
         write_cameras(target, scaled(found, settings["resolution"]))
 
 
