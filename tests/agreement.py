@@ -105,10 +105,3 @@ def agreement(model: Gaussians, view: Camera, energy: Energy, device: Device, st
     return Agreement(
         float(np.abs(found - expected)[steady].max(initial=0.0)), float(condition[steady].max(initial=0.0))
     )
-
-
-def worst(cell: Cell, energy: Energy, device: Device, style: Style, draws: int = 12) -> Agreement:
-    """Return the worst error of several Gaussians of a cell, and the worst condition."""
-    rng = np.random.default_rng(1)
-    found = [agreement(cell.gaussian(rng), VIEW, energy, device, style) for _ in range(draws)]
-    return Agreement(*(max(values) for values in zip(*found, strict=True)))

@@ -1,7 +1,6 @@
 """GSPure against other attacks, also at equal damage, and the table of survival."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest
-from gspure.evaluation.matched import MATCHED_DAMAGES, match, matched_message_drop, pareto_front
+from gspure.evaluation.matched import MATCHED_DAMAGES, match, pareto_front
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.survival import survival
 from gspure.report.attack_tables import matched_table
-from gspure.report.tables import model_table, summary_table
 from tests.contest_cases import attacked, benchmark
 
 SCENES = benchmark(
@@ -128,19 +125,6 @@ def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
     assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "≤ 3.00 at 2.60 dB"}
 
 
-def test_a_missed_damage_is_stated_where_the_drop_of_the_scene_is_unknown() -> None:
-    """Against renders, the unattacked model has infinite PSNR; the strength holds the damage."""
-    strengths = {"noise@6dB": "fraction=1, 1.13 dB reached", "crop@6dB": "fraction=0.5", "unattacked": ""}
-    known = outcomes(a={name: (1.0, 5.0) for name in strengths if name != "unattacked"})
-    own = [replace(o, targets={"message": o.targets["message"]}, strength=strengths[o.variant]) for o in known]
-    expected = {"unattacked", "noise, 6 dB (1.13 dB reached)", "crop, 6 dB"}
-    assert {row.cells[1].text for row in summary_table(own).rows} == expected
-    assert {row.name for row in survival(own)} == expected
-    assert {row.cells[0].text for row in model_table(own).rows} == expected
-    of_three = [*own, *(replace(o, scene="b", strength=o.strength.replace("1.13", "2.50")) for o in own)]
-    assert "noise, 6 dB (1.13 to 2.50 dB reached)" in {row.name for row in survival(of_three)}
-
-
 POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, max_size=12)
 
 
@@ -148,14 +132,3 @@ POINTS = st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8)), min_size=1, m
 def test_the_front_is_what_brute_force_finds(points):
     front = [not any(x <= a and y <= b and (x, y) != (a, b) for x, y in points) for a, b in points]
     assert pareto_front(*zip(*points, strict=True)).tolist() == front
-
-
-@given(POINTS, st.integers(0, 8))
-def test_at_a_measured_damage_the_best_setting_up_to_it_counts(points, at):
-    found = matched_message_drop(*zip(*points, strict=True), at)
-    damages = [x for x, _ in points]
-    if at in damages:
-        best = max(y for x, y in points if x <= at)
-        assert found >= best
-        if (at, best) in points and all(y < best for x, y in points if x < at):
-            assert found == best

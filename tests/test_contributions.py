@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from gspure import public_model
-from gspure.cameras import Camera
-from gspure.cameras.camera import intrinsics
 from gspure.errors import InputError
 from gspure.files import save_array
 from gspure.method import contributions
 from gspure.method.contributions import contribute, contribution_key, read_contributions
-from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
+from tests.models import blobs, camera
 
 
 @dataclass
@@ -29,11 +27,11 @@ class CountingRenderer:
         self.built += 1
         return self
 
-    def contributions(self, camera):
-        if camera.name == self.failing_view:
+    def contributions(self, view):
+        if view.name == self.failing_view:
             raise KeyboardInterrupt
-        self.asked.append(camera.name)
-        return np.array([(len(camera.name), 1.0, camera.K[0, 0] / 60, 3)], CONTRIBUTION)
+        self.asked.append(view.name)
+        return np.array([(3, 1.0, 0.5, 3)], CONTRIBUTION)
 
 
 @pytest.fixture
@@ -43,77 +41,56 @@ def renderer(monkeypatch):
     return counting
 
 
-def small_model(count=5):
-    rng = np.random.default_rng(0)
-    return Gaussians.from_parameters(
-        means=rng.normal(size=(count, 3)),
-        quats=np.tile([1.0, 0, 0, 0], (count, 1)),
-        scales=np.full((count, 3), 0.1),
-        opacities=np.full(count, 0.5),
-        sh_coeffs=rng.normal(size=(count, 1, 3)),
-    )
-
-
 def views(count=4):
-    return [Camera(f"view_{i}", 32, 24, intrinsics(30.0, 30.0, 16.0, 12.0), np.eye(4)) for i in range(count)]
-
-
-def moved(camera, by=1e-9):
-    viewmat = camera.viewmat.copy()
-    viewmat[2, 3] += by
-    return replace(camera, viewmat=viewmat)
+    return [camera(32, 24, name=f"view_{i}") for i in range(count)]
 
 
 def test_every_view_is_computed_once(tmp_path, renderer):
-    first = contribute(PublicModel(small_model()), views(), tmp_path)
-    again = contribute(PublicModel(small_model()), views(), tmp_path)
+    first = contribute(PublicModel(blobs(5)), views(), tmp_path)
+    again = contribute(PublicModel(blobs(5)), views(), tmp_path)
     assert again == first
-    assert renderer.asked == [camera.name for camera in views()]
+    assert renderer.asked == [view.name for view in views()]
 
 
 def test_an_edited_camera_recomputes_its_view_alone(tmp_path, renderer):
     cameras = views()
-    contribute(PublicModel(small_model()), cameras, tmp_path)
+    contribute(PublicModel(blobs(5)), cameras, tmp_path)
     renderer.asked.clear()
-    contribute(PublicModel(small_model()), [cameras[0], moved(cameras[1]), *cameras[2:]], tmp_path)
+    viewmat = cameras[1].viewmat.copy()
+    viewmat[2, 3] += 1e-9
+    contribute(PublicModel(blobs(5)), [cameras[0], replace(cameras[1], viewmat=viewmat), *cameras[2:]], tmp_path)
     assert renderer.asked == ["view_1"]
 
 
-@pytest.mark.parametrize("column", ["x", "rot_3", "scale_1", "opacity"])
-def test_geometry_and_opacity_of_any_gaussian_are_in_the_key(column):
-    model = small_model()
+@pytest.mark.parametrize("column", ["x", "rot_3", "scale_1", "opacity", "f_dc_0"])
+def test_geometry_and_opacity_of_any_gaussian_are_in_the_key_and_colour_is_not(column):
+    model = blobs(5)
     edited = model.table[column].copy()
     edited[-1] = np.nextafter(edited[-1], np.float32(9))
-    assert PublicModel(model.with_columns({column: edited})).geometry_digest() != PublicModel(model).geometry_digest()
-
-
-def test_colour_is_not_in_the_key():
-    model = small_model()
-    recoloured = PublicModel(model.with_columns({"f_dc_0": np.zeros(len(model))}))
-    assert recoloured.geometry_digest() == PublicModel(model).geometry_digest()
+    same = PublicModel(model.with_columns({column: edited})).geometry_digest() == PublicModel(model).geometry_digest()
+    assert same == (column == "f_dc_0")
 
 
 def test_the_energy_the_device_and_the_rendering_code_are_in_the_key(monkeypatch):
-    camera = views(1)[0]
-    keys = {contribution_key("geometry", camera, energy, device) for energy in ("ray", "ewa") for device in "ab"}
+    keys = {contribution_key("geometry", camera(), energy, device) for energy in ("ray", "ewa") for device in "ab"}
     monkeypatch.setattr(contributions, "rendering_digest", lambda: "edited kernels")
-    keys |= {contribution_key("geometry", camera, "ray", "a")}
+    keys |= {contribution_key("geometry", camera(), "ray", "a")}
     assert len(keys) == 5
 
 
 def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_the_rest(tmp_path, renderer):
     renderer.failing_view = "view_2"
     with pytest.raises(KeyboardInterrupt):
-        contribute(PublicModel(small_model()), views(), tmp_path)
+        contribute(PublicModel(blobs(5)), views(), tmp_path)
     assert sorted(path.name.split(".")[0] for path in tmp_path.glob("*.npy")) == ["view_0", "view_1"]
     renderer.failing_view = None
     renderer.asked.clear()
-    contribute(PublicModel(small_model()), views(), tmp_path)
+    contribute(PublicModel(blobs(5)), views(), tmp_path)
     assert renderer.asked == ["view_2", "view_3"]
 
 
 def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, renderer):
-    model = small_model()
+    model = blobs(5)
     with pytest.raises(InputError, match="finite"):
         contribute(PublicModel(model.with_columns({"y": np.full(len(model), np.nan)})), views(), tmp_path / "stages")
     assert not (tmp_path / "stages").exists()
@@ -127,13 +104,13 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_file_counts_as_missing(tmp_path, renderer, damage):
-    path = contribute(PublicModel(small_model()), views(), tmp_path)[2].path
+    path = contribute(PublicModel(blobs(5)), views(), tmp_path)[2].path
     good = path.read_bytes()
     path.write_bytes(damage(good))
     with pytest.raises(InputError, match=path.name):
         read_contributions(path)
     renderer.asked.clear()
-    contribute(PublicModel(small_model()), views(), tmp_path)
+    contribute(PublicModel(blobs(5)), views(), tmp_path)
     assert renderer.asked == ["view_2"]
     assert path.read_bytes() == good
 

@@ -7,18 +7,13 @@ torch = pytest.importorskip("torch")
 
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
 from gspure.files import digest  # noqa: E402
-from gspure.opencl.device import choose_device  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
-from gspure.renderer import Renderer  # noqa: E402
 from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
-from gspure.schemes.gs_hider.files import CHANNELS, FEATURES  # noqa: E402
-from gspure.schemes.gs_hider.model import FeatureModel  # noqa: E402
-from gspure.schemes.gs_hider.training import Field  # noqa: E402
+from gspure.schemes.gs_hider.files import CHANNELS  # noqa: E402
 from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
-from gspure.training.initialization import gaussians_at  # noqa: E402
 from tests.models import without  # noqa: E402
 
 ITERATIONS = 40
@@ -63,18 +58,6 @@ def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
     assert digests(1) == digests(2)
 
 
-def test_rows_that_a_view_leaves_out_do_not_show_and_learn_nothing(pair):
-    field, camera = Field(gaussians_at(*pair.points), choose_device()), pair.scene.views[0]
-    low = np.arange(len(field)) % 3 == 0
-    shown, pull_back = field.feature_map(camera, low)
-    smaller = FeatureModel(field.model()[~low], None)
-    np.testing.assert_array_equal(shown, smaller.feature_map()(camera))
-    for gradient in vars(pull_back(np.ones_like(shown))).values():
-        assert not gradient[low].any()
-        assert gradient.shape[0] == len(field)
-    assert pull_back(np.ones_like(shown)).channels[~low].any()
-
-
 def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(own_pair_folder):
     pair = read_pair(own_pair_folder)
 
@@ -89,15 +72,6 @@ def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(own_pair_
         return before - after
 
     assert lost(HARDENED) < lost(SCHEME) - 1
-
-
-def test_features_are_blended_after_their_sigmoid(hidden, pair):
-    public, _ = hidden
-    camera = pair.scene.views[0]
-    features = 1 / (1 + np.exp(-public.model.columns(*FEATURES).astype(np.float64)))
-    expected = Renderer(public.model).feature_map(camera, features.astype(np.float32), [0.25] * CHANNELS)
-    found = public.feature_map(background=(0.25, 0.5, 0.75))(camera)
-    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatch):

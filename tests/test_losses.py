@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from gspure.evaluation.metrics import ssim
 from gspure.opencl.engine import Engine
@@ -79,16 +77,6 @@ def test_losses_of_any_size_agree(engine, size, weight):
 @pytest.mark.parametrize("channels", [1, 2, 4])
 def test_losses_of_any_number_of_channels_agree(engine, channels):
     assert_agrees(engine, *pictures(13, 19, channels), 0.2)
-
-
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    seed=st.integers(0, 1000),
-    size=st.tuples(st.integers(1, 30), st.integers(1, 30)),
-    weight=st.sampled_from([0.2, 1.0]),
-)
-def test_losses_of_random_pictures_agree(engine, seed, size, weight):
-    assert_agrees(engine, *pictures(*size, seed=seed), weight)
 
 
 def test_black_on_black_and_white_on_black_agree(engine):

@@ -85,10 +85,7 @@ def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
     [
         ("reduction", "mean"),
         ("min_samples", 0),
-        ("min_cluster_size", 1),
         ("selection", "best"),
-        ("max_cluster_share", 0.0),
-        ("tau_c", 0.0),
         ("tau_n", float("nan")),
     ],
 )

@@ -103,13 +103,6 @@ def test_a_shadow_is_dark_inside_and_soft_at_its_edge():
     assert np.count_nonzero((share > 0.1) & (share < 0.9)) >= 4
 
 
-def test_a_coloured_wall_tints_the_floor_beside_it():
-    wall = Box((-1.5, 0.0, 1.0), (0.2, 4.0, 2.0), (plain("#ff0000"),))
-    scene = lit(FLOOR, wall, lamp=Lamp((0.5, 0.0, 3.0), 0.5, (50.0,) * 3), sky=(0.0,) * 3)
-    near, far = scene.radiance(0, np.array([5, 5]), np.array([[0.2, 0.5], [0.9, 0.5]]))
-    assert near[0] / near[2] > 1.05 * far[0] / far[2]
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_photographs_are_the_same_bits_for_any_batch_of_rays(coarse, monkeypatch, name):
     scene, view = scene_builder(name)(PLACEMENTS["raised"]), path_cameras(3, 40, 30)[1]

@@ -10,7 +10,6 @@ from gspure.schemes.secure_gs.growing import (
     CELLS,
     GRADIENT_THRESHOLD,
     Candidates,
-    Statistics,
     grown,
     screen_norms,
 )
@@ -71,27 +70,6 @@ def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, r
         assert len(np.unique(grid, axis=0)) == level.sum()
         old = np.rint(before / np.float32(0.02 * cell)).astype(int)
         assert not {*map(tuple, grid.tolist())} & {*map(tuple, old.tolist())}
-
-
-def test_statistics_follow_the_anchors():
-    public = random_public()
-    found, rows = public.neural(VIEW)
-    statistics = Statistics(40, 4)
-    for _ in range(3):
-        statistics.add(rows, found, np.full(len(found.active), 2, np.float32))
-    norms, places = statistics.means()
-    active = rows[found.active // 4], found.active % 4
-    assert (norms[active] == 2).all()
-    assert norms.sum() == 2 * len(found.active)
-    np.testing.assert_allclose(places[active], found.means, rtol=1e-6)
-    assert statistics.views[rows].tolist() == [3] * len(rows)
-    first = rows[0]
-    statistics.reset(statistics.active_views > 5, np.arange(40) == first)
-    assert statistics.views[first] == 0
-    assert statistics.active_views.sum() == 3 * len(found.active)
-    statistics.replace_anchors(np.array([5, rows[1]]), 3)
-    assert statistics.views.tolist()[1:] == [3, 0, 0, 0]
-    assert statistics.centres.shape == (5, 4, 3)
 
 
 @pytest.mark.parametrize("at_most", [20, 100, 5000])

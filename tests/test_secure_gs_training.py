@@ -8,15 +8,14 @@ from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import Run, hide
 from gspure.schemes.secure_gs import HARDENED, SCHEME
-from gspure.schemes.secure_gs.anchors import Anchors
 
 torch = pytest.importorskip("torch")
 
 from gspure.opencl.device import choose_device  # noqa: E402
-from gspure.schemes.secure_gs.training import Learner, Training  # noqa: E402
+from gspure.schemes.secure_gs.training import Training  # noqa: E402
 from gspure.training.pytorch import single_threaded  # noqa: E402
 from tests.anchor_cases import random_key, random_public  # noqa: E402
-from tests.models import camera, without  # noqa: E402
+from tests.models import without  # noqa: E402
 
 SHORT = {"iterations": 120, "max_anchors": 600}
 
@@ -80,25 +79,3 @@ def test_anchors_grow_up_to_the_limit_from_gradients_of_both_branches(pair):
         counts = [len(run.learner.anchors.positions) for _ in zip(range(120), run, strict=False)]
     assert max(counts) <= 100
     assert len(set(counts)) > 1
-
-
-def test_learned_rows_and_their_moments_follow_the_anchors():
-    public = random_public()
-    photograph = np.zeros((47, 65, 3), np.float32)
-    learner = Learner(public.anchors, [public.networks], [[photograph]], choose_device())
-    rates = dict.fromkeys(("offsets", "features", "log_scalings", "opacity", "cov", "color"), 1e-2)
-    rows = public.neural(camera())[1]
-    learner.differentiate(0, camera(), rows, 0, 1.0)
-    learner.step(rates)
-    before = learner.anchors
-    kept = np.array([rows[0], rows[3]])
-    none = Anchors(*(array[:1] for array in vars(random_public(seed=9).anchors).values()))
-    learner.replace_anchors(kept, none)
-    for name, array in vars(learner.anchors).items():
-        np.testing.assert_array_equal(array[:2], getattr(before, name)[kept])
-        np.testing.assert_array_equal(array[2:], getattr(none, name))
-    moments = [learner._optimizer.state[group["params"][0]]["exp_avg"] for group in learner._optimizer.param_groups[:3]]
-    assert all(moment.shape[0] == 3 and moment[:2].any() and not moment[2:].any() for moment in moments)
-    loss, *_ = learner.differentiate(0, camera(), np.arange(3), 0, 1.0)
-    learner.step(rates)
-    assert learner.differentiate(0, camera(), np.arange(3), 0, 1.0)[0] < loss

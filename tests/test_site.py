@@ -53,20 +53,6 @@ def test_the_classes_of_the_reference_exist(name):
     assert getattr(importlib.import_module(module), attribute).__doc__
 
 
-@pytest.mark.parametrize(
-    ("source", "place", "link", "expected"),
-    [
-        ("README.md", "index.md", "[a](docs/method.md#p)", "[a](method.md#p)"),
-        ("README.md", "index.md", "![a](docs/pictures/x.png)", "![a](pictures/x.png)"),
-        ("docs/method.md", "method.md", "[a](../README.md)", "[a](index.md)"),
-        ("docs/method.md", "method.md", "[`a`](../gspure/constants.py)", "`a`"),
-        ("docs/method.md", "method.md", "[a](#here) [b](https://example.org)", "[a](#here) [b](https://example.org)"),
-    ],
-)
-def test_links_lead_to_pages_of_the_site_or_nowhere(source, place, link, expected):
-    assert site.relinked(link, source, place) == expected
-
-
 def test_every_page_is_in_the_navigation():
     text = (ROOT / "mkdocs.yml").read_text()
     places = {site.OUTSIDE.get(str(page.relative_to(ROOT)), page.name) for page in PAGES}

@@ -7,7 +7,6 @@ import pytest
 
 from gspure.workflow import sources
 from gspure.workflow.sources import code_digest, files_digest
-from tests.workflow_cases import ROOT
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -73,20 +72,6 @@ def test_an_edit_of_a_script_or_of_what_it_imports_changes_its_digest(package, t
     second = code_digest(script)
     script.write_text("from gspure.stage import run  # edited\n")
     assert len({first, second, code_digest(script)}) == 3
-
-
-def test_pruning_does_not_depend_on_the_renderer_and_contributions_do_not_depend_on_clustering():
-    assert "gspure.renderer" in reached("contributions")
-    assert "gspure.method.pruning" in reached("decision")
-    assert not {"gspure.renderer", "gspure.method.contributions"} & reached("decision")
-    assert not {"gspure.method.tree", "gspure.method.clusters"} & reached("contributions")
-
-
-def reached(step):
-    found = {*sources._named((ROOT / "rules" / "steps" / f"{step}.py").read_bytes(), [])}
-    while more := {name for known in found for name in sources._imports(known)} - found:
-        found |= more
-    return found
 
 
 def test_a_file_is_read_once_and_again_when_it_was_replaced(tmp_path, monkeypatch):

@@ -145,20 +145,6 @@ def test_statistics_add_up_gradients_of_centres_in_units_of_the_image(device, st
     assert not found.statistics().views.any()
 
 
-def test_views_are_counted_where_a_gaussian_is_in_sight(device, style):
-    model = scene(17)
-    behind = model.with_columns({"z": -model.table["z"]})
-    both = Gaussians(np.concatenate([model.table, behind.table]))
-    found = learner(both, device, style)
-    steps(found, [0, 0, 0])
-    seen = render(both, VIEWS[0], "ewa").pixels > 0
-    views = found.statistics().views
-    assert (views[seen] == 3).all()
-    assert seen.sum() > 10
-    assert not views[17:].any()
-    assert not found.statistics().gradient_norms[17:].any()
-
-
 SHARED = slice(0, 3)  # means, quats, log_scales
 
 

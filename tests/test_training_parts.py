@@ -41,15 +41,6 @@ def test_the_rate_of_positions_decays_log_linearly():
     np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
 
 
-@given(lengths, st.data())
-def test_checkpoints_are_possible_between_periods_of_statistics(length, data):
-    schedule = Schedule.scaled(length)
-    iteration = data.draw(st.integers(1, length))
-    later = [i for i in range(iteration + 1, length + 1) if schedule.densifies(i)]
-    assert schedule.rests(iteration) or later or iteration < schedule.densify_until
-    assert not (schedule.rests(iteration) and later and not schedule.densifies(iteration))
-
-
 def grey(points):
     return np.full((len(points), 3), 128, np.uint8)
 
