@@ -11,7 +11,9 @@ from gspure.files import run_of
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.inria import UNPACKED_SOG, training_arguments
+from gspure.model.plausibility import doubts
 from gspure.model.summary import Summary, summarize, suspicious_lines
+from gspure.progress import warn
 
 EXAMPLES = """\
   gspure info point_cloud.ply
@@ -27,6 +29,8 @@ def run(args: Arguments) -> None:
     file = model_file(args.model)
     training = training_arguments(args.model) if args.model.is_dir() else {}
     model = read_model(file)
+    for doubt in doubts(model):
+        warn(f"{file}: {doubt}")
     print("\n".join(map(printable, as_text(file, model, training))))
 
 

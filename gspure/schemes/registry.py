@@ -6,6 +6,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import listed
+from gspure.model.plausibility import doubts
 from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.public_model import PublicModel
@@ -39,10 +40,13 @@ def find_scheme(name: str) -> Scheme:
 def read_public_model(path: str | Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
 
-    Warn of unused columns, 3-D filters and render modes, which may make other programs draw another image.
+    Warn of implausible values, and of unused columns, 3-D filters and render modes, which may make other programs draw
+    another image.
     """
     known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
     public = known.read_public(Path(path)) if known else PublicModel(model)
+    for doubt in doubts(public.model):
+        warn(f"{path}: {doubt}")
     if unused := public.unused_columns:
         warn(f"{path}: columns that are kept, but have no effect on renders: {listed(unused)}")
     if FILTER in public.model.names and public.model.table[FILTER].any():

@@ -1,0 +1,82 @@
+"""Values that are stored activated, and coordinates that float32 rounds: real models and their like raise no doubt."""
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.model import write_model
+from gspure.model.gaussians import SCALES
+from gspure.model.plausibility import doubts
+from tests.attack_cases import anchors, features
+from tests.models import blobs
+
+
+def scaled(model, factor):
+    """The model in other units."""
+    values = {name: model.table[name] + np.log(factor) for name in SCALES}
+    return model.with_columns(values | {name: factor * model.table[name] for name in "xyz"})
+
+
+def linear(model):
+    return model.with_columns({name: np.exp(model.table[name]) for name in SCALES})
+
+
+def uniform(size, extent):
+    """Round Gaussians of one size, as made from points."""
+    model = blobs(200)
+    values = {name: np.full(200, np.log(size)) for name in SCALES}
+    return model.with_columns(values | {name: extent / 8 * model.table[name] for name in "xyz"})
+
+
+PLAUSIBLE = {
+    **{f"scaled by {factor:g}": scaled(blobs(200), factor) for factor in (1e-3, 0.1, 1, 10, 1e3, 1e6)},
+    **{f"round, {size:g} in {extent:g}": uniform(size, extent) for size, extent in ((1, 100), (2, 1000), (0.01, 1))},
+    "anchors": anchors(50),
+    "features": features(50),
+    "one row": blobs(1),
+    "opacity 1/2": blobs(50).with_columns({"opacity": np.zeros(50)}),
+    "infinities": blobs(50).with_columns(
+        {"opacity": np.repeat([np.inf, -np.inf], 25), "scale_0": np.full(50, -np.inf)}
+    ),
+    "a kilometre away": blobs(50).with_columns({"x": blobs(50).table["x"] + 1000}),
+    "no numbers": blobs(3).with_columns({"x": np.full(3, np.nan)}),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("model", PLAUSIBLE.values(), ids=PLAUSIBLE)
+def test_ordinary_models_raise_no_doubt(model):
+    assert doubts(model) == []
+
+
+@pytest.mark.parametrize("factor", [1e-2, 1, 100])
+def test_linear_scales_are_named_with_their_inverse(factor):
+    (line,) = doubts(linear(scaled(blobs(200), factor)))
+    assert "ln(scale)" in line
+
+
+def test_linear_scales_of_one_size_are_named():
+    assert "ln(scale)" in doubts(linear(uniform(0.01, 5)))[0]
+
+
+@pytest.mark.parametrize("value", [None, 1.0])
+def test_activated_opacities_are_named_with_their_inverse(value):
+    opacities = blobs(200).opacities if value is None else np.full(200, value)
+    (line,) = doubts(blobs(200).with_columns({"opacity": opacities}))
+    assert "ln(opacity / (1 - opacity))" in line
+    assert doubts(linear(blobs(200)).with_columns({"opacity": opacities}))[0].count("where 3DGS has") == 2
+
+
+@pytest.mark.parametrize(("offset", "is_coarse"), [(500_000, True), (5e6, True), (1e4, False)])
+def test_coordinates_that_float32_rounds_to_more_than_a_part_of_the_gaussians_are_named(offset, is_coarse):
+    model = blobs(200, size=(0.05, 0.4))
+    lines = doubts(model.with_columns({"y": model.table["y"] + offset}))
+    assert ["float32 steps" in line for line in lines] == [True] * is_coarse
+
+
+def test_commands_print_doubts_once(tmp_path, capsys):
+    write_model(tmp_path / "m.ply", linear(blobs(50)))
+    arguments = ["--cameras", "orbit", "--out", str(tmp_path / "views")]
+    for command in (["info"], ["render", *arguments], ["purify", *arguments[:3], str(tmp_path / "p"), "--no-figures"]):
+        main([command[0], str(tmp_path / "m.ply"), *command[1:]])
+        assert capsys.readouterr().err.count("ln(scale)") == 1
