@@ -246,13 +246,13 @@ def test_tile_lists_hold_few_untouched_gaussians(device, style, energy):
 
 
 def test_bands_split_the_image_and_keep_to_the_budget(device, style, energy):
-    model, view = blobs(600, 2, size=(0.02, 0.1)), camera(65, 97)
+    model, view = blobs(2000, 2, size=(0.01, 0.05)), camera(65, 97)
     whole = Lists(device, style, energy, model, view)
     assert len(whole.bands) == 1
-    banded = Lists(device, style, energy, model, view, entry_budget=500)
+    banded = Lists(device, style, energy, model, view, entry_budget=1500)
     assert 1 < len(banded.bands) < 7
     assert [band.start for band in banded.bands] == [0] + [band.stop for band in banded.bands[:-1]]
-    assert max(banded.capacities) <= 500
+    assert max(banded.capacities) <= 1500
     for a, b in zip(whole.tiles, banded.tiles, strict=True):
         assert np.array_equal(a, b)
 
