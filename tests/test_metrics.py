@@ -44,6 +44,11 @@ def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
 
 
+def test_tables_print_decibels_with_two_decimals_and_correlations_with_three() -> None:
+    texts = {name: metric.text(0.98765) for name, metric in METRICS.items()}
+    assert texts == dict.fromkeys(METRICS, "0.988") | {"psnr": "0.99", "region": "0.99"}
+
+
 @pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, normalized_correlation, gradient_correlation])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
@@ -69,10 +74,11 @@ def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
     assert ssim(a, b) == pytest.approx(theirs[11:-11, 11:-11].mean(), abs=1e-12)
 
 
-def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim() -> None:
+@pytest.mark.parametrize("side", [11, 21])
+def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim(side: int) -> None:
     from skimage.metrics import structural_similarity
 
-    a, b = image(3, 21, 30), (image(3, 21, 30) + image(4, 21, 30)) / 2
+    a, b = image(3, side, 30), (image(3, side, 30) + image(4, side, 30)) / 2
     settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
     expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
     assert ms_ssim(a, b) == pytest.approx(expected, abs=1e-9)
