@@ -21,6 +21,7 @@ UNKNOWN: Final = "–"
 _LONG: Final = 1e6  # numbers from here on have an exponent
 
 quiet = False  # whether progress is left out; warnings are not
+_warned: list[set[str]] = []  # the warnings of each command that is running
 
 
 def say(message: str) -> None:
@@ -30,15 +31,22 @@ def say(message: str) -> None:
 
 
 def warn(message: str) -> None:
-    """Print a warning to standard error."""
-    tell(f"warning: {message}")
+    """Print a warning to standard error; during a command, each of them once."""
+    if not any(message in warned for warned in _warned):
+        tell(f"warning: {message}")
+    for warned in _warned:
+        warned.add(message)
 
 
 @contextmanager
 def warnings_in_lines() -> Iterator[None]:
     """Print Python's warnings from the block once each, in one line, when it ends; none if it fails, with a reason."""
-    with warnings.catch_warnings(record=True) as caught:
-        yield
+    _warned.append(set())
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            yield
+    finally:
+        _warned.pop()
     for text in dict.fromkeys(_text(warning) for warning in caught):
         warn(text)
 

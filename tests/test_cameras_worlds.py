@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from gspure.cameras import orbit_cameras, read_cameras, write_cameras
-from gspure.cameras.worlds import in_world_of, mention_unseen, offset_comment, share_shown, shifted
+from gspure.cameras.worlds import in_world_of, mention_unseen, share_shown, shifted
 from gspure.errors import InputError
 from gspure.files import write_json
 from gspure.model import write_model
+from gspure.model.conversion import offset_comment
 from gspure.model.rotations import moved
 from tests.camera_cases import rotation_from
 from tests.models import gaussians

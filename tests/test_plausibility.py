@@ -3,12 +3,16 @@
 import numpy as np
 import pytest
 
+from gspure.cameras import write_cameras
+from gspure.cameras.worlds import shifted
 from gspure.cli import main
+from gspure.images import read_image
 from gspure.model import write_model
 from gspure.model.gaussians import SCALES
 from gspure.model.plausibility import doubts
 from tests.attack_cases import anchors, features
-from tests.models import blobs
+from tests.models import blobs, camera, tilted_camera
+from tests.test_ply import header
 
 
 def scaled(model, factor):
@@ -80,3 +84,26 @@ def test_commands_print_doubts_once(tmp_path, capsys):
     for command in (["info"], ["render", *arguments], ["purify", *arguments[:3], str(tmp_path / "p"), "--no-figures"]):
         main([command[0], str(tmp_path / "m.ply"), *command[1:]])
         assert capsys.readouterr().err.count("ln(scale)") == 1
+
+
+@pytest.mark.parametrize("offset", [(500_000.4, 5_400_000.7, 300.2), (0, 0, -2e7), (3.2, 0, 0)])
+@pytest.mark.parametrize("encoding", ["ascii", "binary_big_endian"])
+def test_coordinates_of_many_digits_keep_them_and_cameras_follow(tmp_path, capsys, encoding, offset):
+    model, views = blobs(60, sh_degree=0), [camera(32, 24, name="a"), tilted_camera(32, 24, name="b")]
+    table = model.table.astype([(name, "<f8" if name in "xyz" else "<f4") for name in model.names])
+    for name, start in zip("xyz", offset, strict=True):
+        table[name] += start
+    rows = "\n".join(" ".join(map(repr, row)) for row in table.tolist()).encode()
+    body = rows if encoding == "ascii" else table.astype(table.dtype.newbyteorder(">")).tobytes()
+    (tmp_path / "far.ply").write_bytes(header(table.dtype, 60, encoding) + body)
+    write_model(tmp_path / "near.ply", model)
+    write_cameras(tmp_path / "far.json", shifted(views, np.array(offset)))
+    write_cameras(tmp_path / "near.json", views)
+    images = []
+    for name in ("near", "far"):
+        paths = [tmp_path / f"{name}.ply", "--cameras", tmp_path / f"{name}.json", "--out", tmp_path / name]
+        assert main(["render", *map(str, paths)]) == 0
+        images.append([read_image(tmp_path / name / f"{view.name}.png") for view in views])
+    np.testing.assert_allclose(*images, atol=2 / 255)
+    warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning")]
+    assert ["become relative to" in line for line in warnings] == [max(offset) > 100 or min(offset) < -100]

@@ -71,11 +71,6 @@ def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
     return [replace(camera, viewmat=camera.viewmat @ move) for camera in cameras]
 
 
-def offset_comment(offset: Float64) -> str:
-    """Return the comment of a model that lies around `offset` [3]."""
-    return "gspure offset " + " ".join(map(str, offset))
-
-
 def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | None) -> list[Camera]:
     """Return the cameras as nerfstudio has trained with them; `scene` is the transforms.json that they come from."""
     move, before, scale = np.eye(4), np.eye(4), normalization.positive("scale")

@@ -45,10 +45,10 @@ def read_ply(path: Path) -> Gaussians:
     _require_rows(path, header.content["vertex"].count)
     columns = converted(np.empty(0, dtype))[0].dtype
     _require_columns(path, columns, "a mesh" if "face" in header.content else "a plain point cloud")
-    table, changes = converted(_rows(path, header, dtype))
+    table, changes, comments = converted(_rows(path, header, dtype))
     if changes:
         warn(f"{path}: {'; '.join(changes)}")
-    return Gaussians(table, header.comments)
+    return Gaussians(table, header.comments + comments)
 
 
 def write_ply(path: Path, model: Gaussians) -> None:

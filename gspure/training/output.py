@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gspure.cameras import write_cameras
-from gspure.cameras.worlds import offset_comment
 from gspure.files import write_text
 from gspure.model import Gaussians, write_model
+from gspure.model.conversion import offset_comment
 from gspure.model.inria import saved_iterations
 from gspure.model.ply import write_point_ply
 from gspure.opencl.trainable import Parameters
