@@ -1,21 +1,116 @@
-"""Tables of docs/numerics.md: how well this machine's device agrees with the float64 reference on extreme Gaussians.
+"""How well float32 kernels agree with the float64 reference on single Gaussians of extreme shapes.
 
-``python -m benchmarks.agreement``, in a checkout.
+Beside each error stands its condition: how far alpha moves when the row's own float32 numbers are rounded once more. No
+float32 renderer can do much better. ``python -m benchmarks.agreement``, in a checkout, prints the tables of
+docs/numerics.md for this machine's device.
 """
 
 from collections.abc import Iterator
 from itertools import product
+from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from gspure.cameras.camera import Camera
+from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
+from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Style, suited_style
-from tests.agreement import SHAPES, VIEW, Agreement, Cell, Shape, agreement
+from gspure.opencl.frame import Energy
+from gspure.renderer import Renderer
+from tests.models import camera, gaussians
+from tests.reference.projection import pixel_centres, project
 
+Shape = Literal["flat", "needle"]
+SHAPES: tuple[Shape, ...] = ("flat", "needle")
+VIEW = camera(48, 33)
+ROUNDINGS = 16
+ULP = 2.0**-23
 ASPECTS = (1.0, 1e2, 1e4, 1e6, 1e8)
 ANGLES = (1.0, 1e-2, 1e-4, 1e-6, 0.0)
 DEPTHS = (0.201, 1.0, 10.0, 1e3)
 DRAWS = 12
+
+
+class Cell(NamedTuple):
+    """A shape of `aspect`, whose plane or axis passes the camera's centre ray at `angle` radians, at `depth`."""
+
+    shape: Shape
+    aspect: float
+    angle: float
+    depth: float
+
+    def gaussian(self, rng: np.random.Generator) -> Gaussians:
+        """Draw one: up to the image's edges or far outside, ten pixels in size or so large that it still shows."""
+        slopes = rng.uniform(-0.4, 0.4, 2) * rng.choice([1.0, 1.0, 20.0])
+        mean = self.depth * np.array([*slopes, 1.0])
+        towards = mean / np.linalg.norm(mean)
+        across = np.cross(towards, rng.normal(size=3))
+        across /= np.linalg.norm(across)
+        # The single axis: a disc's normal, nearly perpendicular to the ray, or a needle's length, nearly along it.
+        leaning, upright = (towards, across) if self.shape == "flat" else (across, towards)
+        single = np.cos(self.angle) * upright + np.sin(self.angle) * leaning
+        other = np.cross(single, np.cos(self.angle) * leaning - np.sin(self.angle) * upright)
+        turn = Rotation.from_matrix(np.stack([single, other, np.cross(single, other)], axis=1))
+        visible = max(1 / self.aspect, self.angle if self.shape == "flat" else 0.0, 1e-6)
+        largest = np.linalg.norm(mean) * rng.uniform(3, 10) / 60 * rng.choice([1.0, 0.1 / visible])
+        small = largest / self.aspect
+        scales = (small, largest, 0.7 * largest) if self.shape == "flat" else (largest, small, 0.7 * small)
+        return gaussians(means=mean, scales=scales, quats=turn.as_quat(scalar_first=True), opacities=0.9)
+
+
+class Agreement(NamedTuple):
+    """Worst error of alpha against the reference, and its condition: what one rounding of the row moves it."""
+
+    error: float
+    condition: float
+
+
+def alphas(model: Gaussians, view: Camera, energy: Energy) -> tuple[np.ndarray, np.ndarray]:
+    """Return alpha [H,W] of a model of one row, and where a rounding may decide whether it is 0."""
+    projection = project(model, view, energy)
+    energies, depths = projection.evaluate(0, *pixel_centres(view))
+    unclamped = projection.opacities[0] * energies
+    undecided = np.abs(unclamped / ALPHA_MIN - 1) < 1e-3
+    undecided |= (energy == "ray") & (np.abs(depths / NEAR_PLANE - 1) < 1e-4)
+    return np.where(unclamped >= ALPHA_MIN, np.minimum(unclamped, ALPHA_MAX), 0.0), undecided
+
+
+def rounded_once_more(model: Gaussians, rng: np.random.Generator) -> Iterator[Gaussians]:
+    """Yield the row with centre, rotation and scales off by about one float32 rounding each."""
+    mean, quat, scales = (part.astype(np.float64) for part in (model.means, model.quats, model.scales))
+    for _ in range(ROUNDINGS):
+        table = model.table.astype([(name, "<f8") for name in model.table.dtype.names or ()])
+        moved = mean + ULP * np.linalg.norm(mean) * rng.uniform(-1, 1, mean.shape)
+        turned = quat + ULP * np.linalg.norm(quat) * rng.uniform(-1, 1, quat.shape)
+        log_scales = np.log(scales) + ULP * rng.uniform(-1, 1, scales.shape)
+        names = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)))
+        for name, value in zip(names, np.concatenate([moved, turned, log_scales], axis=1).T, strict=True):
+            table[name] = value
+        yield Double(table)
+
+
+class Double(Gaussians):
+    """Rows of which no number is rounded to float32."""
+
+    def columns(self, *names: str) -> np.ndarray:
+        """Return the named columns as one array [K, len(names)]."""
+        return np.stack([self.table[name] for name in names], axis=1)
+
+
+def agreement(model: Gaussians, view: Camera, energy: Energy, device: Device, style: Style, seed: int = 0) -> Agreement:
+    """Compare a model of one row, where rounding does not decide whether it is drawn."""
+    expected, undecided = alphas(model, view, energy)
+    moved = [alphas(each, view, energy) for each in rounded_once_more(model, np.random.default_rng(seed))]
+    condition = np.max([np.abs(alpha - expected) for alpha, _ in moved], axis=0)
+    for _, also in moved:
+        undecided |= also
+    found = 1 - Renderer(model, device, energy=energy, style=style).transmittance(view)
+    steady = ~undecided
+    return Agreement(
+        float(np.abs(found - expected)[steady].max(initial=0.0)), float(condition[steady].max(initial=0.0))
+    )
 
 
 def worst(cell: Cell, device: Device, style: Style) -> Agreement:

@@ -6,13 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
 from gspure.cli import audit, main
-from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
-from gspure.model import Gaussians, write_model
+from gspure.model import write_model
 from tests.models import blobs
 from tests.workflow_cases import ROOT, settled
 
@@ -43,14 +41,6 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
     write_model(folder / "other.ply", blobs(30))
     assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
     assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
-
-
-def test_anchors_are_pruned_with_the_factors_of_purify(folder, words):
-    anchors = np.zeros(3, [(name, "<f4") for name in (*blobs(1).table.dtype.names, "f_anchor_feat_0", "f_offset_0")])
-    write_model(folder / "anchors.ply", Gaussians(anchors))
-    assert main(["audit", "anchors.ply", "--cameras", "orbit"]) == 0
-    config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
-    assert config["method"] == {"tau_c": ANCHOR_TAU_C, "tau_n": ANCHOR_TAU_N}
 
 
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):

@@ -17,7 +17,7 @@ from gspure.errors import InputError
 from gspure.files import save_array
 from gspure.method.clusters import SELECTIONS, Clusters, read_clusters, select, write_clusters
 from gspure.method.diagnosis import diagnose
-from gspure.method.tree import coincident_points, hdbscan_tree, read_tree, spanning_tree
+from gspure.method.tree import hdbscan_tree, read_tree, spanning_tree
 from gspure.opencl import spanning
 
 
@@ -168,16 +168,6 @@ def test_too_few_points_for_two_clusters_are_noise(count: int, selection: str) -
     tree = spanning_tree(heavy_tailed(6, count), 10)
     assert tree.shape == (count - 1, 3)
     assert select(tree, 10, selection).tolist() == [-1] * count
-
-
-@pytest.mark.parametrize("selection", SELECTIONS)
-def test_piles_of_equal_points_are_counted_and_survive_clustering(selection: str) -> None:
-    points = np.concatenate([heavy_tailed(7, 300), np.zeros((40, 5)), np.full((40, 5), 0.5), np.full((4, 5), 3.0)])
-    tree = spanning_tree(points, 10)
-    assert coincident_points(tree) == 39 + 39  # the pile of four is smaller than min_samples
-    labels = select(tree, 20, selection, max_cluster_share=0.5)
-    assert len(set(labels[300:340].tolist())) == 1
-    assert labels[300] != labels[340]
 
 
 def test_the_diagnosis_describes_the_clustering() -> None:

@@ -95,18 +95,3 @@ def test_the_run_is_a_column_and_two_runs_in_one_model_are_warned_of(tmp_path, p
     write_json(folder / "noise" / "provenance.json", {"run": "def"})
     collect(tmp_path, {MODEL: plan})
     assert "room: results of 2 runs: abc, def" in capsys.readouterr().err
-
-
-def test_the_table_has_a_row_for_every_target_and_detector(tmp_path, plan) -> None:
-    rows = table(tmp_path, plan)
-    assert [(row["variant"], row["target"]) for row in rows] == [
-        (name, target)
-        for name in ("unattacked", "gspure", "noise", "clean", "black")
-        for target in ("scene", "message")
-    ]
-    gspure = by_variant(tmp_path, plan)["gspure"]
-    (row,) = (row for row in rows if (row["variant"], row["target"]) == ("gspure", "message"))
-    assert float(row["psnr"]) == gspure.level("message")
-    assert float(row["psnr_drop"]) == gspure.psnr_drop("message")
-    assert (row["reached"], row["strength"], row["views"], row["reference"]) == ("true", "sigma=0.1", "3", "truth")
-    assert row["pruned_share"] == row["detection_level"] == ""

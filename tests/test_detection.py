@@ -12,19 +12,17 @@ import pytest
 from scipy.stats import binom
 
 from gspure.errors import InputError
-from gspure.evaluation.comparison import TRUTH, ViewMetrics
 from gspure.evaluation.detection import (
     Reading,
     Threshold,
     detection,
     read_marks,
 )
-from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
 from gspure.schemes.readability import bit_readability
-from tests.contest_cases import survives
+from tests.contest_cases import outcome, survives
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.001])
@@ -76,26 +74,15 @@ def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, pres
     assert (read.present, read.tpr, read.level) == (present, hits / 4, 50 + 12.5 * hits)
 
 
-def outcome(variant: str, level: float, scene_psnr: float = 30.0, asset: str = "room") -> Outcome:
-    values = dict.fromkeys(METRICS, 1.0) | {"psnr": scene_psnr}
-    read = detection([Reading(view, level, 32) for view in "abcd"], [])
-    targets = {"scene": ViewMetrics("scene", "mean", TRUTH, values)}
-    return Outcome("vanilla", asset, variant, targets, {"scene": 4}, detections={"mark": read})
+def marked(**levels: float) -> list[Outcome]:
+    """Variants with the shares of correct bits, in percent, that are read from them."""
+    read = {name: detection([Reading(view, level, 32) for view in "abcd"], []) for name, level in levels.items()}
+    outcomes = [outcome(name, targets={"scene": 30.0}, detections={"mark": read[name]}) for name in levels]
+    return list(with_references(outcomes))
 
 
-@pytest.fixture
-def outcomes():
-    return with_references(
-        [
-            outcome("unattacked", 98.0),
-            outcome("gspure", 60.0, 29.7),
-            outcome("gaussian_noise", 90.0, 29.0),
-            outcome("clean", 51.0),
-        ]
-    )
-
-
-def test_bits_survive_where_they_are_detected(outcomes):
+def test_bits_survive_where_they_are_detected():
+    outcomes = marked(unattacked=98.0, gspure=60.0, gaussian_noise=90.0, clean=51.0)
     rows = {row.variant: row for row in survival(outcomes)}
     assert {name: survives(row) for name, row in rows.items()} == {
         "unattacked": True,
@@ -108,9 +95,7 @@ def test_bits_survive_where_they_are_detected(outcomes):
 
 
 def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
-    levels = {"unattacked": 98.0, "gspure": 97.0, "clean": 97.0}
-    outcomes = with_references(outcome(name, level) for name, level in levels.items())
-    rows = survival(outcomes)
+    rows = survival(marked(unattacked=98.0, gspure=97.0, clean=97.0))
     assert {(row.present, row.survived, survives(row)) for row in rows} == {(0, 0, None)}
 
 

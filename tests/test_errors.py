@@ -40,12 +40,3 @@ def test_an_error_while_reading_becomes_one_line(error, found):
         raise error
     assert str(caught.value) == f"x.json: file: expected JSON, found {found}"
     assert caught.value.__cause__ is error
-
-
-@pytest.mark.parametrize(
-    "error", [InputError("x.json", "[3].fx", expected="a number", found="nothing"), KeyboardInterrupt()]
-)
-def test_a_more_precise_error_and_an_interruption_are_kept(error):
-    with pytest.raises(type(error)) as caught, reading("x.json", "JSON"):
-        raise error
-    assert caught.value is error

@@ -6,10 +6,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from benchmarks.agreement import SHAPES, VIEW, Cell, agreement
 from gspure.constants import ALPHA_MAX
 from gspure.model.gaussians import Gaussians
 from gspure.renderer import Renderer
-from tests.agreement import SHAPES, VIEW, Cell, agreement
 from tests.models import blobs, camera, gaussians
 from tests.reference.blending import render
 

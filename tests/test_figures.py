@@ -105,15 +105,6 @@ def test_up_is_up_in_an_overview_whatever_the_cameras_call_up(up) -> None:
     assert high[1] < low[1]  # rows count downwards
 
 
-def test_the_front_is_where_the_cameras_stand() -> None:
-    eyes = [np.array([x, 0.0, 6.0]) for x in (-1, 0, 1)]
-    cameras = [looking_at(np.zeros(3), eye) for eye in eyes]
-    assert viewpoint.world_axes(BALL, cameras)[2] == pytest.approx([0, 0, 1], abs=0.05)
-    assert viewpoint.world_axes(BALL, [])[2] == pytest.approx([0, 0, -1])
-    ring = orbit_cameras(points_of(BALL, np.ones(400)), count=12, up=(0, 0, 1))
-    assert viewpoint.world_axes(BALL, ring)[2] == pytest.approx([0, -1, 0], abs=0.05)
-
-
 def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     shell = 5 * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
     dense = np.concatenate([shell, shell[shell[:, 0] > 3] * 0.99])

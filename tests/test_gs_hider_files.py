@@ -6,7 +6,6 @@ import pytest
 from gspure.model import Gaussians, write_model
 from gspure.schemes.gs_hider import SCHEME
 from gspure.schemes.gs_hider.files import COLUMNS, MESSAGE_DECODER, SCENE_DECODER, DecoderFile
-from gspure.schemes.gs_hider.model import FeatureModel
 
 NAME = "chkpnt7_net.pth"
 
@@ -84,17 +83,3 @@ def test_a_decoder_computes_its_convolutions(torch, saved):
     with torch.inference_mode():
         found = saved(tensors).network(torch.from_numpy(x)).numpy()
     np.testing.assert_allclose(found, hidden.transpose(1, 2, 0), atol=1e-5)
-
-
-def test_round_trips_are_exact(torch, saved, tmp_path):
-    public = FeatureModel(rows(), saved(state(torch)))
-    public.write(tmp_path / "public" / "point_cloud.ply")
-    again = SCHEME.read_public(tmp_path / "public")
-    np.testing.assert_array_equal(again.model.table, public.model.table)
-    assert again.decoder.content == public.decoder.content
-    assert sorted(file.name for file in (tmp_path / "public").iterdir()) == [NAME, "point_cloud.ply"]
-    written = DecoderFile.of(again.decoder.network, 7, SCENE_DECODER)
-    assert written.source.name == NAME
-    for name, tensor in torch.load(tmp_path / NAME, weights_only=True).items():
-        assert torch.equal(written.network.state_dict()[name], tensor)
-    assert DecoderFile.of(written.network, 7, SCENE_DECODER).content == written.content

@@ -1,21 +1,15 @@
 """The configurations for photographs: what they ask for, and how large their graphs are. Nothing is downloaded."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 
 from gspure.datasets import SCENES
 from tests.training_cases import colmap_project, ring
-from tests.workflow_cases import CONFIG as TINY
-from tests.workflow_cases import started
+from tests.workflow_cases import ROOT, SCHEMA, started
 
 pytestmark = pytest.mark.workflow
 
-ROOT = Path(__file__).parents[1]
-CONFIG = ROOT / "config"
-SCHEMA = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text())
-DEFAULT_VARIANTS = SCHEMA["properties"]["variants"]["default"]
+DEFAULT_VARIANTS = yaml.safe_load(SCHEMA.read_text())["properties"]["variants"]["default"]
 
 
 def captures(folder, names):
@@ -26,19 +20,13 @@ def captures(folder, names):
 
 @pytest.fixture
 def project(tmp_path):
-    return started(tmp_path / "project", TINY)
-
-
-def configured(project, name):
-    """Take a shipped configuration as the project's."""
-    config = yaml.safe_load((CONFIG / name).read_text())
-    project.configure(config)
-    return config
+    return started(tmp_path / "project")
 
 
 def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_view(project):
     captures(project.folder / "data", SCENES)
-    config = configured(project, "mipnerf360.yaml")
+    config = yaml.safe_load((ROOT / "config" / "mipnerf360.yaml").read_text())
+    project.configure(config)
     messages = {pair["message"] for pair in config["pairs"].values()}
     models, variants = len(config["pairs"]) * len(config["schemes"]), len(DEFAULT_VARIANTS)
     jobs = project.planned()
@@ -55,6 +43,6 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
 
 def test_two_user_captures_are_hidden_in_each_other(project):
     captures(project.folder / "photos", ["scene", "message"])
-    configured(project, "photos.yaml")
+    project.configure(yaml.safe_load((ROOT / "config" / "photos.yaml").read_text()))
     jobs = project.planned()
     assert jobs.items() >= {"train_message": 2, "make_pair": 2, "embed_message": 2, "write_report": 1}.items()

@@ -144,14 +144,11 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
         "gentle_leaf": {"attack": "gspure", "decision": "gentle_leaf"},
         "half": {"attack": "random_pruning", "fraction": 0.5},
         "random_pruning": {},
-        "half_again": {"attack": "random_pruning", "fraction": 0.5, "seed": 1},
         "gspure_scaled": {"damage": [0.3, 2]},
-        "noise": {"attack": "gaussian_noise", "sigma": 0.2, "attributes": "base_colour"},
-        "ewa": {"attack": "plain_weight", "decision": "ewa"},
         "plain_weight": {},
     }
     own = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
-    plan = changed(assets=None, decisions={**own, "ewa": {"energy": "ewa"}}, variants=variants)
+    plan = changed(assets=None, decisions=own, variants=variants)
     assert report_plan(plan).sweeps == {
         "gspure": ["gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"],
         "gspure leaf": ["leaf", "gentle_leaf"],
@@ -159,12 +156,3 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
     }
     assert report_plan(plan).points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
     assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == report_plan(plan).points["secure_gs"]
-
-
-def test_the_report_knows_variants_controls_and_photographs(plan):
-    models = report_plan(plan).models
-    assert [*models] == [f"{model.scheme}/{model.scene}" for model in plan.models]
-    assert models["secure_gs/front"].photographs.name == "front"
-    assert (models["secure_gs/front"].protocol, models["secure_gs/front"].initialization) == ("shared", "both")
-    assert (models["vanilla/bot"].photographs, models["vanilla/bot"].protocol) == (None, "")
-    assert models["secure_gs/front"].controls == list(CONTROLS)

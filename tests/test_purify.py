@@ -1,6 +1,7 @@
 """The whole method on one model in one process."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +37,9 @@ def model() -> Gaussians:
 
 
 def cameras(count: int = 9) -> list[Camera]:
-    views = []
-    for i in range(count):
-        viewmat = np.eye(4)
-        viewmat[0, 3] = 0.1 * (i - count // 2)
-        views.append(Camera(f"view_{i}", 48, 40, intrinsics(40, 40, 24, 20), viewmat))
-    return views
+    ahead = Camera("", 48, 40, intrinsics(40, 40, 24, 20), np.eye(4))
+    shifts = np.eye(4, k=3) * 0.1
+    return [replace(ahead, name=f"view_{i}", viewmat=np.eye(4) + (i - count // 2) * shifts) for i in range(count)]
 
 
 SETTINGS = {"min_cluster_size": 20, "min_samples": 5, "selection": "leaf"}
@@ -52,12 +50,9 @@ def found() -> Purification:
     return purify(model(), cameras(), **SETTINGS)
 
 
-def test_rows_of_low_weight_are_removed_and_others_stay(found: Purification) -> None:
+def test_rows_of_low_weight_are_removed_and_others_stay_bit_identical(found: Purification) -> None:
     assert found.prune_mask[WALL:].all()
     assert found.prune_mask[:WALL].mean() < 0.2
-
-
-def test_remaining_rows_are_bit_identical_and_say_what_was_done(found: Purification) -> None:
     assert found.model.table.tobytes() == model().table[~found.prune_mask].tobytes()
     (comment,) = found.model.comments
     assert "purified" in comment
@@ -71,13 +66,11 @@ def test_weights_are_the_mean_of_the_views_in_the_order_of_their_names(found: Pu
     np.testing.assert_array_equal(purify(model(), cameras()[::-1], **SETTINGS).weights, found.weights)
 
 
-@pytest.mark.parametrize("selection", ["eom_capped", "leaf"])
-def test_decisions_do_not_depend_on_the_order_of_rows(selection: str) -> None:
-    given, chosen = model(), {**SETTINGS, "selection": selection}
-    rows = np.random.default_rng(5).permutation(len(given))
-    before, after = purify(given, cameras(), **chosen), purify(Gaussians(given.table[rows]), cameras(), **chosen)
+def test_decisions_do_not_depend_on_the_order_of_rows(found: Purification) -> None:
+    rows = np.random.default_rng(5).permutation(len(model()))
+    after = purify(Gaussians(model().table[rows]), cameras(), **SETTINGS)
     for name in ("weights", "labels", "prune_mask"):
-        np.testing.assert_array_equal(getattr(after, name), getattr(before, name)[rows])
+        np.testing.assert_array_equal(getattr(after, name), getattr(found, name)[rows])
 
 
 @pytest.mark.parametrize(
@@ -165,8 +158,5 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(command: list[st
     assert f"{before:.2f} dB before, {after:.2f} dB after" in capsys.readouterr().out
     assert [*(OUT / "renders" / "pruned").glob("*.png")]
     assert main([*command, *settings]) == 0
-    diagnosis = read_json(OUT / "diagnosis.json")
-    assert diagnosis["psnr"]["mean"] == before
-    assert "psnr_before_repair" not in diagnosis
+    assert read_json(OUT / "diagnosis.json")["psnr"]["mean"] == before
     assert len(read_model(OUT / "purified.ply")) == rows
-    assert not [*(OUT / "renders" / "pruned").glob("*.png")], "of an earlier run"

@@ -86,12 +86,6 @@ def test_depth_of_a_sphere_is_the_analytic_one_along_rays_through_pixel_centres(
     np.testing.assert_allclose(depth, expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("coarseness", [1, 2])
-def test_an_open_floor_gathers_exactly_the_sky(coarseness):
-    scene = lit(FLOOR, sky=(0.6, 0.6, 0.6), coarseness=coarseness)
-    assert light_at(scene, 0, 5, [[0.1, 0.9], [0.5, 0.5]]) == pytest.approx(0.6)
-
-
 def test_a_shadow_is_dark_inside_and_soft_at_its_edge():
     lid = Box((0.0, 0.0, 1.0), (1.0, 1.0, 0.1), GREY)
     lamp = Lamp((0.0, 0.0, 3.0), 1.0, (50.0,) * 3)

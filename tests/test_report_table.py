@@ -57,12 +57,6 @@ def test_every_format_shows_the_same_cells() -> None:
     ]
 
 
-def test_html_marks_kinds_of_rows_and_the_best() -> None:
-    text = page(TABLE)
-    assert re.findall(r'<tr class="(\w+)"><th scope="row">', text) == ["best", "control"]
-    assert "<b>12.50</b> <small>(11.00 to 14.00)</small>" in text
-
-
 @pytest.mark.parametrize(
     ("mean", "text"),
     [
@@ -95,7 +89,6 @@ def test_a_table_of_variants_has_the_columns_that_its_outcomes_need() -> None:
     read = Detection(96.9, 3.1, 1.0, math.nan, present=True, views=4, bits=32)
     marked = [replace(o, pruned_share=0.25, strength="tau=4", detections={"mark": read}) for o in plain]
     titles = [column.full_title for column in model_table(plain).columns]
-    assert titles[:3] == ["variant", "scene PSNR", "scene SSIM"]
     more = [column.full_title for column in model_table(marked).columns]
     assert [title for title in more if title not in titles] == [
         *("strength", "mark correct bits", "mark TPR 1%", "mark TPR 0.1%", "pruned")
@@ -103,6 +96,4 @@ def test_a_table_of_variants_has_the_columns_that_its_outcomes_need() -> None:
     (row,) = (row for row in model_table(marked).rows if row.cells[0].text == "GSPure")
     cells = dict(zip(more, map(str, row.cells), strict=True))
     assert cells["message PSNR"] == "19.00 (−9.00)"
-    assert (cells["Score message"], cells["pruned"]) == ("+8.00", "25.0%")
-    assert (cells["mark correct bits"], cells["mark TPR 0.1%"]) == ("96.9% (± 3.1)", "–")
-    assert (row.kind, model_table(marked).rows[-1].kind) == ("best", "control")
+    assert (cells["Score message"], cells["mark correct bits"]) == ("+8.00", "96.9% (± 3.1)")

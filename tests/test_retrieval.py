@@ -55,13 +55,8 @@ def test_a_faded_message_is_retrieved(tmp_path: Path, fade) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [
-        noise,
-        *(lambda image, turn=turn: image[turn] for turn in (np.s_[:, ::-1], np.s_[::-1], np.s_[::-1, ::-1])),
-        lambda image: 1 - image,
-        np.zeros_like,
-    ],
-    ids=["noise", "mirrored", "upside down", "turned", "inverted", "black"],
+    [noise, lambda image: image[:, ::-1], lambda image: image[::-1], lambda image: 1 - image, np.zeros_like],
+    ids=["noise", "mirrored", "upside down", "inverted", "black"],
 )
 def test_an_image_without_the_message_is_not_retrieved(tmp_path: Path, change) -> None:
     assert not retrieved(tmp_path, change).succeeds

@@ -6,26 +6,21 @@ import math
 import pytest
 
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.summary import Summary, summarize
 from gspure.report.tables import summary_table
-from tests.contest_cases import measured
-
-REFERENCE = {"scene": 30.0, "message": 25.0}
+from tests.contest_cases import BEFORE, outcome
 
 
-def outcome(scheme, place, variant, **psnr):
-    means = {target: measured(target, value) for target, value in psnr.items()}
-    reference = {target: measured(target, value) for target, value in REFERENCE.items()}
-    return Outcome(scheme, place, variant, means, dict.fromkeys(means, 4), reference=reference)
+def of_scheme(scheme, place, variant, **psnr):
+    return outcome(variant, place, scheme=scheme, targets=psnr)
 
 
 @pytest.fixture
 def outcomes():
     """Three scenes of one scheme, seven of another."""
-    few = [outcome("my_scheme", f"s{i}", "gspure", scene=29.0, message=10.0 + i) for i in range(3)]
-    controls = [outcome("my_scheme", f"s{i}", "wrong_key", scene=30.0, message=8.0) for i in range(3)]
-    many = [outcome("splats_in_splats", f"s{i}", "gspure", scene=28.0, message=10.0 + i) for i in range(7)]
+    few = [of_scheme("my_scheme", f"s{i}", "gspure", scene=29.0, message=10.0 + i) for i in range(3)]
+    controls = [of_scheme("my_scheme", f"s{i}", "wrong_key", scene=30.0, message=8.0) for i in range(3)]
+    many = [of_scheme("splats_in_splats", f"s{i}", "gspure", scene=28.0, message=10.0 + i) for i in range(7)]
     return [*few, *controls, *many]
 
 
@@ -38,7 +33,7 @@ def test_rows_are_means_over_scenes_in_the_order_of_outcomes(outcomes):
     ]
     assert [row.message.mean for row in rows] == [11.0, 8.0, 13.0]
     assert [row.message.scenes for row in rows] == [3, 3, 7]
-    assert rows[0].score.mean == (25 - 11) - (30 - 29)
+    assert rows[0].score.mean == (BEFORE["message"] - 11) - (BEFORE["scene"] - 29)
 
 
 def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outcomes):
@@ -50,7 +45,7 @@ def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outc
 
 def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
     ours = [
-        outcome(scheme, "room", variant, scene=29.0, message=9.0)
+        of_scheme(scheme, "room", variant, scene=29.0, message=9.0)
         for scheme, variant in [("gs_hider", "opacity_weight"), ("splats_in_splats", "weight_clustering")]
     ]
     write_table(tmp_path / "summary.csv", Summary, summarize(ours))
@@ -60,7 +55,7 @@ def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
 
 
 def test_every_extraction_of_the_message_has_a_row():
-    outcomes = [outcome("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
+    outcomes = [of_scheme("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
     assert [(row.extraction, row.message.mean) for row in summarize(outcomes)] == [
         ("message", 9.0),
         ("message_oracle", 12.0),

@@ -17,7 +17,7 @@ from gspure.training.dataset import extent, read_dataset
 from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, thinned, view_counts
 from gspure.training.output import write_output
 from gspure.training.schedule import Schedule
-from tests.training_cases import colmap_project, parameters, ring, same_bits, state, turned_away
+from tests.training_cases import colmap_project, parameters, ring, same_bits, state
 
 lengths = st.integers(1, 100_000)
 
@@ -73,11 +73,6 @@ def test_random_points_lie_where_many_views_overlap():
     assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
     cube = random_points(views, extent(views), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(points, cube)
-
-
-def test_there_are_no_random_points_for_views_that_do_not_overlap():
-    away = [turned_away(view) for view in ring(2)]
-    assert len(random_points(away, extent(away), 100, np.random.default_rng(0))) == 0
 
 
 def test_many_points_are_thinned_with_their_colours():
