@@ -9,6 +9,7 @@ from gspure.cameras import inria, nerfstudio
 from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
+from gspure.cameras.foreign import refuse_foreign
 from gspure.errors import InputError
 from gspure.files import Float64, load_array, read_json
 from gspure.progress import say, warn
@@ -74,6 +75,7 @@ def _fits(camera: Camera) -> bool:
 
 def _read_file(path: Path) -> list[Camera]:
     """Read the cameras of a file."""
+    refuse_foreign(path)
     match content := read_json(path):
         case [{"transform": _}, *_]:
             return nerfstudio.parse_poses(path, content)
@@ -110,6 +112,8 @@ def camera_place(source: Path) -> Path:
     places = camera_places(source)
     if len(places) == 1:
         return places[0]
+    if not places:
+        refuse_foreign(source)
     expected = f"a COLMAP sparse model, {', '.join(IN_FOLDER[:-1])} or {IN_FOLDER[-1]}"
     found = ", ".join(str(path.relative_to(source)) for path in places) or "none of them"
     hint = "name one of them" if places else None
