@@ -36,6 +36,21 @@ MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels
 logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
 
 
+_RAW: Final = (".3fr", ".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw")
+_UNREAD: Final = {
+    "HEIC": rb"....ftyp(hei|hev|mif1|msf1)",
+    "AVIF": rb"....ftypavi",
+    "JPEG XL": rb"\xff\x0a|\0\0\0\x0cJXL ",
+    "JPEG 2000": rb"\xff\x4f\xff\x51|\0\0\0\x0cjP  ",
+    "OpenEXR": rb"\x76\x2f\x31\x01",
+    "Radiance HDR": rb"#\?RADIANCE",
+    "Photoshop": rb"8BPS",
+}
+"""Other formats by their first bytes; raw photographs by their suffix, as most pose as TIFF."""
+
+_ORIENTATION: Final = 0x0112  # tag of EXIF: 1 if the pixels are stored upright
+
+
 @contextmanager
 def opened(path: str | Path) -> Iterator[ImageFile]:
     """Open an image, the first one of a file; its pixels are not decoded.
@@ -46,6 +61,7 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
     from PIL import Image
 
     with reading(path, "an image"):
+        _refuse_unread(Path(path))
         with Image.open(str(path), formats=(*FORMATS,)) as image:
             image.verify()  # compares the checksums of a PNG; decoding does not
         with Image.open(str(path), formats=(*FORMATS,)) as image:
@@ -63,8 +79,9 @@ def read_image(
     """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
     Transparent images are composited on the `levels` of the background; if it is None, they keep their alpha, [H,W,4].
-    The orientation in EXIF data is not applied, as camera poses belong to the pixels as stored. An image larger than
-    `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it becomes float, as in 3DGS.
+    The orientation in EXIF data is not applied, as camera poses belong to the pixels as stored; but Pillow applies that
+    of TIFF files. An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before
+    it becomes float, as in 3DGS.
 
     Raise `InputError` if the file is missing, corrupt, not 8-bit, too large, or smaller than `size`.
     """
@@ -79,7 +96,7 @@ def read_image(
     if size is not None and pixels.size != size:
         if pixels.width < size[0] or pixels.height < size[1]:
             found = f"{pixels.width}x{pixels.height}"
-            raise InputError(path, "size", expected=f"at least {size[0]}x{size[1]}", found=found)
+            raise InputError(path, "size", expected=f"at least {size[0]}x{size[1]}", found=found, hint=turn(Path(path)))
         pixels = pixels.resize(size, Image.Resampling.BICUBIC)
     return np.asarray(pixels, np.float32) / np.float32(255)
 
@@ -116,6 +133,31 @@ def is_blank(image: Float32) -> bool:
 def is_flat(image: Float32) -> bool:
     """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
     return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())
+
+
+def turn(path: Path) -> str | None:
+    """Return a remark on the EXIF orientation of an image, None if it is upright.
+
+    That of a PNG file, which is seldom, may follow the pixels and is not looked for. Pillow applies that of TIFF files.
+    """
+    from PIL import Image
+
+    with reading(path, "an image"), Image.open(str(path), formats=(*FORMATS,)) as image:
+        orientation = 1 if image.format == "PNG" else image.getexif().get(_ORIENTATION, 1)
+    if orientation in (0, 1):
+        return None
+    if image.format == "TIFF":
+        return f"EXIF orientation {orientation} is applied, as by 3DGS; COLMAP ignores it"
+    return f"EXIF orientation {orientation} is ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` applies it"
+
+
+def _refuse_unread(path: Path) -> None:
+    """Refuse a known format that is not read."""
+    with path.open("rb") as stream:
+        head = stream.read(64)
+    known = (name for name, beginning in _UNREAD.items() if re.match(beginning, head, re.DOTALL))
+    if found := "a raw photograph" if path.suffix.lower() in _RAW else next(known, None):
+        raise InputError(path, "format", expected=", ".join(FORMATS), found=found, hint="convert it to PNG or JPEG")
 
 
 def _is_deep(codec: str, args: object) -> bool:

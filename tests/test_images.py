@@ -96,7 +96,7 @@ SUFFIXES = [(suffix, kind) for kind, suffixes in FORMATS.items() for suffix in s
 @pytest.mark.parametrize(("suffix", "kind"), SUFFIXES)
 def test_photographs_of_every_format_are_recognized_by_their_suffix_and_read(tmp_path, suffix, kind):
     Image.new("RGB", (4, 3), (255, 0, 0)).save(tmp_path / f"a{suffix}", kind)
-    (view,) = _with_photographs([camera(4, 3, name="a")], tmp_path)
+    (view,) = _with_photographs([camera(4, 3, name="a")], tmp_path, tmp_path)
     assert photograph_size(photograph(view)) == (4, 3)
     assert read_image(photograph(view))[1, 1] == pytest.approx([1, 0, 0], abs=0.02)
 
@@ -112,3 +112,47 @@ def test_a_ppm_of_16_bits_per_channel_is_refused_and_not_cut(tmp_path):
     (tmp_path / "a.ppm").write_bytes(b"P6 4 3 1023\n" + bytes(72))
     with pytest.raises(InputError, match="pixels: expected 8 bits per channel"):
         read_image(tmp_path / "a.ppm")
+
+
+UNREAD = {
+    "a.heic": (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "HEIC"),
+    "a.JPG": (b"\0\0\0\x24ftypmif1\0\0\0\0", "HEIC"),
+    "a.avif": (b"\0\0\0\x20ftypavif\0\0\0\0", "AVIF"),
+    "a.jxl": (b"\xff\x0a\xfa\x7f", "JPEG XL"),
+    "b.jxl": (b"\0\0\0\x0cJXL \r\n\x87\n", "JPEG XL"),
+    "a.jp2": (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
+    "a.exr": (b"\x76\x2f\x31\x01\x02", "OpenEXR"),
+    "a.CR2": (b"II*\0\x10\0\0\0CR", "a raw photograph"),
+    "a.nef": (b"MM\0*", "a raw photograph"),
+    "a.dng": (b"II*\0", "a raw photograph"),
+}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_photograph_of_another_format_is_named(tmp_path, name):
+    content, kind = UNREAD[name]
+    (tmp_path / name).write_bytes(content + bytes(100))
+    for read in (read_image, photograph_size):
+        with pytest.raises(InputError, match=rf"format: expected .*JPEG.*, found {kind} \(convert it to PNG or JPEG\)"):
+            read(tmp_path / name)
+
+
+@pytest.mark.parametrize("compression", [None, "tiff_lzw", "jpeg"])
+@pytest.mark.parametrize("mode", ["RGB", "L"])
+def test_the_first_page_of_a_tiff_is_read(tmp_path, compression, mode):
+    page = Image.new("RGB", (32, 24), (200, 100, 50))
+    reduced = page.resize((16, 12)).convert(mode)
+    page.save(tmp_path / "a.tif", save_all=True, append_images=[reduced], compression=compression)
+    assert read_image(tmp_path / "a.tif").shape == (24, 32, 3)
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("suffix", [".jpg", ".webp"])
+def test_an_orientation_in_exif_data_is_mentioned_where_a_size_does_not_fit(tmp_path, suffix, orientation):
+    exif = Image.Exif()
+    exif[0x112] = orientation
+    Image.new("RGB", (32, 24)).save(path := tmp_path / f"a{suffix}", exif=exif)
+    assert read_image(path).shape == (24, 32, 3), "not applied"
+    with pytest.raises(InputError, match="expected at least 24x32, found 32x24") as caught:
+        read_image(path, (24, 32))
+    assert ("EXIF" in str(caught.value)) == (orientation > 1)

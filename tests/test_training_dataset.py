@@ -148,3 +148,15 @@ def test_a_model_around_an_offset_is_seen_by_the_cameras_of_its_capture(tmp_path
     for cameras in (source, tmp_path / "out" / "cameras.json"):
         views = in_world_of(tmp_path / "out", read_cameras(cameras), cameras)
         assert share_shown(read_model(tmp_path / "out"), views) > 0.3
+
+
+def test_photographs_that_exif_data_turn_are_mentioned(project, capsys):
+    exif = Image.Exif()
+    exif[0x112] = 6
+    for number, file in enumerate(sorted((project / "images").iterdir())):
+        Image.open(file).save(file.with_suffix(".jpg"), **({"exif": exif} if number < 2 else {}))
+        file.unlink()
+    read_dataset(project, "native")
+    assert "2 of 9 photographs are turned, such as orbit_000: EXIF orientation 6 is ignored" in capsys.readouterr().err
+    Image.new("RGB", (24, 32)).save(project / "images" / "orbit_001.jpg", exif=exif)
+    assert "orbit_001.image: expected the shape of its camera, 32x24, found 24x32 (EXIF" in refusal(project, "16px")

@@ -13,7 +13,7 @@ from typing import Final, TypeVar
 from gspure.cameras.camera import Camera
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError
-from gspure.images import FORMATS, opened
+from gspure.images import FORMATS, opened, turn
 from gspure.progress import say
 
 Named = TypeVar("Named", Path, Path | None)
@@ -195,7 +195,8 @@ def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
         width, height = photograph_size(photograph(camera))
         if width < camera.width or height < camera.height:
             expected = f"a photograph of at least {camera.width}x{camera.height}"
-            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
+            hint = turn(photograph(camera)) or "`--resolution photographs` reduces the views to their photographs"
+            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}", hint=hint)
 
 
 def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:

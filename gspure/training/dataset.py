@@ -26,9 +26,9 @@ from gspure.cameras.reading import IN_FOLDER, camera_object, camera_place
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, UInt8, digest
-from gspure.images import FORMATS, read_image
+from gspure.images import FORMATS, read_image, turn
 from gspure.model.ply import read_point_ply
-from gspure.progress import say
+from gspure.progress import say, warn
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 
 EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
@@ -236,12 +236,20 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None, place: Pa
 
 
 def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
-    """Refuse photographs whose aspect ratio differs from that of their camera, such as cropped or turned ones."""
+    """Refuse photographs whose aspect ratio differs from that of their camera, such as cropped or turned ones.
+
+    Warn about EXIF orientations.
+    """
+    remarks = {}
     for camera in cameras:
         width, height = photograph_size(photograph(camera))
+        if hint := turn(photograph(camera)):
+            remarks[camera.name] = hint
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
             expected = f"the shape of its camera, {camera.width}x{camera.height}"
-            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}")
+            raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}", hint=hint)
+    for name, remark in [*remarks.items()][:1]:
+        warn(f"{source}: {len(remarks)} of {len(cameras)} photographs are turned, such as {name}: {remark}")
 
 
 def _offset(cameras: Sequence[Camera]) -> Float64:
