@@ -129,8 +129,9 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
     has_colour = rest or not {*COLOUR}.isdisjoint(dtype.names or ())
     for name in (*CORE, *(COLOUR if has_colour else ()), *rest):
         if name not in (stored := dtype.names or ()):
+            unknown = " ".join(known for known in stored if known not in {*CORE, *COLOUR, *NORMALS, *rest})
             is_other = {*CORE[3:]}.isdisjoint(stored) and len(stored) < len(CORE)
-            hint = f"{other}, not a 3DGS model" if is_other else f"renamed? It has {' '.join(stored)}"
+            hint = f"{other}: `gspure train` makes a model" if is_other else unknown and f"renamed? It has {unknown}"
             raise InputError(path, name, expected="a property of 3DGS", found="no such property", hint=hint)
 
 
