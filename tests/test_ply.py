@@ -232,14 +232,12 @@ def test_red_green_and_blue_become_coefficients(tmp_path, capsys, kind):
     assert "red" not in model.names
 
 
-@pytest.mark.parametrize(("lacking", "third"), [(["scale_2"], -2 + np.log(1e-3)), (["scale_1", "scale_2"], -1.0)])
-def test_flat_and_round_gaussians_get_the_scales_they_lack(tmp_path, capsys, lacking, third):
-    table = np.zeros(3, floats([name for name in vanilla_columns(0) if name not in lacking]))
-    table["scale_0"] = -1
-    if "scale_1" in table.dtype.names:
-        table["scale_1"] = -2
-    model, _ = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
-    np.testing.assert_allclose(model.table["scale_2"], third, rtol=1e-6)
+def test_flat_gaussians_get_a_thin_third_axis(tmp_path, capsys):
+    table = np.zeros(3, floats([name for name in vanilla_columns(0) if name != "scale_2"]))
+    table["scale_0"], table["scale_1"] = -1, -2
+    model, line = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
+    np.testing.assert_allclose(model.scales, [np.exp([-1, -2, -2]) * [1, 1, 1e-3]] * 3, rtol=1e-6)
+    assert "2DGS" in line
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------

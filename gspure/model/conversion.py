@@ -21,6 +21,7 @@ def offset_comment(offset: Float64) -> str:
     return "gspure offset " + " ".join(map(str, offset.tolist()))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # infinities are found where models are made drawable
 def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str], tuple[str, ...]]:
     """Return rows [K] with 3DGS's properties, float32 as far as images depend on them; what was changed; a comment.
 
@@ -34,11 +35,7 @@ def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str], tupl
         shades = zip(COLOUR, (columns.pop(name) for name in _RGB), strict=True)
         columns |= {name: (_unit(shade) - 0.5) / np.float32(SH_DC) for name, shade in shades}
         changes.append(f"colours {', '.join(_RGB)} become f_dc_0..2")
-    scales = [name for name in SCALES if name in columns]
-    if scales == ["scale_0"]:
-        columns |= dict.fromkeys(SCALES, columns["scale_0"])
-        changes.append("one scale per row: round Gaussians")
-    if scales == ["scale_0", "scale_1"]:
+    if {"scale_0", "scale_1"} <= columns.keys() and "scale_2" not in columns:
         columns["scale_2"] = np.minimum(columns["scale_0"], columns["scale_1"]) + np.float32(math.log(_THIN))
         changes.append(f"flat Gaussians (2DGS) get scale_2, {_THIN:g} of their shorter axis")
     numbered = Gaussians(rows[:0]).columns_named("f_rest_")
@@ -52,9 +49,8 @@ def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str], tupl
         comments = (offset_comment(offset),)
         changes.append(f"coordinates become relative to {' '.join(map(str, offset.tolist()))}, and cameras too")
     table = np.empty(len(rows), [(name, "<f4" if name in drawn else column.dtype) for name, column in columns.items()])
-    with np.errstate(over="ignore", invalid="ignore"):
-        for name, column in columns.items():
-            table[name] = column
+    for name, column in columns.items():
+        table[name] = column
     return table, changes, comments
 
 
