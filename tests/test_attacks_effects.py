@@ -176,7 +176,6 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
     ("name", "settings"),
     [
         ("opacity_noise", {}),
-        ("densify_clone", {}),
         ("rigid_transform", {}),
         ("feature_scaling", {"attributes": "opacity"}),
         ("quantize", {"attributes": "opacity,rotation"}),

@@ -71,10 +71,6 @@ def test_a_wrong_command_line_is_refused_in_one_line_with_status_2(line, expecte
     ("error", "line"),
     [
         (InputError("model", "rows", expected="many", found="few"), "model.ply: rows: expected many, found few"),
-        (
-            InputError("a\n.ply", "x", expected="a number", found="\x1b[2J"),
-            r"a\n.ply: x: expected a number, found \x1b[2J",
-        ),
         (MemoryError("1 TB"), "out of memory: 1 TB"),
     ],
 )

@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from gspure.figures.clouds import Purified, ranks
+from gspure.figures.clouds import Purified
 from gspure.figures.viewer import write_viewer
 from gspure.public_model import PublicModel
 from tests.models import gaussians
@@ -75,17 +72,3 @@ def test_only_the_colours_of_the_message_need_a_key(tmp_path: Path) -> None:
     bare = written(tmp_path, replace(shown, hidden=None))
     assert set(bare["colours"]) == {"colour", "cluster", "rank", "weight", "pruned"}
     assert "message" not in bare["removed"]
-
-
-@settings(deadline=None)
-@given(arrays(np.float32, 40, elements=st.floats(0, 9, width=16)), arrays(np.int32, 40, elements=st.integers(-1, 1)))
-def test_the_rank_is_that_of_the_weight_that_decides(weights: np.ndarray, labels: np.ndarray) -> None:
-    labels[:2] = 0, 1
-    rank = ranks(labels, weights)
-    deciding = weights.astype(np.float64)
-    for cluster in (0, 1):
-        deciding[labels == cluster] = weights[labels == cluster].mean(dtype=np.float64)
-        assert np.ptp(rank[labels == cluster]) == 0
-    for k in range(40):
-        before, tied = np.sum(deciding < deciding[k]), np.sum(deciding == deciding[k])
-        assert rank[k] == pytest.approx((before + (tied - 1) / 2) / 39)

@@ -89,13 +89,6 @@ def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_t
     assert renderer.asked == ["view_2", "view_3"]
 
 
-def test_a_model_with_nan_is_refused_before_anything_is_written(tmp_path, renderer):
-    model = blobs(5)
-    with pytest.raises(InputError, match="finite"):
-        contribute(PublicModel(model.with_columns({"y": np.full(len(model), np.nan)})), views(), tmp_path / "stages")
-    assert not (tmp_path / "stages").exists()
-
-
 DAMAGES = {
     "cut": lambda content: content[:-5],
     "another dtype": lambda content: content.replace(b"pixels", b"texels"),

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from gspure.public_model import PublicModel
-from gspure.schemes.keyss import SCHEME
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import SHAPES, added, fresh, random_key
 from gspure.schemes.pair import read_pair
-from gspure.schemes.scheme import MESSAGE, hide
+from gspure.schemes.scheme import MESSAGE
 from tests.models import blobs
 
 
@@ -38,16 +37,3 @@ def test_numpy_and_pytorch_add_the_same():
     tensors = {name: torch.from_numpy(layer) for name, layer in key.network.items()}
     same = added(torch, tensors, torch.from_numpy(key.vector), torch.from_numpy(rows)).numpy()
     np.testing.assert_allclose(same, added(np, key.network, key.vector, rows), rtol=1e-4, atol=1e-5)
-
-
-def test_the_message_does_not_train_opacities_that_no_view_of_the_scene_shows(own_pair_folder):
-    pytest.importorskip("torch")
-    pair = read_pair(own_pair_folder)
-    start, end = (hide(SCHEME, pair, iterations=n, max_gaussians=400)[0] for n in (1, 40))
-    shows = end.contributions(energy="ewa")
-    unseen = np.setdiff1d(np.arange(len(end.model)), np.concatenate([shows(c)["index"] for c in pair.scene.views]))
-    assert len(unseen) > 20
-    untouched = np.unique(start.model.table["opacity"][unseen])
-    assert len(untouched) == 1
-    assert np.mean(end.model.table["opacity"][unseen] == untouched) > 0.9
-    assert np.mean(end.model.means[unseen] != start.model.means[unseen]) > 0.5

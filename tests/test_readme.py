@@ -12,9 +12,8 @@ import pytest
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
-from gspure.scenes.photography import path_cameras
 from tests.documentation import ROOT, blocks
-from tests.planted_cases import planted_model
+from tests.test_purify import cameras, model
 from tests.training_cases import colmap_project, ring
 
 README = ROOT / "README.md"
@@ -22,28 +21,23 @@ LINES = [line.partition("#")[0] for block in blocks(README, "sh") for line in bl
 COMMANDS = [shlex.split(line)[1:] for line in LINES if line.startswith("gspure ")]
 
 
-@pytest.fixture(scope="module")
-def planted():
-    return planted_model(gaussians=600)[0].model
-
-
 @pytest.fixture
-def folder(tmp_path, monkeypatch, planted):
+def folder(tmp_path, monkeypatch):
     """A user's folder with a model and its cameras, which is the current one."""
-    write_model(tmp_path / "point_cloud.ply", planted)
-    write_cameras(tmp_path / "cameras.json", path_cameras(9, 48, 36))
+    write_model(tmp_path / "point_cloud.ply", model())
+    write_cameras(tmp_path / "cameras.json", cameras())
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_the_program_runs(folder, planted):
+def test_the_program_runs(folder):
     (program,) = blocks(README, "python")
     names = {}
     exec(program, names)  # noqa: S102
-    assert names["image"].shape == (36, 48, 3)
+    assert names["image"].shape == (40, 48, 3)
     assert names["gradients"].means.shape == names["purified"].model.means.shape
     kept = ~names["purified"].prune_mask
-    assert read_model(Path("purified.ply")).table.tobytes() == planted.table[kept].tobytes()
+    assert read_model(Path("purified.ply")).table.tobytes() == model().table[kept].tobytes()
     assert main(["purify", "point_cloud.ply", "--cameras", "cameras.json", "--out", "purified"]) == 0
     np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
 

@@ -9,7 +9,7 @@ from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.outcomes import BITS, is_picture
 from gspure.files import read_json, save_array
 from gspure.images import read_image
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider
@@ -187,21 +187,14 @@ def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
     settings = ("--set", "iterations=60", "--set", "max_gaussians=800")
     assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
     public = tmp_path / "marked" / "public" / "point_cloud.ply"
-    assert len(read_model(public)) > 0
     check = read_json(tmp_path / "marked" / "key" / "readability.json")
     assert check["readable"] == (check["message"] >= max(check["controls"].values()) + 1)
-    assert f"message PSNR {check['message']:.1f} dB" in capsys.readouterr().err
     extract = ["extract", str(public), "--scheme", "splats_in_splats", "--key", str(tmp_path / "marked" / "key")]
     extract += ["--cameras", str(pair_folder / "cameras.json"), "--split", "test"]
-    for name, options in {
-        "own": [],
-        "oracle": ["--extraction", "message_oracle"],
-        "wrong": ["--wrong-key", "1"],
-    }.items():
-        assert main([*extract, *options, "--out", str(tmp_path / name)]) == 0
-    images = [read_image(tmp_path / name / "view_000.png").tobytes() for name in ("own", "oracle", "wrong")]
-    assert len(set(images)) == 3
-    capsys.readouterr()
+    for extraction in ("message", "message_oracle"):
+        assert main([*extract, "--extraction", extraction, "--out", str(tmp_path / extraction)]) == 0
+    images = [read_image(tmp_path / name / "view_000.png") for name in ("message", "message_oracle")]
+    assert (images[0] != images[1]).any()
     assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
     expected = "expected one of message, message_adaptive, message_oracle, found 'guess'"
     assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err

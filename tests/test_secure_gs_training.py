@@ -6,15 +6,11 @@ import pytest
 from gspure.evaluation.metrics import psnr
 from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import read_pair
-from gspure.schemes.scheme import Run, hide
+from gspure.schemes.scheme import hide
 from gspure.schemes.secure_gs import HARDENED, SCHEME
 
 torch = pytest.importorskip("torch")
 
-from gspure.opencl.device import choose_device  # noqa: E402
-from gspure.schemes.secure_gs.training import Training  # noqa: E402
-from gspure.training.pytorch import single_threaded  # noqa: E402
-from tests.anchor_cases import random_key, random_public  # noqa: E402
 from tests.models import without  # noqa: E402
 
 SHORT = {"iterations": 120, "max_anchors": 600}
@@ -69,13 +65,3 @@ def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
         tables.append(public.model.table.tobytes())
     torch.set_num_threads(before)
     assert tables[0] == tables[1]
-
-
-def test_anchors_grow_up_to_the_limit_from_gradients_of_both_branches(pair):
-    public, key = random_public(60), random_key()
-    settings = Run(pair, 400, 0.5, 100, 0, choose_device())
-    run = Training(settings, public.anchors, 0.05, [public.networks, key.networks], 2.0)
-    with single_threaded():
-        counts = [len(run.learner.anchors.positions) for _ in zip(range(120), run, strict=False)]
-    assert max(counts) <= 100
-    assert len(set(counts)) > 1

@@ -1,12 +1,9 @@
 """Which edits of the package's code a stage notices."""
 
-import os
-from pathlib import Path
-
 import pytest
 
 from gspure.workflow import sources
-from gspure.workflow.sources import code_digest, files_digest
+from gspure.workflow.sources import code_digest
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -62,20 +59,3 @@ def test_an_edit_of_a_plug_in_changes_the_digest(plugin, module):
     assert before != code_digest("gspure.stage")
     (plugin / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
     assert code_digest("gspure.stage", "murky.attack") != before
-
-
-def test_a_file_is_read_once_and_again_when_it_was_replaced(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sources._known_digests.cache_clear()
-    file = Path("model.ply")
-    file.write_text("first")
-    before = files_digest([file])
-    monkeypatch.setattr(sources, "file_digest", lambda path: "never")
-    assert files_digest([file]) == before
-    sources._known_digests.cache_clear()  # as in another run
-    assert files_digest([file]) == before
-    file.write_text("later")
-    os.utime(file, (0, 0))
-    assert files_digest([file]) != before
-    assert files_digest([Path("missing.ply")]) == files_digest([])
-    sources._known_digests.cache_clear()

@@ -7,18 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from gspure.cli import detect
 from gspure.evaluation.detection import read_marks
 from gspure.images import write_image
 from tests.documentation import ROOT
-
-
-def test_the_example_of_the_help_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    write_image(tmp_path / "a.png", np.random.default_rng(0).random((32, 32, 3)))
-    words = shlex.split(detect.EXAMPLES.splitlines()[0])
-    command = words[words.index("--command") + 1].replace("python", shlex.quote(sys.executable), 1)
-    assert [reading.view for reading in read_marks(command, tmp_path, "", 60)] == ["a"]
 
 
 def test_the_example_reads_what_it_embeds(tmp_path):

@@ -7,7 +7,6 @@ import pytest
 
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.summary import Summary, summarize
-from gspure.report.tables import summary_table
 from tests.contest_cases import BEFORE, outcome
 
 
@@ -52,12 +51,3 @@ def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
     with (tmp_path / "summary.csv").open(newline="") as stream:
         printed = [[row[f"paper_{name}"] for name in ("scene", "message", "score")] for row in csv.DictReader(stream)]
     assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
-
-
-def test_every_extraction_of_the_message_has_a_row():
-    outcomes = [of_scheme("a", "1", "gspure", scene=29.0, message=9.0, message_oracle=12.0)]
-    assert [(row.extraction, row.message.mean) for row in summarize(outcomes)] == [
-        ("message", 9.0),
-        ("message_oracle", 12.0),
-    ]
-    assert "GSPure, message (oracle) & 1 & 29.00 & 12.00" in summary_table(outcomes).latex()

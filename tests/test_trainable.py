@@ -112,20 +112,6 @@ def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style
 # --- state ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_resumed_model_is_the_undisturbed_one(device, style):
-    undisturbed = learner(scene(40), device, style)
-    losses = steps(undisturbed, range(6))
-    begun = learner(scene(40), device, style)
-    assert steps(begun, range(3)) == losses[:3]
-    resumed = TrainableModel(begun.state(), begun.step_count, device=device, style=style)
-    resumed.set_targets(photographs())
-    assert steps(resumed, range(3, 6)) == losses[3:]
-    assert bits(resumed.state()) == bits(undisturbed.state())
-    begun.replace(begun.state())
-    assert steps(begun, range(3, 6)) == losses[3:]
-    assert bits(begun.state()) == bits(undisturbed.state())
-
-
 # --- statistics -------------------------------------------------------------------------------------------------------
 
 

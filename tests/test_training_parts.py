@@ -14,7 +14,7 @@ from gspure.model.activations import sigmoid
 from gspure.model.inria import point_cloud, training_arguments
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
 from gspure.training.dataset import extent, read_dataset
-from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, thinned, view_counts
+from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, view_counts
 from gspure.training.output import write_output
 from gspure.training.schedule import Schedule
 from tests.training_cases import colmap_project, parameters, ring, same_bits, state
@@ -73,14 +73,6 @@ def test_random_points_lie_where_many_views_overlap():
     assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
     cube = random_points(views, extent(views), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(points, cube)
-
-
-def test_many_points_are_thinned_with_their_colours():
-    xyz = np.arange(60.0).reshape(20, 3)
-    few, colours = thinned(xyz, xyz.astype(np.uint8), 7, 3)
-    assert len(np.unique(few, axis=0)) == 7
-    np.testing.assert_array_equal(few, colours)
-    np.testing.assert_array_equal(few, thinned(xyz, xyz.astype(np.uint8), 7, 3)[0])
 
 
 POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
