@@ -52,7 +52,7 @@ def test_tables_print_decibels_with_two_decimals_and_correlations_with_three() -
 @pytest.mark.parametrize("metric", [psnr, ssim, region_psnr, ms_ssim, normalized_correlation, gradient_correlation])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
-        metric(np.zeros((20, 20, 3)), np.zeros((20, 20, 1)))
+        metric(np.eye(20)[..., None].repeat(3, axis=2), np.zeros((20, 20, 1)))
 
 
 def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:

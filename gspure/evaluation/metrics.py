@@ -127,7 +127,7 @@ def _strips(*images: NDArray[Any]) -> Iterator[list[NDArray[Any]]]:
 
 
 def _rows_of_strips(image: NDArray[Any]) -> Iterator[slice]:
-    step = max(1, _STRIP // max(1, image[0].size)) if len(image) else 1
+    step = max(1, _STRIP // image[0].size)
     return (slice(start, min(start + step, len(image))) for start in range(0, len(image), step))
 
 
@@ -143,7 +143,7 @@ def _mean_similarity(a: NDArray[Any], b: NDArray[Any], *, inside: bool = False) 
     for rows in _rows_of_strips(a):
         seen = slice(max(rows.start - reach, 0), rows.stop + reach)  # by the windows of these rows
         luminance, contrast = _similarity(*(np.asarray(image[seen], np.float64) for image in (a, b)))
-        inner = slice(max(rows.start, top) - seen.start, max(min(rows.stop, bottom) - seen.start, 0))
+        inner = slice(max(rows.start, top) - seen.start, min(rows.stop, bottom) - seen.start)
         total += [np.sum(terms[inner, left:right], axis=(0, 1)) for terms in (luminance * contrast, contrast)]
     whole, structure = total / ((bottom - top) * (right - left))
     return whole, structure
