@@ -21,8 +21,7 @@ help: ## show this
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made here: results/report.html
-	@setup/unlock.sh $(BIN)/snakemake && $(BIN)/snakemake
-	@echo "The report: $(CURDIR)/results/report.html"
+	@$(BIN)/gspure demo
 
 test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files at a time
 	@$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -27,8 +27,8 @@ def refuse(reason):
     sys.exit(2)
 
 
-# Every Snakemake that runs here holds this lock as long as it lives; by it, setup/unlock.sh and `gspure audit` tell the
-# lock that a killed one left behind from that of a running one.
+# Every Snakemake that runs here holds this lock as long as it lives; by it, `gspure audit` tells the lock that a killed
+# one left behind from that of a running one.
 with suppress(OSError):
     os.makedirs(".snakemake", exist_ok=True)
     ALIVE = open(".snakemake/gspure.lock", "w")
@@ -52,7 +52,7 @@ WATERMARKED = "|".join(PLAN.schemes) or "none"
 
 wildcard_constraints:
     scheme="|".join(PLAN.scenes),
-    scene="[A-Za-z0-9_-]+(?:@[0-9]+)?",
+    scene="|".join(dict.fromkeys([*config["pairs"], *(model.scene for model in PLAN.models)])),
     variant="|".join(VARIANTS),
     # The folder of a decision below that of its model; empty for the decision of the method.
     decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
@@ -203,11 +203,13 @@ def get_embedding(wildcards, out, **changes):
 def get_evaluated_files(model, names):
     """Return the files that the evaluation of variants or controls reads beside attacked models."""
     variants = [Variant(model, name) for name in names]
-    files = [f"{model.folder}/cameras.json", *model.decoys]
+    files = [f"{model.folder}/cameras.json", *([] if model.is_users else model.decoys)]
     files += [file for variant in variants for file in variant.users_files]
     files += [variant.public for variant in variants if not variant.is_attacked]
     if model.is_watermarked:
-        files += [*model.owned.values(), model.public, f"{model.pair}/scene", f"{model.pair}/message"]
-    if "unattacked" not in names and not (model.is_watermarked and variants[0].is_attacked):
+        files += [*model.owned.values(), model.public]
+    if not model.is_users:
+        files += [f"{model.pair}/scene", f"{model.pair}/message"]
+    if "unattacked" not in names and (model.is_users or not variants[0].is_attacked):
         files += [f"{model.folder}/unattacked/renders"]
     return files

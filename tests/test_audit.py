@@ -1,4 +1,4 @@
-"""The owner's audit: one of six sentences, which agrees with every row of the table of survival."""
+"""The owner's audit: one of six verdicts, which agrees with every row of the table of survival."""
 
 from dataclasses import replace
 
@@ -32,14 +32,23 @@ FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"messag
 @pytest.mark.parametrize(
     ("outcomes", "verdict", "text"),
     [
-        (of_scenes(1, gof=(0.5, 2.0)), "survived", "every tested attack with at most 2 dB"),
-        (of_scenes(2, gof=(0.5, 20.0)), "removed", "did not survive GOF: PSNR: message −20.0 dB, scene −0.5 dB."),
+        (
+            of_scenes(1, gof=(0.5, 2.0), jpeg=(2.2, 20.0)),
+            "holds",
+            "no tested attack with at most 2 dB of damage removes",
+        ),
+        (of_scenes(2, gof=(1.02, 20.0), jpeg=(1.9, 25.0)), "broken", "the message is lost at 1.0 dB of damage (GOF)."),
+        (of_scenes(1, gof=(1.4, 20.0), jpeg=(0.9, 2.0)), "weak", "the message is lost at 1.4 dB of damage (GOF)."),
         (
             benchmark({"a": {"gof": (1.0, 20.0)}, "b": {"gof": (1.0, 2.0)}}),
-            "partly",
-            "present or retrieved in 1 of 2 scenes after GOF",
+            "weak",
+            "attacks with at most 2 dB of damage remove the message from some scenes",
         ),
-        (of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)), "removed", "did not survive crop: "),
+        (
+            of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)),
+            "broken",
+            "is lost at 0.5 dB of damage (crop)",
+        ),
         (of_scenes(2, gof=(2.5, 25.0)), "unknown", "no attack was tested with at most 2 dB"),
         ([o for o in of_scenes(2, gof=(1.0, 3.0)) if not o.is_control], "unknown", "no negative control"),
         ([outcome(n, targets={"scene": 30.0}) for n in ("unattacked", "gspure")], "unknown", NO_KEY),
@@ -71,6 +80,6 @@ def test_conditions_are_judged_apart() -> None:
     own = [replace(o, protocol="own") for o in of_scenes(1, gof=(0.5, 2.0))]
     both = [*of_scenes(1, gof=(0.5, 20.0)), *own]
     assert [(a.condition.protocol, a.verdict) for a in audits(both, survival(both))] == [
-        ("", "removed"),
-        ("own", "survived"),
+        ("", "broken"),
+        ("own", "holds"),
     ]

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -9,9 +10,17 @@ from pathlib import Path
 import pytest
 import yaml
 
+from gspure.cameras import write_cameras
 from gspure.cli import audit, main
+from gspure.evaluation.collecting import collect
+from gspure.evaluation.csv_tables import write_table
+from gspure.evaluation.survival import Survival, survival
+from gspure.files import write_json
 from gspure.model import write_model
-from tests.models import blobs
+from gspure.report.writing import ReportPlan
+from gspure.workflow import variants
+from tests.contest_cases import write_model as write_results
+from tests.models import blobs, tilted_camera
 from tests.workflow_cases import ROOT, settled
 
 
@@ -28,6 +37,7 @@ def words(monkeypatch):
     started = []
     monkeypatch.setattr(os, "execv", lambda program, command: started.extend(command) or 0)
     monkeypatch.setattr(audit, "_shown", lambda command: started.extend(command) or 0)
+    monkeypatch.setattr(audit, "_answer", lambda _: 0)
     return started
 
 
@@ -41,6 +51,36 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
     write_model(folder / "other.ply", blobs(30))
     assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
     assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
+
+
+def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
+    provenance = {"settings": {"scheme": "planted"}, "inputs": {"pair": {"path": "pair"}}}
+    write_json(folder / "key" / "provenance.json", provenance)
+    for place in ("", "pair", "pair/message"):
+        write_cameras(folder / place / "cameras.json", [tilted_camera(8, 6)])
+    assert main(["audit", "my model.ply", "--key", "key"]) == 0
+    config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
+    (asset,) = config["assets"].values()
+    assert asset == {"model": "my model.ply", "cameras": "pair", "key": "key", "message": "pair/message"}
+    assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
+
+
+def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
+    assert main(["audit", "my model.ply"]) == 0
+    write_cameras(folder / "cameras.json", [tilted_camera(8, 6)])
+    assert main(["audit", "my model.ply"]) == 0
+    assert re.findall("views (.+)", capsys.readouterr().err) == ["orbit", "."]
+
+
+@pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 1)])
+def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
+    monkeypatch.setattr(audit, "_shown", lambda _: 0)
+    plans = {"sis/room": write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)})}
+    monkeypatch.setattr(variants, "report_plan", lambda _: ReportPlan(plans))
+    write_json(Path("results/configuration.json"), {})
+    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plans)))
+    assert main(["audit", "my model.ply", "--fail-under", limit]) == status
+    assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
 
 
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):

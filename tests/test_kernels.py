@@ -6,13 +6,12 @@ import pytest
 
 from gspure.constants import ALPHA_MIN, TILE
 from gspure.opencl.binning import bands, bin_tiles, bound_entries
-from gspure.opencl.counting import prefix_sums
 from gspure.opencl.engine import Engine, Program, by_name
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.program import build_options, kernel_source
 from gspure.opencl.projection import camera_numbers, project
-from gspure.opencl.sorting import sort_pairs
+from gspure.opencl.sorting import prefix_sums, sort_pairs
 from gspure.opencl.storage import morton_order, store
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 from tests.reference.footprint import extents

@@ -145,18 +145,18 @@ BUDGETS = {
     "": (1700, 12),
     "attacks": (1145, 10),
     "cameras": (1600, 12),
-    "cli": (2300, 20),
+    "cli": (2300, 21),
     "evaluation": (2400, 16),
     "figures": (1410, 10),
     "method": (1115, 10),
     "model": (1897, 17),
-    "opencl": (2350, 24),
-    "report": (1650, 13),
+    "opencl": (2350, 22),
+    "report": (1830, 14),
     "scenes": (950, 9),
     "schemes": (3690, 29),
     "surface": (280, 4),
     "training": (1215, 10),
-    "workflow": (900, 8),
+    "workflow": (925, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

@@ -1,14 +1,22 @@
 """The files and settings of jobs: of models, of their variants and controls, and of decisions."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
+from gspure.cameras import write_cameras
+from gspure.errors import InputError
 from gspure.evaluation.names import CONTROLS, OTHER_SCENE
+from gspure.files import write_json
+from gspure.images import write_image
+from gspure.model import write_model
 from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike
 from gspure.workflow.plan import Model, Plan
 from gspure.workflow.variants import Variant, evaluation, report_plan, reported
+from tests.models import blobs, tilted_camera
 from tests.workflow_cases import ROOT, plan_of
 
 CONFIG = yaml.safe_load("""
@@ -68,8 +76,47 @@ def test_a_users_model_is_read_in_place_and_compared_with_its_renders(bot):
     assert (bot.view_files, bot.targets, bot.controls, bot.decoys) == ([], ["scene"], [], [])
     assert bot.view_settings["generated"]["count"] == 24
     settings = evaluation(bot, ["gspure"])
-    assert (settings["references"], settings["reference"]) == ("results/vanilla/bot/unattacked/renders", "render")
+    assert (settings["unattacked"], settings["photographed"]) == ("results/vanilla/bot/unattacked/renders", [])
     assert "key" not in settings
+
+
+@pytest.fixture
+def marked(tmp_path, monkeypatch):
+    """The entry of a user's marked model, whose cameras name no photographs."""
+    monkeypatch.chdir(tmp_path)
+    write_model(tmp_path / "marked.ply", blobs(4))
+    write_cameras(tmp_path / "views.json", [tilted_camera(8, 6, name="v")])
+    provenance = {"settings": {"scheme": "splats_in_splats"}, "inputs": {"pair": {"path": "pair"}}}
+    write_json(tmp_path / "key" / "provenance.json", provenance)
+    return {"model": "marked.ply", "cameras": "views.json", "key": "key"}
+
+
+def test_a_key_names_the_scheme_of_a_users_model(marked):
+    (model,) = changed(assets={"mine": marked}, pairs=None, schemes=None).models
+    assert model.folder == "results/splats_in_splats/mine"
+    assert (model.public, model.owned["key"]) == ("marked.ply", "key")
+    assert {"marked.ply", "key/provenance.json"} <= {*model.users_files}
+    assert model.controls == ["wrong_key", "black", "mean_colour"]
+    assert model.views == {"scene": "views.json", "message": "views.json"}
+    assert evaluation(model, ["gspure"])["photographed"] == []
+
+
+def test_photographs_of_message_and_scene_are_what_a_users_model_is_compared_with(marked, tmp_path):
+    for folder in (tmp_path, tmp_path / "message"):
+        write_image(folder / "v.png", np.zeros((6, 8, 3)))
+        write_cameras(folder / "views.json", [replace(tilted_camera(8, 6, name="v"), image=folder / "v.png")])
+    (model,) = changed(assets={"mine": marked | {"message": "message/views.json"}}, pairs=None, schemes=None).models
+    assert evaluation(model, ["gspure"])["photographed"] == ["scene", "message"]
+    assert model.view_settings == {"resolution": "1600px", "message_resolution": "photographs"}
+    assert str(tmp_path / "message" / "v.png") in {str(Path(file).resolve()) for file in model.users_files}
+
+
+def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked, tmp_path):
+    (tmp_path / "key" / "provenance.json").unlink()
+    with pytest.raises(InputError, match=r"key/provenance\.json: no such file"):
+        changed(assets={"mine": marked}, pairs=None, schemes=None)
+    (model,) = changed(assets={"mine": marked | {"scheme": "keyss"}}, pairs=None, schemes=None).models
+    assert model.scheme == "keyss"
 
 
 def test_chosen_extractions_are_those_that_are_compared(again):
@@ -104,7 +151,8 @@ def test_only_a_search_for_a_damage_gets_photographs_of_the_scene(again, monkeyp
     plan = changed(variants={**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}})
     weak = Variant(replace(again, plan=plan), "plain_weight@0.3dB")
     assert weak.rendered == {"cameras": f"{FOLDER}/cameras.json", "photographs": "results/pairs/raised/scene"}
-    assert weak.attacked_by == {"name": "plain_weight", "seed": 1, "settings": {}, "damage": 0.3, "split": "test"}
+    searched = {"damage": 0.3, "split": "test", "photographed": True}
+    assert weak.attacked_by == {"name": "plain_weight", "seed": 1, "settings": {}, **searched}
     assert "photographs" not in Variant(Model(plan, "vanilla", "bot"), "plain_weight@1dB").rendered
 
 

@@ -94,7 +94,7 @@ def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
 
 def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
     text = text_of(page)
-    assert text.index("sis, shared poses. The message did not survive GSPure: PSNR: message −") < 200
+    assert text.index("sis, shared poses. BROKEN: the message is lost at ") < 200
     assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
     assert "<b>no memory" not in page
     assert "kept.png" in text

@@ -31,11 +31,11 @@ def found(message: Path, extraction: Path, decoys: list[Path]) -> Retrieval:
 
 def retrieved(tmp_path: Path, change, decoys: list[Path] | None = None) -> Retrieval:
     """Retrieve a changed message among its flips, the scene, and four others."""
-    photographs(tmp_path / "pair" / "scene", 1)
+    scene = photographs(tmp_path / "pair" / "scene", 1)
     message = photographs(tmp_path / "pair" / "message", 0)
     if decoys is None:
         decoys = [photographs(tmp_path / f"decoy_{seed}", seed) for seed in range(2, 6)]
-    return found(message, photographs(tmp_path / "extraction", 0, change), decoys)
+    return found(message, photographs(tmp_path / "extraction", 0, change), [scene, *decoys])
 
 
 def noise(image: np.ndarray) -> np.ndarray:
@@ -71,7 +71,7 @@ def test_a_message_with_views_of_its_own_is_compared_with_other_photographs_of_t
     alone = retrieved(tmp_path, lambda image: image)
     for view in range(VIEWS):
         (tmp_path / "pair" / "scene" / f"view_{view}.png").rename(tmp_path / "pair" / "scene" / f"desk_{view}.png")
-    decoys = [tmp_path / f"decoy_{seed}" for seed in range(2, 6)]
+    decoys = [tmp_path / "pair" / "scene", *(tmp_path / f"decoy_{seed}" for seed in range(2, 6))]
     assert found(tmp_path / "pair" / "message", tmp_path / "extraction", decoys) == alone
 
 

@@ -3,6 +3,7 @@
 import csv
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -37,9 +38,9 @@ def finished(tmp_path_factory):
             assert run.poll() is None, run.stdout.read()
             assert time.monotonic() < deadline
             time.sleep(0.05)
-        refused = subprocess.run(["setup/unlock.sh", "false"], cwd=project.folder, **PRINTED, check=False)
+        refused = subprocess.run(command, cwd=project.folder, env=project.environment(), **PRINTED, check=False)
         os.killpg(run.pid, signal.SIGKILL)
-    assert (refused.returncode, refused.stdout) == (1, "Snakemake is running in this folder already.\n")
+    assert "expected no other run here, found one that runs" in refused.stdout
     assert any(project.folder.glob(".snakemake/locks/*"))
     again = subprocess.run(command, cwd=project.folder, env=project.environment(), **PRINTED, check=False)
     (project.folder / "again.log").write_text(again.stdout)
@@ -66,7 +67,7 @@ def planned(project, *arguments):
 
 def test_a_killed_run_continues_and_leaves_no_half_file(finished):
     log = (finished.folder / "again.log").read_text()
-    assert "An earlier run was killed: what it left undone is done now.\n" in log  # after lines of an outer make
+    assert "an earlier run was killed: what it left undone is done now\n" in log  # after lines of an outer make
     assert {path.name for path in finished.folder.glob("results/**/.*")} == {".snakemake_timestamp"}
     assert planned(finished) == {}
 
@@ -83,6 +84,19 @@ def test_an_attack_that_cannot_apply_is_an_outcome(finished, rows):
     reasons = {row["failure"] for row in rows if row["variant"] == "crop_all"}
     assert reasons == {f"not applicable: none of {count} rows would remain" for count in (300, 600)}
     assert "crop_all" not in re.findall(r"Error in rule.*", (finished.folder / "again.log").read_text())
+
+
+def test_a_marked_model_with_its_key_has_the_metrics_of_its_pair(project):
+    for part in ("public", "key"):
+        shutil.copytree(project.folder / "results/planted/raised" / part, project.folder / "mine" / part)
+    pair = "results/pairs/raised"
+    asset = {"model": "mine/public", "cameras": f"{pair}/cameras.json", "key": "mine/key", "message": f"{pair}/message"}
+    project.configure({name: value for name, value in CONFIG.items() if name != "pairs"} | {"assets": {"mine": asset}})
+    project.run("results/planted/mine/gspure/metrics.csv")
+    tables = [
+        (project.folder / "results/planted" / name / "gspure/metrics.csv").read_text() for name in ("mine", "raised")
+    ]
+    assert tables[0] == tables[1]
 
 
 def test_metrics_and_retrieval_of_variants_are_in_the_table(rows):

@@ -117,8 +117,8 @@ def make_ready(project):
     """Let `make demo` take the set-up for done, and Snakemake be that of the tests."""
     place = project.folder / ".venv"
     (place / "bin").mkdir(parents=True)
-    program = place / "bin" / "snakemake"
-    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m snakemake --cores 2 "$@"\n')
+    program = place / "bin" / "gspure"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m gspure "$@" --cores 2\n')
     program.chmod(0o755)
     for name in ("pyproject.toml", *(f"setup/requirements{kind}.lock" for kind in ("", "-dev"))):
         if not (project.folder / name).exists():

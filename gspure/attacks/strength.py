@@ -12,7 +12,7 @@ from gspure import __version__
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.evaluation.matched import DAMAGE_TOLERANCE
-from gspure.evaluation.metrics import psnr
+from gspure.evaluation.metrics import nominal_drop, psnr
 from gspure.files import Float32, Float64
 from gspure.images import read_back
 from gspure.public_model import PublicModel
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 Images = Sequence[Float32]
 Damage = Callable[..., float]  # of an attacked model and, if it has one, of its rigid transform: the damage, dB
 EVALUATIONS: Final = 10  # most models that a search renders, besides that at the weak end
-NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of the unattacked model without photographs, dB; ours
 
 
 @dataclass(frozen=True)
@@ -90,12 +89,7 @@ def scene_damage(
     r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
 
     With photographs, it is the drop of the mean PSNR, as in the tables: over the views that differ from their
-    photograph both before and after the attack. Without, it is an estimate: the mean drop of a model that has
-    `NOMINAL_PSNR` in every view and whose errors are independent of the attack's,
-
-    .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
-
-    with the PSNR p of the view against the unattacked render: 0 dB in a view that the attack leaves as it is.
+    photograph both before and after the attack. Without, it is the mean `nominal_drop` against the unattacked renders.
 
     Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
     unattacked render, so there is no PSNR to drop from.
@@ -111,7 +105,7 @@ def scene_damage(
         return np.array([psnr(a, b) for a, b in zip(references, renders(model, transform), strict=True)])
 
     def estimate(model: PublicModel, transform: Float64 | None = None) -> float:
-        return float(np.mean(10 * np.log10(1 + 10 ** ((NOMINAL_PSNR - psnrs(model, transform)) / 10))))
+        return float(np.mean([*map(nominal_drop, psnrs(model, transform))]))
 
     if photographs is None:
         return estimate

@@ -93,6 +93,11 @@ def camera_object(source: Path) -> Entry | None:
     return Entry(path, "", content) if isinstance(content, dict) else None
 
 
+def has_cameras(folder: Path) -> bool:
+    """Return whether a folder itself holds cameras."""
+    return _place_in(folder) is not None
+
+
 def read_transform(path: Path) -> Float64:
     """Read the rigid transform [4,4] of ``gspure attack --transform``.
 

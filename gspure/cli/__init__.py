@@ -18,7 +18,8 @@ from gspure.cli.parser import Arguments, Parser, suggestion
 from gspure.errors import InputError, printable
 
 COMMANDS = {
-    "audit": "run the whole workflow in the current folder: attack a model in many ways and write a report",
+    "demo": "hide a scene in another, attack the model, extract the message: a verdict and a report, in minutes",
+    "audit": "attack a model in many ways: a verdict about its message, and a report, in the current folder",
     "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
     "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",

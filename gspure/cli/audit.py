@@ -1,6 +1,8 @@
-"""``gspure audit``: the workflow on the user's models, from a checkout or an installed package."""
+"""``gspure audit``: the workflow on the user's models, from a checkout or an installed package, and its answer."""
 
+import argparse
 import fcntl
+import json
 import os
 import re
 import signal
@@ -12,16 +14,19 @@ from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 from gspure.cli.options import add_cameras, add_quiet, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
+from gspure.files import read_json
 from gspure.progress import say, tell
 from gspure.settings import CORES
 
 EXAMPLES = """\
-  gspure audit point_cloud.ply --cameras orbit              # results/report.html
+  gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
+  gspure audit marked/public --key marked/key               # and what is left of the message, as its owner sees it
+  gspure audit marked/public --key marked/key --fail-under 1dB      # status 1 if the message is lost below 1 dB
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
@@ -30,13 +35,31 @@ _CONFIGURATION = Path("results/audit.yaml")
 _STATE = Path(".snakemake")
 _JOB = re.compile(r"Job \d+: (.+)")
 _DONE = re.compile(r"(\d+) of (\d+) steps")
+_SEARCHED: Final = {"gspure_scaled": {"damage": [1, 2]}}  # tested beside the default attacks, for a verdict
+_ENDING = 2.0  # seconds that a killed Snakemake may take to end
 _SHOWN = 20  # lines of Snakemake's, if it fails without a reason
 
 
 def add_arguments(parser: Parser) -> None:
     meaning = "file of a 3DGS model, or folder of a training run; or a configuration of the workflow, .yaml"
     parser.reads("source", "MODEL|CONFIG", meaning)
-    add_cameras(parser, "views of MODEL", required=False)
+    parser.reads("--key", "DIR", "the owner's key, from `gspure embed`, to extract the message", required=False)
+    meaning = (
+        "photographs of the message, with cameras, to compare with (default: the key's pair's, or the extraction "
+        "before any attack)"
+    )
+    parser.reads("--message", "DIR", meaning, required=False)
+    add_cameras(
+        parser, "views of MODEL", more=" (default: those of the key's pair, or beside MODEL, or orbit)", required=False
+    )
+    add_run_options(parser)
+
+
+def add_run_options(parser: Parser) -> None:
+    """Add the options of `audited`."""
+    parser.flag("--json", "print the answer as JSON")
+    meaning = "exit with status 1 if an attack removes the message with less damage to the scene, in dB of PSNR"
+    parser.text("--fail-under", "DB", meaning, type=_decibels)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
     add_quiet(parser)
@@ -48,12 +71,41 @@ def run(args: Arguments) -> int:
     """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
     if args.dry_run:
         with TemporaryDirectory() as folder:
-            return subprocess.call(_command(args, _configuration(args, Path(folder) / _CONFIGURATION.name)))
-    configuration = _configuration(args, _CONFIGURATION)
-    if args.verbose or args.passed_on:
+            return audited(args, _configuration(args, Path(folder) / _CONFIGURATION.name))
+    return audited(args, _configuration(args, _CONFIGURATION))
+
+
+def audited(args: Arguments, configuration: Path) -> int:
+    """Run Snakemake, then print the answer; options after ``--`` leave all output to Snakemake."""
+    if args.dry_run:
+        return subprocess.call(_command(args, configuration))
+    if args.passed_on:
         return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
     _remove_lock(configuration)
-    return _shown(_command(args, configuration))
+    command = _command(args, configuration)
+    return (subprocess.call(command) if args.verbose else _shown(command)) or _answer(args)
+
+
+def _answer(args: Arguments) -> int:
+    """Print the verdict of every condition; return 1 if the message is lost below the limit, else 0."""
+    from gspure.evaluation.collecting import collect
+    from gspure.evaluation.csv_tables import read_table
+    from gspure.evaluation.survival import Survival
+    from gspure.report.answer import answers
+    from gspure.workflow.plan import Plan
+    from gspure.workflow.variants import report_plan
+
+    results = _CONFIGURATION.parent
+    plan = report_plan(Plan(read_json(results / "configuration.json")))
+    survivals = read_table(results / "tables" / "survival.csv", Survival)
+    found = answers(collect(results, plan.models), survivals)
+    if args.json:
+        print(json.dumps([answer.facts() for answer in found], indent=2))
+    else:
+        for answer in found:
+            print("", *answer.lines(), sep="\n")
+        print(f"\n{results / 'report.html'}")
+    return int(any(answer.audit.damage < (args.fail_under or 0) for answer in found))
 
 
 def _command(args: Arguments, configuration: Path) -> list[str]:
@@ -77,12 +129,18 @@ def _remove_lock(configuration: Path) -> None:
     if not any(_STATE.glob("locks/*.lock")):
         return
     with (_STATE / "gspure.lock").open("a") as alive:  # which every Snakemake holds (rules/common.smk)
-        try:
-            fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(_STATE, "lock", expected="no other run here", found="one that runs") from None
+        deadline = time.monotonic() + _ENDING
+        while True:
+            try:
+                fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise InputError(_STATE, "lock", expected="no other run here", found="one that runs") from None
+            time.sleep(0.05)
     command = [sys.executable, "-m", "snakemake", "--unlock", "--snakefile", str(snakefile())]
     subprocess.run([*command, "--configfile", str(configuration)], check=True, capture_output=True)
+    say("an earlier run was killed: what it left undone is done now")
 
 
 def _shown(command: Sequence[str]) -> int:
@@ -112,6 +170,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     """Return the configuration file; that of a model is written to `target`."""
     import yaml
 
+    from gspure.cameras import GENERATED
     from gspure.cameras.worlds import mention_unseen
     from gspure.files import write_text
     from gspure.model import model_file, read_model
@@ -119,22 +178,23 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
-        if args.cameras or args.up:
-            raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views")
+        if args.cameras or args.up or args.key:
+            raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views or a key")
         return source
-    if not args.cameras:
-        raise InputError("audit", "--cameras", expected="views of the model, or orbit", found="nothing")
     with reading(model := model_file(source), "a model"):
         model.stat()
-    if isinstance(args.cameras, Path):
-        mention_unseen(read_model(model), read_source(args.cameras, model))
-    asset: dict[str, Any] = {"model": str(model), "cameras": str(args.cameras)}
+    asset = _asset(args, model)
+    if asset["cameras"] not in GENERATED:
+        mention_unseen(read_model(model), read_source(Path(asset["cameras"]), model))
     if args.up:
         asset["generated"] = {"up": args.up}
     named = source.resolve().parent if source.name == UNPACKED_SOG else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
     configuration = {"assets": {scene: asset}, **_method(model)}
+    if args.key:
+        schema = yaml.safe_load((snakefile().parent / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
+        configuration["variants"] = {**schema["properties"]["variants"]["default"], **_SEARCHED}
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = yaml.safe_load(_CONFIGURATION.read_text(encoding="utf-8"))
@@ -143,6 +203,27 @@ def _configuration(args: Arguments, target: Path) -> Path:
             raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(last["assets"]), hint=hint)
     write_text(target, yaml.safe_dump(configuration))
     return target
+
+
+def _asset(args: Arguments, model: Path) -> dict[str, Any]:
+    """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
+    from gspure.cameras.reading import has_cameras
+    from gspure.schemes.pair import message_folder
+    from gspure.schemes.registry import made_by
+
+    run = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
+    pairs = [made_by(args.key)[1]] if args.key else []
+    message = args.message or next(filter(has_cameras, map(message_folder, pairs)), None)
+    cameras = args.cameras or next(filter(has_cameras, [*pairs, model.parent, run]), "orbit")
+    say(
+        f"{model}: views {cameras}" + f", key {args.key}, message {message or 'as before the attacks'}" * bool(args.key)
+    )
+    return {
+        "model": str(model),
+        "cameras": str(cameras),
+        **({"key": str(args.key)} if args.key else {}),
+        **({"message": str(message)} if message else {}),
+    }
 
 
 def _method(model: Path) -> dict[str, Any]:
@@ -155,3 +236,11 @@ def _method(model: Path) -> dict[str, Any]:
     if not scheme or (scheme.tau_c, scheme.tau_n) == (TAU_C, TAU_N):
         return {}
     return {"method": {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}}
+
+
+def _decibels(text: str) -> float:
+    """Return a number with or without its unit; an argument type."""
+    try:
+        return float(text.removesuffix("dB"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number of dB, found {text!r}") from None

@@ -12,9 +12,10 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from gspure.errors import InputError, printable
-from gspure.evaluation.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
 from gspure.evaluation.csv_tables import Drops, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
+from gspure.evaluation.metrics import nominal_drop
 from gspure.evaluation.names import UNATTACKED, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
 from gspure.evaluation.retrieval import Retrieval, Retrieved
@@ -113,6 +114,8 @@ def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> di
         identical(rows),
     )
     known: dict[str, Any] = {"targets": targets, "views": views, "identical": {name: same[name] for name in targets}}
+    rendered = grouped((row for row in rows if row.reference == RENDER), lambda row: row.target)
+    known["nominal"] = {name: float(np.mean([nominal_drop(row.psnr) for row in of])) for name, of in rendered.items()}
     if (table := folder / "retrieval.csv").is_file():
         known["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
     if (mask := folder / "prune_mask.npy").is_file():

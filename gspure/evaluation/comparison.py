@@ -78,9 +78,11 @@ def pair_images(
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
     """Compare two images; one of `gspure.evaluation.names.BASELINES` replaces the second one if `baseline` names it.
 
-    Raise `InputError` if an image cannot be read, or their sizes differ.
+    A photograph larger than the image is reduced, as for training. Raise `InputError` if an image cannot be read, or is
+    larger than its photograph, or of another size than its render.
     """
-    a, b = (read_image(path, background=pair.background) for path in (pair.reference, pair.image))
+    b = read_image(pair.image, background=pair.background)
+    a = read_image(pair.reference, (b.shape[1], b.shape[0]) if reference == TRUTH else None, pair.background)
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")

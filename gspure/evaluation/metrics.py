@@ -15,6 +15,7 @@ from gspure.errors import InputError
 from gspure.files import Float64
 from gspure.progress import decimal
 
+NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of an unattacked model without photographs, dB; ours
 _STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself
 
 
@@ -114,6 +115,18 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
     """
     rises = [float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene)]
     return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan
+
+
+def nominal_drop(level: float) -> float:
+    r"""Return the drop of the PSNR, dB, of a view without a photograph, from its PSNR against the unattacked render.
+
+    It is that of a model that has `NOMINAL_PSNR` and whose errors are independent of the attack's,
+
+    .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
+
+    so 0 dB in a view that the attack leaves as it is.
+    """
+    return 10 * math.log10(1 + 10 ** ((NOMINAL_PSNR - level) / 10))
 
 
 def _decibels(squares: float, count: int) -> float:

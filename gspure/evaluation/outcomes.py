@@ -56,6 +56,8 @@ class Outcome:
     identical: Mapping[str, int] = field(default_factory=dict)  # views of infinite PSNR, in no mean unless all are
     retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
+    nominal: Mapping[str, float] = field(default_factory=dict)  # of targets without photographs: `nominal_drop`, dB
+    nominal_before: Mapping[str, float] = field(default_factory=dict)  # the same for the variant `UNATTACKED`
     detections_before: Mapping[str, Detection] = field(default_factory=dict)  # the same for the variant `UNATTACKED`
     undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector without readings, why
     seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
@@ -86,11 +88,14 @@ class Outcome:
         return self.psnr_drop(target)
 
     def drops(self, target: str) -> dict[str, float]:
-        """Return the drop of each metric of the target, relative to the unattacked model."""
+        """Return the drop of each metric from the unattacked model; without photographs, the nominal one of PSNR."""
         if target not in self.targets or target not in self.reference:
             return dict.fromkeys(METRICS, math.nan)
         levels = {name: (self.reference[target].values[name], self.targets[target].values[name]) for name in METRICS}
-        return {name: difference(*both) if all(map(math.isfinite, both)) else math.nan for name, both in levels.items()}
+        drops = {name: difference(a, b) if math.isfinite(a + b) else math.nan for name, (a, b) in levels.items()}
+        if {target} <= self.nominal.keys() & self.nominal_before.keys():
+            drops["psnr"] = self.nominal[target] - self.nominal_before[target]
+        return drops
 
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
@@ -169,7 +174,10 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
     complete: list[Outcome] = []
     for _, variants in by_model(outcomes):
         before = next((o for o in variants if o.variant == UNATTACKED), Outcome("", "", ""))
-        complete += [replace(o, reference=before.targets, detections_before=before.detections) for o in variants]
+        known = (before.targets, before.nominal, before.detections)
+        complete += [
+            replace(o, reference=known[0], nominal_before=known[1], detections_before=known[2]) for o in variants
+        ]
     return complete
 
 

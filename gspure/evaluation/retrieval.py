@@ -77,14 +77,13 @@ def png_files(folder: Path) -> list[Path]:
 
 
 def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> list[Path]:
-    """Return a photograph of the scene, and a picture of every folder of decoys.
+    """Return a picture of every folder of decoys.
 
     It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
     Raise `InputError` if a folder holds no picture.
     """
-    pictures, message = [], pair.reference.parent
-    message = message if message.name else message.resolve()
-    for folder in (message.with_name("scene"), *decoys):
+    pictures = []
+    for folder in decoys:
         files = png_files(folder)
         pictures.append(next((file for file in files if file.stem == pair.view), files[index % len(files)]))
     return pictures

@@ -15,7 +15,7 @@ from gspure.settings import CLUSTER_SIZE
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
-    from gspure.opencl.hierarchy import Condensed
+    from gspure.opencl.spanning import Condensed
 
 Labels = Int32
 Selection = Literal["eom_capped", "eom", "leaf"]
@@ -57,7 +57,7 @@ def select(
 
     from gspure.opencl.device import choose_device
     from gspure.opencl.engine import Engine
-    from gspure.opencl.hierarchy import condense
+    from gspure.opencl.spanning import condense
 
     level_starts = np.flatnonzero(np.diff(tree[:, 2], prepend=-1.0, append=np.inf))
     engine = Engine((device or choose_device()).cl_device)

@@ -7,12 +7,11 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import FOOTPRINT_FLOATS
-from gspure.opencl.counting import CHUNK_GROUP, chunks, first_places, prefix_sums
 from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame
 from gspure.opencl.ordering import DepthOrder
 from gspure.opencl.projection import Projected
-from gspure.opencl.sorting import GROUP, running_sums, sort_pairs
+from gspure.opencl.sorting import CHUNK_GROUP, GROUP, chunks, first_places, prefix_sums, running_sums, sort_pairs
 
 
 @dataclass(frozen=True)

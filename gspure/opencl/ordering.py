@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.opencl.counting import CHUNK_GROUP, chunks, first_places
 from gspure.opencl.engine import Engine
-from gspure.opencl.sorting import sort_pairs
+from gspure.opencl.sorting import CHUNK_GROUP, chunks, first_places, sort_pairs
 from gspure.opencl.storage import Storage
 
 _RADIX_BITS = 11

@@ -1,58 +1,90 @@
-"""The owner's audit under one condition: whether the message survived, in one sentence, and what limits the answer."""
+"""The owner's audit under one condition: the damage at which the message is lost, and what limits the answer."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import DAMAGE_TOLERANCE, MATCHED_DAMAGES
 from gspure.evaluation.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name
 from gspure.evaluation.outcomes import BITS, MESSAGE, Condition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.survival import Survival, doubtful_scenes
-from gspure.progress import decimal, significant
+from gspure.progress import decimal
+from gspure.schemes.scheme import ADAPTIVE
 
 ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene of an attack that counts for the verdict, dB
 
-Verdict = Literal["survived", "partly", "removed", "not present", "not affected", "unknown"]
+BROKEN: Final = 1.0  # damage to the scene, dB, of an attack that breaks a mark; from there to `ALLOWED`, it is weak
 
-SENTENCES: Final[Mapping[Verdict, str]] = {
-    "survived": "The {message} survived every tested attack with at most {allowed} dB of damage to the scene. The "
-    "strongest, {attack}: {drops}.",
-    "partly": "The {message} is present or retrieved in {left} of {scenes} after {attack}: {drops}.",
-    "removed": "The {message} did not survive {attack}: {drops}.",
-    "not present": "No verdict: before any attack, the {message} does not exceed the controls, or is not retrieved. "
-    "Look at the extraction before the attacks.",
-    "not affected": "No verdict: no attack changed anything that the extraction of the {message} reads.",
-    "unknown": "No verdict: {reason}.",
+Verdict = Literal["broken", "weak", "holds", "not present", "not affected", "unknown"]
+
+NO_VERDICT: Final[Mapping[str, str]] = {
+    "not present": "before any attack, the {message} does not exceed the controls, or is not retrieved. Look at the "
+    "extraction before the attacks",
+    "not affected": "no attack changed anything that the extraction of the {message} reads",
+    "unknown": "{reason}",
 }
 
+_OWNERS: Final[Mapping[str, str]] = {ADAPTIVE: "an owner who adapts", "message_oracle": "an oracle"}
+
 NO_KEY: Final = "only the owner's key can tell whether an attack removed a message; the tables show damage to the scene"
+
+
+class Loss(NamedTuple):
+    """The gentlest attack after which a message is above the controls in no scene."""
+
+    damage: float = inf  # to the scene, dB; infinite if there is no such attack
+    attack: str = ""
+    traces: bool = False  # whether retrieval still tells the message from others
+
+    def within(self, damage: float) -> bool:
+        """Return whether the attack does at most this damage; searched ones are inexact."""
+        return self.damage <= damage + DAMAGE_TOLERANCE
 
 
 @dataclass(frozen=True)
 class Audit:
     """The answer for one scheme, protocol and initialization.
 
-    `extraction` is what is judged: the scheme's own or, without one, a detector. `strongest` is the attack with at most
-    `ALLOWED` damage that leaves the message in the smallest share of the scenes; ties go to the largest drop.
+    `extraction` is what is judged: the scheme's own or, without one, a detector. `lost` has also those of other owners.
+    `strongest` is the attack with at most `ALLOWED` damage that leaves the message in the smallest share of the scenes;
+    ties go to the largest drop.
     """
 
     condition: Condition
     extraction: str
     verdict: Verdict
+    lost: Mapping[str, Loss]  # by extraction
     strongest: Survival | None
     reason: str  # of an unknown verdict
     remarks: list[str]
 
     @property
+    def damage(self) -> float:
+        """The least damage to the scene, dB, at which the message is lost; infinite if it never is."""
+        return self.lost.get(self.extraction, Loss()).damage
+
+    @property
     def sentence(self) -> str:
         """The verdict in words."""
-        facts = {"message": extraction_name(self.extraction), "allowed": f"{ALLOWED:g}", "reason": self.reason}
-        if row := self.strongest:
-            left = row.survived + row.only_retrieved
-            scenes = f"{row.present} scene{'s' * (row.present != 1)}"
-            facts |= {"attack": row.name, "drops": _drops(row), "left": str(left), "scenes": scenes}
-        return SENTENCES[self.verdict].format(**facts)
+        message, own = extraction_name(self.extraction), self.lost.get(self.extraction, Loss())
+        if self.verdict in NO_VERDICT:
+            return f"No verdict: {NO_VERDICT[self.verdict].format(message=message, reason=self.reason)}."
+        if own.within(ALLOWED):
+            said = [f"the {message} is lost at {_at(own)}{', but for traces that retrieval finds' * own.traces}"]
+        elif self.verdict == "weak":
+            said = [f"attacks with at most {ALLOWED:g} dB of damage remove the {message} from some scenes"]
+        else:
+            said = [f"no tested attack with at most {ALLOWED:g} dB of damage removes the {message}"]
+        for name, loss in self.lost.items():
+            if name != self.extraction:
+                owner = _OWNERS.get(name, f"an owner of the {extraction_name(name)}")
+                said.append(f"{owner} {f'loses it at {_at(loss)}' if loss.attack else 'keeps it'}")
+        return f"{self.verdict.upper()}: {'; '.join(said)}."
+
+
+def _at(loss: Loss) -> str:
+    return f"{decimal(loss.damage, 1)} dB of damage ({loss.attack})"
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Audit]:
@@ -69,11 +101,14 @@ def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
     attacks = [row for variant, row in known.items() if variant != UNATTACKED]
     judged = [row for row in attacks if row.present and row.reached is not False]
     strongest, present = _strongest(judged), any(row.present for row in known.values())
+    pictures = [row.extraction for row in rows if is_picture(row.extraction)]
+    lost = {name: _loss(rows, name) for name in dict.fromkeys([extraction, *pictures])}
     verdict: Verdict
     reason = ""
-    if strongest:
-        left = strongest.survived + strongest.only_retrieved
-        verdict = "removed" if not left else "survived" if strongest.survived == strongest.present else "partly"
+    if strongest and lost[extraction].within(ALLOWED):
+        verdict = "broken" if lost[extraction].within(BROKEN) else "weak"
+    elif strongest:
+        verdict = "holds" if strongest.survived == strongest.present else "weak"
     elif reason := _why_unknown(outcomes, known):
         verdict = "unknown"
     elif not present:
@@ -82,7 +117,17 @@ def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
         verdict = "not affected"
     else:
         verdict, reason = "unknown", f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
-    return Audit(outcomes[0].condition, extraction, verdict, strongest, reason, _remarks(outcomes, extraction))
+    return Audit(outcomes[0].condition, extraction, verdict, lost, strongest, reason, _remarks(outcomes, extraction))
+
+
+def _loss(rows: Sequence[Survival], extraction: str) -> Loss:
+    gone = [
+        Loss(damage.mean, row.name, row.only_retrieved > 0)
+        for row in rows
+        if row.extraction == extraction and row.present and not row.survived
+        if (damage := row.scene_drop or row.damage)
+    ]
+    return min(gone, default=Loss())
 
 
 def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
@@ -148,12 +193,3 @@ def _remarks(outcomes: Sequence[Outcome], extraction: str) -> list[str]:
         (unaffected, f"Changed nothing that the extraction reads: {', '.join(map(display_name, unaffected))}."),
     ]
     return [sentence for holds, sentence in facts if holds]
-
-
-def _drops(row: Survival) -> str:
-    """Return the drops of message and scene after an attack."""
-    drop, scene = row.message_drop, row.scene_drop
-    shown = is_picture(row.extraction)
-    number = (decimal(-drop.mean, 1) if shown else significant(-drop.mean)) if drop else "?"
-    unit, what = ("dB", "message") if shown else ("points", "mark")
-    return f"{'PSNR: ' * shown}{what} {number} {unit}, scene {decimal(-scene.mean, 1) if scene else '?'} dB"

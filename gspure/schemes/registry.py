@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
+from gspure.files import PROVENANCE, read_json
 from gspure.model import Gaussians, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import listed
@@ -62,6 +63,16 @@ def recognized(model: Gaussians) -> Scheme | None:
     """Return the scheme whose signature is among a model's columns, built-in ones first; None for vanilla 3DGS."""
     signed = (scheme for scheme in schemes().values() if scheme.signature)
     return next((scheme for scheme in signed if {*scheme.signature} <= {*model.names}), None)
+
+
+def made_by(key: Path) -> tuple[str, Path]:
+    """Return the scheme that made a key, and the pair that it was trained on, from the provenance in its folder.
+
+    Raise `InputError` if `gspure embed` did not write it.
+    """
+    with reading(file := key / PROVENANCE, "the provenance of a key"):
+        record = read_json(file)
+        return str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])
 
 
 def _require_settings(scheme: Scheme, source: str) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gspure.attacks import attacks, find_attack
-from gspure.cameras import GENERATED
-from gspure.cameras.photographs import require_present
+from gspure.cameras import GENERATED, read_cameras
+from gspure.cameras.photographs import missing_photographs, require_present
 from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.detection import words_of
@@ -16,7 +16,7 @@ from gspure.evaluation.names import CONTROLS, variant_at
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
 from gspure.model.inria import point_cloud, saved_iterations
 from gspure.scenes.procedural import NAMES, scene_builder
-from gspure.schemes.registry import schemes
+from gspure.schemes.registry import made_by, schemes
 from gspure.settings import require_settings
 from gspure.training.dataset import read_views
 from gspure.workflow.decisions import METHOD
@@ -55,7 +55,7 @@ def resolve(config: Mapping[str, Any], source: str) -> dict[str, Any]:
 
 def _settle_asset(asset: dict[str, Any], source: str, place: str) -> None:
     """Check the paths of an asset, and find its model file or the photographs to train it from."""
-    for field in (name for name in ("model", "cameras", "train") if name in asset):
+    for field in (name for name in ("model", "cameras", "key", "message", "train") if name in asset):
         if field != "train" and "train" in asset:
             raise InputError(source, f"{place}.{field}", expected="nothing beside train", found=asset[field])
         if not (field == "cameras" and asset[field] in GENERATED):
@@ -64,6 +64,13 @@ def _settle_asset(asset: dict[str, Any], source: str, place: str) -> None:
         asset["photographs"] = _photographs(asset["train"])
     elif Path(asset["model"]).is_dir():
         asset["model"] = str(point_cloud(Path(asset["model"])))
+    if "key" in asset:
+        asset["scheme"] = asset.get("scheme") or made_by(Path(asset["key"]))[0]
+        _require(asset["scheme"], [*schemes()], source, f"{place}.scheme")
+        views = [] if asset["cameras"] in GENERATED else read_cameras(asset["cameras"])
+        asset["photographed"] = bool(views) and not missing_photographs(views)
+    if "message" in asset:
+        asset["message_photographs"] = _photographs(asset["message"])
 
 
 def _settle_pair(pair: dict[str, Any], source: str, place: str) -> None:

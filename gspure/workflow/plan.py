@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final
 
 from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
-from gspure.evaluation.names import CLEAN, CONTROLS, OTHER_SCENE, UNATTACKED, WRONG_KEY
-from gspure.evaluation.outcomes import BITS, SCENE, is_picture
+from gspure.evaluation.csv_tables import grouped
+from gspure.evaluation.names import BASELINES, CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.method.features import PARTS
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
@@ -18,7 +20,7 @@ from gspure.schemes.scheme import Scheme
 from gspure.workflow.decisions import FACTORS, METHOD, Decisions, Settings, first_alike
 from gspure.workflow.inputs import camera_files, is_photographed, message_name, message_of, model_files, pair_of
 
-VANILLA: Final = "vanilla"  # folder of the user's own models
+VANILLA: Final = "vanilla"  # folder of the user's own models without a key
 
 
 @dataclass(frozen=True)
@@ -29,15 +31,22 @@ class Plan:
 
     @cached_property
     def schemes(self) -> dict[str, Scheme]:
-        """The watermarking schemes by name."""
-        return {name: find_scheme(name) for name in self.config["schemes"]}
+        """The watermarking schemes by name: those to train, and those of the keys of the user's models."""
+        of_keys = (asset["scheme"] for asset in self.config["assets"].values() if "key" in asset)
+        return {name: find_scheme(name) for name in dict.fromkeys([*self.config["schemes"], *of_keys])}
 
     @cached_property
     def scenes(self) -> dict[str, Mapping[str, Settings]]:
-        """By scheme, the settings of every scene: the user's models, or pairs; ``raised@1`` repeats pair ``raised``."""
+        """By scheme, the settings of every scene: pairs, and the user's models; ``raised@1`` repeats pair ``raised``.
+
+        A user's model without a key has no scheme, but is in the folder `VANILLA`.
+        """
         repetitions = range(self.config["repetitions"])
         pairs = {f"{name}@{n}" if n else name: pair for name, pair in self.config["pairs"].items() for n in repetitions}
-        return {VANILLA: self.config["assets"], **dict.fromkeys(self.schemes, pairs)}
+        trained: dict[str, dict[str, Settings]] = {VANILLA: {}}
+        trained |= {name: pairs if name in self.config["schemes"] else {} for name in self.schemes}
+        of_scheme = grouped(self.config["assets"].items(), lambda item: item[1].get("scheme", VANILLA))
+        return {name: {**dict(of_scheme.get(name, ())), **pairs} for name, pairs in trained.items()}
 
     @cached_property
     def models(self) -> list[Model]:
@@ -89,6 +98,11 @@ class Model:
         return self.scheme in self.plan.schemes
 
     @property
+    def is_users(self) -> bool:
+        """Whether it is one of the user's own models, not one of a pair."""
+        return not self.is_watermarked or "key" in self.settings
+
+    @property
     def hides_bits(self) -> bool:
         """Whether its scheme hides bits, which are read from renders of the scene, not a picture."""
         return self.is_watermarked and BITS in self.plan.schemes[self.scheme].extractions
@@ -115,8 +129,10 @@ class Model:
 
     @property
     def users_files(self) -> list[str]:
-        """The user's files that its jobs read as its public model."""
-        return model_files(self.public) if "model" in self.settings else []
+        """The user's files that its jobs read: of its public model, its key, and photographs of its message."""
+        own = self.settings
+        key = sorted(str(file) for file in Path(own["key"]).glob("*")) if "key" in own else []
+        return [*(model_files(self.public) if "model" in own else []), *key, *own.get("message_photographs", ())]
 
     @property
     def pair(self) -> str:
@@ -126,7 +142,8 @@ class Model:
     @property
     def owned(self) -> dict[str, str]:
         """What only the owner has: the key, and the views of the message."""
-        return {"key": f"{self.folder}/key", "message_cameras": f"{self.folder}/message_cameras.json"}
+        key = self.settings.get("key", f"{self.folder}/key")
+        return {"key": key, "message_cameras": f"{self.folder}/message_cameras.json"}
 
     @property
     def repetition(self) -> int:
@@ -135,7 +152,9 @@ class Model:
 
     @property
     def other_pairs(self) -> list[str]:
-        """The pairs with another message."""
+        """The pairs with another message; none for a user's model."""
+        if self.is_users:
+            return []
         pairs, message = self.plan.config["pairs"], message_of(self.settings)
         return [name for name, pair in pairs.items() if message_of(pair) != message]
 
@@ -149,25 +168,28 @@ class Model:
     @property
     def views(self) -> dict[str, str]:
         """The sources of its views: files, folders or a way to generate them; those of the message are the owner's."""
-        if self.is_watermarked:
+        if not self.is_users:
             return {"scene": f"{self.pair}/cameras.json", "message": f"{self.pair}/message"}
-        return {"scene": str(self.settings.get("cameras", f"{self.folder}/trained/cameras.json"))}
+        scene = str(self.settings.get("cameras", f"{self.folder}/trained/cameras.json"))
+        return {"scene": scene} | ({"message": self.settings.get("message", scene)} if self.is_watermarked else {})
 
     @property
     def view_settings(self) -> dict[str, Any]:
-        """How its views are scaled or generated."""
-        if self.is_watermarked:
+        """How its views are scaled or generated; photographs of a message are compared at their own size."""
+        if not self.is_users:
             return {"resolution": "native"}
-        if self.views["scene"] in GENERATED:
-            return {"resolution": "native", "generated": self.settings["generated"]}
-        return {"resolution": self.settings["resolution"]}
+        settings = self.settings
+        generated = {"generated": settings["generated"]} if self.views["scene"] in GENERATED else {}
+        message = {"message_resolution": "photographs"} if "message" in settings else {}
+        return {"resolution": "native" if generated else settings["resolution"], **generated, **message}
 
     @property
     def view_files(self) -> list[str]:
         """The files that its views are read from; none if they are generated."""
-        if self.is_watermarked:
+        if not self.is_users:
             return [*self.views.values()]
-        return [] if self.views["scene"] in GENERATED else camera_files(self.views["scene"])
+        sources = [view for view in dict.fromkeys(self.views.values()) if view not in GENERATED]
+        return [file for source in sources for file in camera_files(source)]
 
     @property
     def targets(self) -> list[str]:
@@ -179,22 +201,25 @@ class Model:
     @property
     def controls(self) -> list[str]:
         """Its negative controls; another scene's model must have another message."""
-        controls = list(CONTROLS) if self.is_watermarked else [CLEAN] * bool(self.settings["clean"])
-        if self.hides_bits:
-            controls = [CLEAN, WRONG_KEY, OTHER_SCENE]
-        return [control for control in controls if control != OTHER_SCENE or self.other_pairs]
+        has_clean = not self.is_users or bool(self.settings["clean"])
+        marked = [WRONG_KEY, *([OTHER_SCENE] if self.other_pairs else []), *([] if self.hides_bits else BASELINES)]
+        return [CLEAN] * has_clean + (marked if self.is_watermarked else [])
 
     @property
-    def references(self) -> str:
-        """The folder of images that variants are compared with, one folder per target."""
-        return self.pair if self.is_watermarked else f"{self.folder}/{UNATTACKED}/renders"
+    def photographed(self) -> list[str]:
+        """What is compared with photographs; all else is compared with renders of the unattacked model."""
+        if not self.is_users:
+            return [SCENE, MESSAGE]
+        return [SCENE] * self.settings.get("photographed", False) + [MESSAGE] * ("message" in self.settings)
 
     @property
     def decoys(self) -> list[str]:
-        """The folders of false candidates of its message: other messages, and random scenes of the same image size."""
+        """The folders of false candidates of its message: the scene, other messages, random scenes of the same size."""
         if not self.hides_picture:
             return []
-        decoys = [f"results/pairs/{name}/message" for name in self.other_pairs]
+        if self.is_users:
+            return [f"{self.folder}/{UNATTACKED}/renders/{SCENE}"]
+        decoys = [f"{self.pair}/scene", *(f"results/pairs/{name}/message" for name in self.other_pairs)]
         if is_photographed(self.settings):
             return decoys
         views = max(3, -(-self.settings["views"] // TEST_EVERY))  # as many as are held out; a pair has at least three

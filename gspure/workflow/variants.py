@@ -10,8 +10,8 @@ from gspure.attacks.attack import Attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.detection import files_of
-from gspure.evaluation.names import BASELINES, CLEAN, OTHER_SCENE, WRONG_KEY
-from gspure.evaluation.outcomes import BITS
+from gspure.evaluation.names import BASELINES, CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE
 from gspure.report.writing import ReportPlan
 from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import FACTORS, METHOD, Settings, factors_of, sweeps
@@ -59,10 +59,10 @@ class Variant:
 
     @property
     def rendered(self) -> dict[str, str]:
-        """The public views, if its attack renders them; to search its strength, also any photographs of the scene."""
+        """The public views, if its attack renders them; to search its strength, also the photographs of a pair."""
         is_searched = "damage" in self.settings
         cameras = {"cameras": f"{self.model.folder}/cameras.json"}
-        photographs = {"photographs": f"{self.model.pair}/scene"} if self.model.is_watermarked and is_searched else {}
+        photographs = {"photographs": f"{self.model.pair}/scene"} if is_searched and not self.model.is_users else {}
         return {**cameras, **photographs} if is_searched or "cameras" in self.attack.parameters else {}
 
     @property
@@ -78,8 +78,10 @@ class Variant:
         values = {**(factors if attack in BUILT_IN else {}), **own}
         settings = {name: value for name, value in values.items() if name in {*attack.settings} - {searched}}
         known = {"name": attack.name, "seed": own["seed"] + self.model.repetition, "settings": settings}
-        wanted = {"damage": own["damage"], "split": self.model.plan.config["views"]["evaluate"]} if searched else {}
-        return known | wanted
+        if not searched:
+            return known
+        split, is_photographed = self.model.plan.config["views"]["evaluate"], SCENE in self.model.photographed
+        return known | {"damage": own["damage"], "split": split, "photographed": is_photographed}
 
     @property
     def public(self) -> str:
@@ -87,7 +89,7 @@ class Variant:
         model = self.model
         if self.name == OTHER_SCENE:
             return f"results/{model.scheme}/{model.other_pairs[0]}/public/point_cloud.ply"
-        if self.name == CLEAN and not model.is_watermarked:
+        if self.name == CLEAN and model.is_users:
             return Model(model.plan, VANILLA, model.settings["clean"]).public
         if self.name in (WRONG_KEY, *BASELINES):
             return model.public
@@ -115,7 +117,7 @@ class Variant:
     def users_files(self) -> list[str]:
         """The user's files that its evaluation reads: those that detectors name, such as code, and a clean model."""
         files = [file for each in self.detectors.values() if each for file in files_of(each["command"])]
-        is_users = self.name == CLEAN and not self.model.is_watermarked
+        is_users = self.name == CLEAN and self.model.is_users
         return files + (model_files(self.public) if is_users and Path(self.public).is_file() else [])
 
     @property
@@ -141,15 +143,16 @@ def evaluation(model: Model, names: Sequence[str]) -> dict[str, Any]:
     """Return the settings of the job that evaluates some variants or controls of a model."""
     adapts = ADAPTIVE in model.targets
     fits = adapts and model.plan.schemes[model.scheme].fits
+    message = model.views.get("message") if MESSAGE in model.photographed else None
     return {
         "cameras": f"{model.folder}/cameras.json",
         **(model.owned if model.is_watermarked else {}),
         "scheme": model.named_scheme,
         "split": model.plan.config["views"]["evaluate"],
-        "reference": "truth" if model.is_watermarked else "render",
-        "references": model.references,
+        "photographed": model.photographed,
+        "unattacked": f"{model.folder}/{UNATTACKED}/renders",
         "published": model.public if adapts else None,
-        "photographs": f"{model.pair}/message" if fits else None,
+        "photographs": message if fits else None,
         "decoys": model.decoys,
         "variants": {name: Variant(model, name).evaluation for name in names},
     }
@@ -163,7 +166,7 @@ def reported(model: Model) -> ModelPlan:
         [v.name for v in shown if not v.is_attacked and v.evaluation["compared"]],
         model.targets,
         {v.name: [*v.detectors] for v in shown if v.detectors},
-        Path(model.pair) if model.is_watermarked else None,
+        None if model.is_users else Path(model.pair),
         model.settings.get("protocol", ""),
         model.settings.get("initialization", ""),
     )

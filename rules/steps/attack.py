@@ -7,14 +7,12 @@ import numpy as np
 
 from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.attacked import affected
-from gspure.attacks.strength import Damage, scene_damage
-from gspure.cameras import Camera
+from gspure.attacks.strength import scene_damage
 from gspure.files import save_array, write_json, write_provenance
-from gspure.images import read_image
 from gspure.opencl.device import choose_device
-from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.settings import parsed_settings
+from gspure.training.dataset import read_photographs
 from gspure.workflow.step import run, views_of
 
 
@@ -31,7 +29,8 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     try:
         if "damage" in how:
             shown = views_of(Path(how["cameras"]), how["split"])
-            measure = damage_in(before, shown, how.get("photographs"))
+            truth = read_photographs(shown, before.model.background) if how["photographed"] else None
+            measure = scene_damage(before, shown, truth, choose_device())
             search = known.matching(before, measurements, how["damage"], measure, **do, **used)
             used[search.setting] = search.value
         attacked = known.apply(before, measurements, **do, **used)
@@ -54,13 +53,6 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     write_json(verdict, {"reached": changed, "strength": strength})
     write_provenance(public, "attack", inputs={"model": model}, settings={"attack": name, **used, **how})
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
-
-
-def damage_in(public: PublicModel, views: list[Camera], photographs: str | None) -> Damage:
-    """Return the function that measures the damage to the scene in these views."""
-    files = [Path(photographs, f"{view.name}.png") for view in views] if photographs else []
-    truth = [read_image(file, background=public.model.background) for file in files]
-    return scene_damage(public, views, truth or None, choose_device())
 
 
 run(attack)

@@ -12,14 +12,14 @@ from gspure.workflow.step import run
 def prepare(
     model: Path, views: dict[str, str], settings: dict[str, Any], cameras: Path, message_cameras: Path | None = None
 ) -> None:
-    for source, target in zip(views.values(), filter(None, (cameras, message_cameras)), strict=True):
+    for name, source, target in zip(views, views.values(), filter(None, (cameras, message_cameras)), strict=True):
         if source in GENERATED:
-            generated = {name: value for name, value in settings["generated"].items() if value is not None}
+            generated = {key: value for key, value in settings["generated"].items() if value is not None}
             generated["fov_degrees"] = generated.pop("fov")
             found = GENERATED[source](read_model(model), **generated)
         else:
             found = in_world_of(model, read_cameras(source), Path(source))
-        write_cameras(target, scaled(found, settings["resolution"]))
+        write_cameras(target, scaled(found, settings.get(f"{name}_resolution", settings["resolution"])))
 
 
 run(prepare)

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from gspure.cameras import Camera
+from gspure.cameras.photographs import photograph
 from gspure.cameras.reading import read_transform
-from gspure.evaluation.comparison import Reference, compare, pair_images, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, compare, write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
-from gspure.evaluation.names import UNATTACKED
 from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
 from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
 from gspure.files import read_json, write_json, write_provenance
@@ -32,8 +33,8 @@ def evaluate(
     variants: dict[str, Variant],
     cameras: Path,
     split: str,
-    reference: Reference,
-    references: Path,
+    photographed: list[str],
+    unattacked: Path,
     decoys: list[Path],
     scheme: str | None = None,
     key: Path | None = None,
@@ -69,14 +70,17 @@ def evaluate(
                 write_image(renders / target / f"{camera.name}.png", draw(camera))
         for detector, settings in variant["detectors"].items():
             write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, settings, renders / SCENE))
-        compared = folder.with_name(UNATTACKED) / "renders" if variant["baseline"] else renders
-        if targets := variant["compared"]:
-            against = {target: MESSAGE for target in targets if target not in (SCENE, MESSAGE)}
-            pairs, _ = pair_images(references, compared, against, targets)
-            write_metrics(folder / "metrics.csv", [compare(pair, reference, variant["baseline"]) for pair in pairs])
-        write_table(
-            folder / "retrieval.csv", Retrieved, retrieved(name, variant["rendered"], renders, references, decoys)
-        )
+        shown = unattacked if variant["baseline"] else renders
+        pairs = {t: paired(t, views, shown, photographed, unattacked) for t in sorted(variant["compared"])}
+        rows = [
+            compare(pair, TRUTH if kind(target) in photographed else RENDER, variant["baseline"])
+            for target, of_target in pairs.items()
+            for pair in of_target
+        ]
+        if rows:
+            write_metrics(folder / "metrics.csv", rows)
+        seen = {target: pairs[target] for target in filter(is_picture, variant["rendered"])}
+        write_table(folder / "retrieval.csv", Retrieved, retrieved(name, seen, decoys))
         write_provenance(folder, "evaluate", inputs={"model": model}, settings=variant)
     if listed:
         write_json(listed, [*variants])
@@ -101,12 +105,24 @@ def read(key: Key | None, settings: dict[str, Any], images: Path) -> list[Readin
     return read_marks(settings["command"], images, settings["message"], settings["timeout"])
 
 
-def retrieved(
-    variant: str, targets: list[str], renders: Path, references: Path, decoys: list[Path]
-) -> Iterator[Retrieved]:
+def kind(target: str) -> str:
+    """Return whose views a target has: the scene, or the message."""
+    return SCENE if target == SCENE else MESSAGE
+
+
+def paired(
+    target: str, views: dict[str, list[Camera]], renders: Path, photographed: list[str], unattacked: Path
+) -> list[ImagePair]:
+    """Return the renders of a target, with the photographs of their views or renders of the unattacked model."""
+    of = kind(target)
+    references = [photograph(v) if of in photographed else unattacked / of / f"{v.name}.png" for v in views[of]]
+    files = [renders / target / f"{view.name}.png" for view in views[of]]
+    return [ImagePair(target, *each) for each in zip((view.name for view in views[of]), references, files, strict=True)]
+
+
+def retrieved(variant: str, pairs_of: dict[str, list[ImagePair]], decoys: list[Path]) -> Iterator[Retrieved]:
     """Yield how well each extraction is retrieved among candidates."""
-    for target in filter(is_picture, targets):
-        pairs, _ = pair_images(references / MESSAGE, renders / target)
+    for target, pairs in pairs_of.items():
         candidates = [false_candidates(pair, index, decoys) for index, pair in enumerate(pairs)]
         found = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
         yield Retrieved(variant, target, retrieval(found))

@@ -1,0 +1,17 @@
+"""``gspure demo``: the whole evaluation on a scene made here."""
+
+from gspure.cli.audit import add_run_options, audited, snakefile
+from gspure.cli.parser import Arguments, Parser
+
+EXAMPLES = """\
+  gspure demo              # results/report.html, in two to three minutes on two CPU cores
+"""
+
+
+def add_arguments(parser: Parser) -> None:
+    add_run_options(parser)
+
+
+def run(args: Arguments) -> int:
+    """Run the demo's configuration."""
+    return audited(args, snakefile().parent / "config" / "config.yaml")

@@ -1,0 +1,109 @@
+"""The answer in a terminal or as JSON: for every condition the attacks by damage, the controls, and the verdict."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Any, Literal, NamedTuple
+
+from gspure.evaluation.intervals import Interval
+from gspure.evaluation.matched import reached_damage
+from gspure.evaluation.names import CONTROLS, UNATTACKED, condition_name, display_name, extraction_name
+from gspure.evaluation.outcomes import SCENE, Outcome, is_picture, mean_of
+from gspure.evaluation.survival import Survival
+from gspure.progress import decimal, percent, significant
+from gspure.report.audit import Audit, audits
+
+Left = Literal["present", "in part", "traces", "lost", "unknown"]
+
+
+class Attacked(NamedTuple):
+    """One attack, mean over scenes; NaN is unknown."""
+
+    attack: str
+    damage: float  # drop of the scene's PSNR, dB
+    level: float  # the message's PSNR, dB, or mean reading of a mark; the scene's PSNR, if there is neither
+    share: float  # left of the message's level above the controls
+    left: Left
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The audit of one condition, its attacks by damage, and the levels of the message in its controls."""
+
+    audit: Audit
+    attacks: Sequence[Attacked]
+    controls: Mapping[str, float]
+    has_message: bool
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of a terminal."""
+        extraction = self.audit.extraction if self.has_message else SCENE
+        in_decibels = extraction == SCENE or is_picture(extraction)
+        name = "scene" if extraction == SCENE else extraction_name(extraction)
+        columns = 5 if self.has_message else 3
+        rows = [("attack", "damage dB", f"{name}{' dB' * in_decibels}", "left", "verdict")[:columns]]
+        for row in self.attacks:
+            level = decimal(row.level, 1) if in_decibels else significant(row.level)
+            rows.append((row.attack, decimal(row.damage, 1), level, percent(row.share, 0), row.left)[:columns])
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        yield condition_name(*self.audit.condition)
+        for first, *numbers in rows:
+            cells = [f"{cell:>{width}}" for cell, width in zip(numbers[:3], widths[1:4], strict=False)]
+            yield "  ".join([f"{first:<{widths[0]}}", *cells, *numbers[3:]])
+        if self.controls:
+            yield "controls: " + ", ".join(f"{kind} {decimal(level, 1)}" for kind, level in self.controls.items())
+        yield self.audit.sentence
+
+    def facts(self) -> dict[str, Any]:
+        """Return all of it for JSON; what is unknown or infinite is null."""
+        audit = self.audit
+        facts = {"condition": audit.condition, "verdict": audit.verdict, "sentence": audit.sentence, "lost": audit.lost}
+        return {name: _plain(value) for name, value in facts.items()} | {
+            "attacks": _plain(self.attacks),
+            "controls": _plain(self.controls),
+        }
+
+
+def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Answer]:
+    """Return the answer for every condition, from the outcomes of all variants of all models, in their order."""
+    found = []
+    for audit in audits(outcomes, survivals):
+        alike = [o for o in outcomes if o.condition == audit.condition]
+        known = [row for row in survivals if row.condition == audit.condition and row.extraction == audit.extraction]
+        attacks = sorted(_attacked(alike, known, audit.extraction), key=lambda row: (row.damage, row.attack))
+        levels = {name: _mean(alike, name, audit.extraction) for name in CONTROLS}
+        controls = {display_name(name): level.mean for name, level in levels.items() if level}
+        found.append(Answer(audit, attacks, controls if known else {}, bool(known)))
+    return found
+
+
+def _attacked(alike: Sequence[Outcome], rows: Sequence[Survival], extraction: str) -> Iterator[Attacked]:
+    of_variant = {row.variant: row for row in rows}
+    for variant in dict.fromkeys(o.variant for o in alike if not o.is_control and o.variant != UNATTACKED):
+        row, level = of_variant.get(variant), _mean(alike, variant, extraction if rows else SCENE)
+        damage = mean_of([o for o in alike if o.variant == variant], reached_damage)
+        share = row.share_left.mean if row and row.share_left else nan
+        name = row.name if row else display_name(variant)
+        yield Attacked(name, damage.mean if damage else nan, level.mean if level else nan, share, _left(row))
+
+
+def _mean(alike: Sequence[Outcome], variant: str, target: str) -> Interval | None:
+    return mean_of([o for o in alike if o.variant == variant], lambda o: o.level(target))
+
+
+def _left(row: Survival | None) -> Left:
+    if not row or not row.present:
+        return "unknown"
+    if row.survived == row.present:
+        return "present"
+    return "in part" if row.survived else "traces" if row.only_retrieved else "lost"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return _plain(value._asdict())
+    return [_plain(each) for each in value] if isinstance(value, list) else value
