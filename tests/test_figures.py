@@ -10,8 +10,11 @@ import pytest
 from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.figures import gallery, plates, style, viewpoint
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
+from gspure.figures.panels import chosen, draw_before_after
 from gspure.figures.plates import opengl_renderer
+from gspure.images import write_image
 from gspure.public_model import PublicModel
+from tests.contest_cases import attacked
 from tests.models import gaussians, points_of
 
 RNG = np.random.default_rng(3)
@@ -61,6 +64,29 @@ def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
 
 
+def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: Path) -> None:
+    for folder, names, value in (("truth", "abcd", 0.0), ("gspure", "bcde", 0.1)):
+        for name in names:
+            write_image(tmp_path / folder / f"{name}.png", np.full((8, 10, 3), value, np.float32))
+    caption = draw_before_after(tmp_path / "panels.png", {name: tmp_path / name for name in ("truth", "gspure")}, 2)
+    assert caption.startswith("2 of 3 views, with their PSNR against truth")
+    assert (tmp_path / "panels.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("drops", "sweeps", "shown"),
+    [
+        ({"unattacked": 0, "weak": 2, "fit": 20, "clean": 0}, {"s": ["weak", "fit", "absent"]}, ["unattacked", "fit"]),
+        ({"weak": 2, "fit": 20}, {}, ["weak", "fit"]),
+        ({"tau_n_1": 25, "gspure": 10}, {"gspure": ["tau_n_1", "gspure"]}, ["gspure"]),
+        ({"a": 0, "b": 0}, {"failed": ["a", "b"]}, ["a"]),
+    ],
+    ids=["highest Score", "no sweep", "GSPure itself", "first of equals"],
+)
+def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) -> None:
+    assert [o.variant for o in chosen([attacked(name, 0, drop) for name, drop in drops.items()], sweeps)] == shown
+
+
 @needs_gl
 def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
     points = np.array([[0, 0, 4], [1.2, 0.7, 6]], np.float32)
@@ -71,16 +97,6 @@ def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
         others = [c for c in range(3) if c != channel]
         centre = np.argwhere(picture[..., channel] > picture[..., others].max(axis=-1) + 30).mean(axis=0)
         assert centre == pytest.approx([200 + 400 * y / z, 180 + 400 * x / z], abs=1.5)
-
-
-def looking_at(target: np.ndarray, eye: np.ndarray, name: str = "view") -> Camera:
-    forward = (target - eye) / np.linalg.norm(target - eye)
-    right = np.cross((0, 1, 0), forward)
-    right /= np.linalg.norm(right)
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = np.stack([right, np.cross(forward, right), forward])
-    viewmat[:3, 3] = -viewmat[:3, :3] @ eye
-    return Camera(name, 64, 48, intrinsics(50, 50, 32, 24), viewmat)
 
 
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1)])
@@ -94,7 +110,11 @@ def test_up_is_up_in_an_overview_whatever_the_cameras_call_up(up) -> None:
 def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     shell = 5 * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
     dense = np.concatenate([shell, shell[shell[:, 0] > 3] * 0.99])
-    inside = [looking_at(np.array([x, 0.0, 0.0]), np.array([0.1, 0, 0]), name=f"view_{x}") for x in (-9.0, 9.0)]
-    assert viewpoint.choose(dense, inside).name == "view_9.0"
+    right = np.array(
+        [[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, -0.1], [0, 0, 0, 1]]
+    )  # from (0.1, 0, 0) along the x axis
+    turns = {"left": np.diag([-1.0, 1, -1, 1]), "right": np.eye(4)}
+    inside = [Camera(name, 64, 48, intrinsics(50, 50, 32, 24), turn @ right) for name, turn in turns.items()]
+    assert viewpoint.choose(dense, inside).name == "right"
     assert viewpoint.choose(dense, orbit_cameras(points_of(dense, np.ones(len(dense))))).name == "overview"
     assert viewpoint.choose(dense, []).name == "overview"

@@ -1,18 +1,16 @@
-"""SecureGS: private networks over public anchors, how anchors grow, and the scheme without torch."""
+"""SecureGS: private networks over public anchors, how anchors grow, and what a short training learns."""
 
 import numpy as np
 import pytest
 
-from gspure.schemes.secure_gs import first_anchors
-from gspure.schemes.secure_gs.anchors import Anchors
-from gspure.schemes.secure_gs.growing import (
-    CELLS,
-    GRADIENT_THRESHOLD,
-    Candidates,
-    grown,
-)
+from gspure.evaluation.metrics import psnr
+from gspure.schemes.hidden_weight import low_rows
+from gspure.schemes.pair import read_pair
+from gspure.schemes.scheme import hide
+from gspure.schemes.secure_gs import HARDENED, SCHEME, first_anchors
+from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
 from tests.anchor_cases import random_key, random_public
-from tests.models import camera
+from tests.models import camera, without
 
 VIEW = camera()
 
@@ -25,36 +23,22 @@ def test_the_message_depends_on_no_public_offset_or_network():
     assert (key.message(changed, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
 
 
-def candidates(places, norms, thresholds=GRADIENT_THRESHOLD, feat_dim=2):
-    places = np.asarray(places, np.float32)
-    features = np.arange(len(places) * feat_dim, dtype=np.float32).reshape(-1, feat_dim)
-    return Candidates(
-        places,
-        np.broadcast_to(np.asarray(norms, np.float32), len(places)),
-        np.broadcast_to(np.asarray(thresholds, np.float32), len(places)),
-        features,
-    )
-
-
-def cells_of(anchors: Anchors, side):
-    return {tuple(cell) for cell in np.rint(anchors.positions / np.float32(side)).astype(int).tolist()}
+def cells_of(places, side):
+    return [tuple(cell) for cell in np.rint(places / np.float32(side)).astype(int).tolist()]
 
 
 @pytest.mark.parametrize(("seed", "room"), [(0, 0), (1, 3), (2, 30)])
 def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, room):
     rng = np.random.default_rng(seed)
-    before = rng.uniform(-1, 1, (20, 3)).astype(np.float32)
-    asking = candidates(rng.uniform(-1, 1, (60, 3)), rng.exponential(1e-3, 60))
-    new = grown(before, asking, 0.02, 4, room, rng)
+    before, places = (rng.uniform(-1, 1, (count, 3)).astype(np.float32) for count in (20, 60))
+    norms, thresholds = rng.exponential(1e-3, 60).astype(np.float32), np.full(60, GRADIENT_THRESHOLD, np.float32)
+    new = grown(before, Candidates(places, norms, thresholds, np.ones((60, 2), np.float32)), 0.02, 4, room, rng)
     assert len(new.positions) <= room
-    sides = np.exp(new.log_scalings[:, 0])
     assert not new.offsets.any()
-    for cell in CELLS:
-        level = np.isclose(sides, 0.02 * cell)
-        grid = np.rint(new.positions[level] / np.float32(0.02 * cell)).astype(int)
-        assert len(np.unique(grid, axis=0)) == level.sum()
-        old = np.rint(before / np.float32(0.02 * cell)).astype(int)
-        assert not {*map(tuple, grid.tolist())} & {*map(tuple, old.tolist())}
+    for side in 0.02 * np.array(CELLS):
+        cells = cells_of(new.positions[np.isclose(np.exp(new.log_scalings[:, 0]), side)], side)
+        assert len({*cells}) == len(cells)
+        assert not {*cells} & {*cells_of(before, side)}
 
 
 @pytest.mark.parametrize("at_most", [20, 100, 5000])
@@ -62,5 +46,57 @@ def test_each_voxel_with_points_starts_with_one_anchor(at_most):
     points = np.random.default_rng(0).uniform(-1, 1, (800, 3))
     anchors, voxel = first_anchors([points], at_most)
     assert 4 <= len(anchors.positions) <= at_most
-    assert len(cells_of(anchors, voxel)) == len(anchors.positions)
+    assert len({*cells_of(anchors.positions, voxel)}) == len(anchors.positions)
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
+
+
+SHORT = {"iterations": 120, "max_anchors": 600}
+
+
+@pytest.fixture(scope="module")
+def pair(pair_folder):
+    pytest.importorskip("torch")
+    return read_pair(pair_folder)
+
+
+def quality(view, capture):
+    return np.mean([psnr(view(c).clip(0, 1), photo) for c, photo in zip(capture.views, capture.images, strict=True)])
+
+
+def mean_colour(photographs):
+    mean = np.mean(photographs, axis=(0, 1, 2))
+    return np.mean([psnr(np.broadcast_to(mean, photo.shape), photo) for photo in photographs])
+
+
+def test_scene_and_message_are_learned_over_the_same_anchors(pair):
+    public, key = hide(SCHEME, pair, seed=3, **SHORT)
+    scene, message = public.scene(), key.message(public, "message")
+    assert quality(scene, pair.scene) > mean_colour(pair.scene.images) + 2
+    assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
+    wrong = key.wrong(np.random.default_rng(0)).message(public, "message")
+    assert quality(wrong, pair.message) < quality(message, pair.message) - 2
+
+
+def test_a_hardened_message_outlives_the_pruning_of_anchors_of_low_weight(own_pair_folder):
+    pytest.importorskip("torch")
+    pair = read_pair(own_pair_folder)
+
+    def lost(scheme):
+        public, key = hide(scheme, pair, **SHORT)
+        kept = without(public, low_rows(public, pair.scene.views, 2.0, None))
+        before, after = (quality(key.message(model, "message"), pair.message) for model in (public, kept))
+        return before - after
+
+    assert lost(HARDENED) < lost(SCHEME) - 1
+
+
+def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
+    torch = pytest.importorskip("torch")
+    before, tables = torch.get_num_threads(), []
+    for threads in (1, 3):
+        torch.set_num_threads(threads)
+        public, _ = hide(SCHEME, pair, iterations=8, max_anchors=200)
+        assert torch.get_num_threads() == threads
+        tables.append(public.model.table.tobytes())
+    torch.set_num_threads(before)
+    assert tables[0] == tables[1]

@@ -17,21 +17,26 @@ PLUGIN = {
     "attack": "import numpy\nfrom gspure.unrelated import number\nfrom . import order\n",
     "order": "from .shares import share\n",
     "shares": "share = 1\n",
-    "other": "number = 1\n",
 }
+
+
+def forget():
+    sources._imports.cache_clear()
+    sources._file.cache_clear()
 
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
+    """Return a folder with the package, and with a plug-in."""
     monkeypatch.setattr(sources, "_PACKAGE", tmp_path)
-    for name, text in MODULES.items():
-        (tmp_path / f"{name}.py").parent.mkdir(exist_ok=True)
+    monkeypatch.syspath_prepend(str(tmp_path / "installed"))
+    plugin = {f"installed/murky/{name}": text for name, text in PLUGIN.items()}
+    for name, text in (MODULES | plugin).items():
+        (tmp_path / f"{name}.py").parent.mkdir(exist_ok=True, parents=True)
         (tmp_path / f"{name}.py").write_text(text)
-    sources._imports.cache_clear()
-    sources._file.cache_clear()
+    forget()
     yield tmp_path
-    sources._imports.cache_clear()
-    sources._file.cache_clear()
+    forget()
 
 
 @pytest.mark.parametrize("module", ["stage", "middle/__init__", "middle/deep"])
@@ -41,21 +46,9 @@ def test_an_edit_anywhere_below_a_stage_changes_its_digest(package, module):
     assert code_digest("gspure.stage") != before
 
 
-@pytest.fixture
-def plugin(package, tmp_path, monkeypatch):
-    folder = tmp_path / "installed" / "murky"
-    folder.mkdir(parents=True)
-    for name, text in PLUGIN.items():
-        (folder / f"{name}.py").write_text(text)
-    monkeypatch.syspath_prepend(str(folder.parent))
-    sources._imports.cache_clear()
-    sources._file.cache_clear()
-    return folder
-
-
 @pytest.mark.parametrize("module", ["attack", "order", "shares"])
-def test_an_edit_of_a_plug_in_changes_the_digest(plugin, module):
+def test_an_edit_of_a_plug_in_changes_the_digest(package, module):
     before = code_digest("gspure.stage", "murky.attack")
     assert before != code_digest("gspure.stage")
-    (plugin / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
+    (package / "installed" / "murky" / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
     assert code_digest("gspure.stage", "murky.attack") != before
