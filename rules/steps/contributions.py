@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from gspure.cameras.worlds import mention_unseen
 from gspure.method.contributions import contribute, write_index
 from gspure.opencl.device import choose_device
 from gspure.opencl.frame import Energy
@@ -16,7 +15,6 @@ def measure(
     public = read_public_model(model, scheme).drawable(model)
     number, parts = part
     views = views_of(cameras, "train")[number - 1 :: parts]
-    mention_unseen(public.model, views)
     write_index(index, contribute(public, views, cache, device=choose_device(), energy=energy))
 
 
