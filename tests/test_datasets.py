@@ -46,10 +46,7 @@ class Handler(BaseHTTPRequestHandler):
         pass
 
     def do_HEAD(self):
-        if self.path == "/scenes.zip":
-            self.begin(200, 0)
-        else:
-            self.send_error(404)
+        self.begin(200, 0)
 
     def do_GET(self):
         asked = self.headers["Range"]

@@ -6,18 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gspure.cameras import read_cameras, split
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.model import read_model
 from gspure.model.activations import sigmoid
-from gspure.model.inria import point_cloud, training_arguments
 from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
-from gspure.training.dataset import extent, read_dataset
+from gspure.training.dataset import extent
 from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, view_counts
-from gspure.training.output import write_output
 from gspure.training.schedule import Schedule
-from tests.training_cases import colmap_project, parameters, ring, same_bits, state
+from tests.training_cases import ring, same_bits, state
 
 lengths = st.integers(1, 100_000)
 
@@ -73,36 +69,6 @@ def test_random_points_lie_where_many_views_overlap():
     assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
     cube = random_points(views, extent(views), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(points, cube)
-
-
-POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
-
-
-@pytest.fixture
-def written(tmp_path):
-    dataset = read_dataset(colmap_project(tmp_path / "project", ring(17), POINTS), "16px")
-    folder = tmp_path / "trained"
-    return folder, dataset, write_output(folder, dataset, parameters(30), 70, (1.0, 1.0, 1.0), place=folder)
-
-
-def test_the_folder_is_read_like_one_of_3dgs(written):
-    folder, _, model = written
-    assert point_cloud(folder) == model == folder / "point_cloud" / "iteration_70" / "point_cloud.ply"
-    assert len(read_model(folder)) == 30
-    arguments = training_arguments(folder)
-    assert arguments["sh_degree"] == 3
-    assert (arguments["white_background"], arguments["eval"], arguments["resolution"]) == (True, True, 16)
-
-
-def test_cameras_list_test_views_first_and_split_as_they_were_trained(written):
-    folder, dataset, _ = written
-    cameras = read_cameras(folder)
-    assert [c.name for c in cameras] == [c.name for c in [*dataset.test, *dataset.train]]
-    assert [[c.name for c in part] for part in split(cameras)] == [
-        [c.name for c in part] for part in (dataset.train, dataset.test)
-    ]
-    assert {(c.width, c.height) for c in cameras} == {(16, 12)}
-    assert cameras[0].image.samefile(dataset.test[0].image)
 
 
 SETTINGS = {"iterations": 100, "seed": 3, "background": (0.0, 0.5, 1.0), "max_gaussians": None, "data": "abc"}
