@@ -14,13 +14,12 @@ from gspure.errors import InputError
 from gspure.files import Float32
 from gspure.model.filtered import filtered
 from gspure.model.gaussians import Gaussians
-from gspure.opencl.conservation import require_conservation
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.opacity_field import blended_at
-from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward
+from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward, require_conservation
 from gspure.opencl.storage import positions_of, store, upload_attributes, upload_sh_coeffs
 
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
@@ -115,7 +114,7 @@ class Renderer:
         Rows are ordered by index, without Gaussians that touch no pixel. With the energy "center_ray", each has one
         pixel: the ray through its centre.
 
-        Raise `InputError` if the results of the device do not conserve light (`gspure.opencl.conservation`).
+        Raise `InputError` if the results of the device do not conserve light (`gspure.opencl.passes`).
         """
         if self.energy == "center_ray":
             return self._centre_contributions(camera)

@@ -9,7 +9,7 @@ from gspure.constants import ALPHA_MAX
 from gspure.errors import InputError
 from gspure.method.subpixel import subpixel_rows
 from gspure.method.weights import accumulate
-from gspure.opencl.conservation import require_conservation
+from gspure.opencl.passes import require_conservation
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.models import AWKWARD, blobs, camera, gaussians, joined, subpixel, tilted_camera
 from tests.reference.blending import centre_contributions

@@ -1,11 +1,15 @@
-"""A frame from end to end: forward to pixels, and backward from their gradient."""
+"""A frame from end to end: forward to pixels, and backward from their gradient; and the light that it conserves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pyopencl as cl
+from numpy.typing import NDArray
 
+from gspure.constants import ALPHA_MAX
+from gspure.errors import InputError
+from gspure.files import Float32
 from gspure.opencl.binning import Bounds, TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.frame import Frame
@@ -15,6 +19,10 @@ from gspure.opencl.projection import Projected, project
 
 ENTRY_BUDGET = 1 << 26
 """Most tile entries held at a time; at 28 bytes each, 1.9 GB. Larger frames are rendered in bands, to the same bits."""
+
+TOLERANCE = 1e-4  # relative, of the sum over a view; rounding errors stay below a tenth of it
+
+_HINT = "the OpenCL driver computes wrongly; choose another device: `gspure doctor`"
 
 
 @dataclass(frozen=True)
@@ -66,3 +74,32 @@ def backward(rendered: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:
             lists = bin_tiles(frame, projected, rendered.bounds, band)
         splat_gradients = blend_band_backward(frame, projected, lists, rendered.canvas, image_gradient)
     return project_backward(frame, projected, splat_gradients)
+
+
+def require_conservation(view: str, contributions: NDArray[np.void], transmittance: Float32) -> None:
+    """Check that contributions and transmittance [H,W] of a view are shares of the light and add up to all of it.
+
+    Raise `InputError` with view, row (or pixel) and value, if a sum or maximum of a row is negative, infinite or not a
+    number, a maximum exceeds `ALPHA_MAX`, a transmittance lies outside 0 to 1, or the sums do not add up to the light
+    that the transmittance lacks.
+    """
+    largest = {"sum": np.finfo(np.float32).max, "max": np.float32(ALPHA_MAX)}
+    for name, most in largest.items():
+        values = contributions[name]
+        if len(values) and not (values.min() >= 0 and values.max() <= most):  # false for NaN
+            wrong = np.flatnonzero(~((values >= 0) & (values <= most)))[0]
+            row, value = contributions["index"][wrong], values[wrong]
+            raise _violation(view, f"contribution ({name})", f"0 to {most:.3g}", f"{value} in row {row}")
+    if not (transmittance.min() >= 0 and transmittance.max() <= 1):
+        y, x = np.argwhere(~((transmittance >= 0) & (transmittance <= 1)))[0]
+        raise _violation(view, "transmittance", "0 to 1", f"{transmittance[y, x]} in column {x}, line {y}")
+    gathered = float(contributions["sum"].sum(dtype=np.float64))
+    absorbed = transmittance.size - float(transmittance.sum(axis=1).sum(dtype=np.float64))  # of lines: half the time
+    if abs(gathered - absorbed) > TOLERANCE * max(absorbed, 1.0):
+        row = contributions["index"][contributions["sum"].argmax()] if len(contributions) else "none"
+        found = f"{gathered:.7g} (largest in row {row})"
+        raise _violation(view, "sum of contributions", f"{absorbed:.7g}, the light that the transmittance lacks", found)
+
+
+def _violation(view: str, field: str, expected: str, found: str) -> InputError:
+    return InputError(f"view {view}", field, expected=expected, found=found, hint=_HINT)
