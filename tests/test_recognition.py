@@ -4,9 +4,7 @@ import gzip
 import io
 import zipfile
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
@@ -22,48 +20,42 @@ def zipped(*names):
     return stream.getvalue()
 
 
-def picture(kind):
-    stream = io.BytesIO()
-    Image.new("RGB", (4, 4)).save(stream, kind)
-    return stream.getvalue()
-
-
-def arrays(save):
-    stream = io.BytesIO()
-    save(stream, np.zeros(3))
-    return stream.getvalue()
-
-
-LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:abab\nsize 49600\n"
 FILES = {
-    "Git LFS": (LFS, "a Git LFS pointer (run `git lfs pull`)"),
-    "git-annex": (b"/annex/objects/MD5E-s123--ab.ply\n", "a git-annex pointer (run `git annex get`)"),
-    "a page": (b"\n<!DOCTYPE html>\n<html>", "a web page (download"),
-    "another page": (b"\xef\xbb\xbf<html lang='de'>", "a web page (download"),
-    "an error of a host": (b"Entry not found", "text, 'Entry not found' (download"),
-    "a gzipped model": (gzip.compress(b"ply\nformat"), "a gzip archive (unpack it"),
-    "a zipped model": (zipped("a/point_cloud.ply", "cfg_args"), "an archive of a/point_cloud.ply, cfg_args (unpack it"),
-    "half an archive": (zipped("a.ply")[:-9], "an archive that was cut short (copy or"),
-    "7z": (b"7z\xbc\xaf\x27\x1c\0\4", "an archive (unpack it"),
-    "tar": (bytes(257) + b"ustar\0" + bytes(300), "an archive (unpack it"),
-    "a checkpoint": (zipped("archive/data.pkl", "archive/data/0"), "a PyTorch checkpoint (export a .ply"),
-    "an old checkpoint": (b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.", "a PyTorch checkpoint (export a .ply"),
-    "safetensors": (b"\x40" + bytes(7) + b'{"means":', "a PyTorch checkpoint (export a .ply"),
-    "npz": (arrays(np.savez), "arrays of NumPy (export"),
-    "npy": (arrays(np.save), "an array (export"),
-    **{kind: (picture(kind), "a picture or a film (") for kind in ("PNG", "JPEG", "GIF", "WEBP", "BMP", "TIFF")},
-    "OBJ": (b"# Blender\n\n# www\nmtllib a.mtl\nv 0 0 0\n", "a mesh (`gspure train`"),
-    "glTF": (b"glTF\2\0\0\0", "a mesh (`gspure train`"),
-    "STL": (b"solid cube\nfacet", "a mesh (`gspure train`"),
-    "LAS": (b"LASF\0\0", "a point cloud (`gspure train`"),
-    "cameras": (b'[{"id": 0}]', "JSON (name the model's file)"),
-    "nothing": (b"", "an empty file (copy or"),
+    "a Git LFS pointer (run `git lfs pull`)": [
+        b"version https://git-lfs.github.com/spec/v1\noid sha256:abab\nsize 49600\n"
+    ],
+    "a git-annex pointer (run `git annex get`)": [b"/annex/objects/MD5E-s123--ab.ply\n"],
+    "a web page (download": [b"\n<!DOCTYPE html>\n<html>", b"\xef\xbb\xbf<html lang='de'>", b"<?xml version='1.0'?>"],
+    "text, 'Entry not found' (download": [b"Entry not found\n"],
+    "a gzip archive (unpack it": [gzip.compress(b"ply\nformat")],
+    "an archive (unpack it": [
+        zipped("a/model.ply", "cfg_args"),
+        b"7z\xbc\xaf\x27\x1c\0\4",
+        bytes(257) + b"ustar\0\0\0",
+    ],
+    "a PyTorch checkpoint (export a .ply": [
+        zipped("archive/data.pkl", "archive/data/0"),
+        b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.",
+        b"\x40" + bytes(7) + b'{"means":',
+    ],
+    "arrays (export": [zipped("means.npy", "quats.npy"), b"\x93NUMPY\1\0"],
+    "a picture (`gspure train`": [
+        b"\x89PNG\r\n",
+        b"\xff\xd8\xff\xe0",
+        b"GIF89a",
+        b"RIFF\1\2\3\4WEBPVP8L",
+        b"II*\0\x08",
+    ],
+    "a mesh (`gspure train`": [b"# Blender\n\n# www\nmtllib a.mtl\nv 0 0 0\n", b"glTF\2\0\0\0", b"solid cube\nfacet"],
+    "a point cloud (`gspure train`": [b"LASF\0\0"],
+    "JSON (name the model's file)": [b'[{"id": 0}]', b'{"asset": {"version": "2.0"}}'],
+    "an empty file (copy or": [b""],
 }
 
 
-@pytest.mark.parametrize("name", ["m.ply", "m.spz", "m.splat", "m.sog", "m.ckpt"])
-@pytest.mark.parametrize(("content", "found"), FILES.values(), ids=FILES)
-def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, content, found):
+@pytest.mark.parametrize("name", ["m.ply", "m.spz", "m.splat", "m.sog", "m"])
+@pytest.mark.parametrize(("found", "content"), [(found, content) for found, each in FILES.items() for content in each])
+def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, found, content):
     if name == "m.spz" and content[:2] == b"\x1f\x8b":
         found = "an SPZ model of version 2 to 4, found "
     (tmp_path / name).write_bytes(content)
