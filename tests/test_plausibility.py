@@ -14,6 +14,8 @@ from tests.attack_cases import anchors, features
 from tests.models import blobs, camera, tilted_camera
 from tests.test_ply import header
 
+VIEWS = [camera(32, 24, name="a"), tilted_camera(32, 24, name="b")]
+
 
 def scaled(model, factor):
     """The model in other units."""
@@ -80,16 +82,17 @@ def test_coordinates_that_float32_rounds_to_more_than_a_part_of_the_gaussians_ar
 
 def test_commands_print_doubts_once(tmp_path, capsys):
     write_model(tmp_path / "m.ply", linear(blobs(50)))
-    arguments = ["--cameras", "orbit", "--out", str(tmp_path / "views")]
-    for command in (["info"], ["render", *arguments], ["purify", *arguments[:3], str(tmp_path / "p"), "--no-figures"]):
-        main([command[0], str(tmp_path / "m.ply"), *command[1:]])
+    write_cameras(tmp_path / "cameras.json", VIEWS)
+    for command, *more in (["info"], ["render"], ["purify", "--no-figures"]):
+        views = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(tmp_path / command)]
+        main([command, str(tmp_path / "m.ply"), *(views if command != "info" else []), *more])
         assert capsys.readouterr().err.count("ln(scale)") == 1
 
 
 @pytest.mark.parametrize("offset", [(500_000.4, 5_400_000.7, 300.2), (0, 0, -2e7), (3.2, 0, 0)])
 @pytest.mark.parametrize("encoding", ["ascii", "binary_big_endian"])
 def test_coordinates_of_many_digits_keep_them_and_cameras_follow(tmp_path, capsys, encoding, offset):
-    model, views = blobs(60, sh_degree=0), [camera(32, 24, name="a"), tilted_camera(32, 24, name="b")]
+    model = blobs(60, sh_degree=0)
     table = model.table.astype([(name, "<f8" if name in "xyz" else "<f4") for name in model.names])
     for name, start in zip("xyz", offset, strict=True):
         table[name] += start
@@ -97,13 +100,13 @@ def test_coordinates_of_many_digits_keep_them_and_cameras_follow(tmp_path, capsy
     body = rows if encoding == "ascii" else table.astype(table.dtype.newbyteorder(">")).tobytes()
     (tmp_path / "far.ply").write_bytes(header(table.dtype, 60, encoding) + body)
     write_model(tmp_path / "near.ply", model)
-    write_cameras(tmp_path / "far.json", shifted(views, np.array(offset)))
-    write_cameras(tmp_path / "near.json", views)
+    write_cameras(tmp_path / "far.json", shifted(VIEWS, np.array(offset)))
+    write_cameras(tmp_path / "near.json", VIEWS)
     images = []
     for name in ("near", "far"):
         paths = [tmp_path / f"{name}.ply", "--cameras", tmp_path / f"{name}.json", "--out", tmp_path / name]
         assert main(["render", *map(str, paths)]) == 0
-        images.append([read_image(tmp_path / name / f"{view.name}.png") for view in views])
+        images.append([read_image(tmp_path / name / f"{view.name}.png") for view in VIEWS])
     np.testing.assert_allclose(*images, atol=2 / 255)
     warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning")]
     assert ["become relative to" in line for line in warnings] == [max(offset) > 100 or min(offset) < -100]
