@@ -35,7 +35,7 @@ def uniform(size, extent):
 
 
 PLAUSIBLE = {
-    **{f"scaled by {factor:g}": scaled(blobs(200), factor) for factor in (1e-3, 0.1, 1, 10, 1e3, 1e6)},
+    **{f"scaled by {factor:g}": scaled(blobs(200), factor) for factor in (1e-3, 0.1, 1, 10, 60, 1e3, 1e6)},
     **{f"round, {size:g} in {extent:g}": uniform(size, extent) for size, extent in ((1, 100), (2, 1000), (0.01, 1))},
     "anchors": anchors(50),
     "features": features(50),
@@ -55,7 +55,8 @@ def test_ordinary_models_raise_no_doubt(model):
     assert doubts(model) == []
 
 
-@pytest.mark.parametrize("factor", [1e-2, 1, 100])
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("factor", [1e-2, 1, 100, 1e5])
 def test_linear_scales_are_named_with_their_inverse(factor):
     (line,) = doubts(linear(scaled(blobs(200), factor)))
     assert "ln(scale)" in line
