@@ -117,3 +117,13 @@ def test_training_looks_into_images_and_else_reads_the_camera_file_that_names_ph
     frames = [{"file_path": file, "transform_matrix": pose} for file, pose in poses.items()]
     write_json(project / "transforms.json", {"w": 32, "h": 24, "fl_x": views[0].K[0, 0], "frames": frames})
     assert len(read_dataset(project, "native").train) == 7
+
+
+def test_photographs_of_equal_names_are_found_in_another_folder(project):
+    images = project / "sparse" / "0" / "images.txt"
+    images.write_text(images.read_text().replace("orbit_001.png", "orbit_000.jpg"))
+    moved(project, ["images/orbit_001.png renamed/", "images other"])
+    (project / "renamed" / "orbit_001.png").rename(project / "other" / "orbit_000.jpg")
+    data = read_dataset(project, "native", photographs=project / "other")
+    stored = {view.name: view.image.name for view in (*data.train, *data.test) if "000" in view.name}
+    assert stored == {"orbit_000_png": "orbit_000.png", "orbit_000_jpg": "orbit_000.jpg"}

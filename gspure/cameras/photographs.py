@@ -62,9 +62,7 @@ def kept_apart(names: list[str], files: Sequence[str], source: Path | str) -> li
         for row, name in zip(rows, apart, strict=True):
             names[row] = name
     if sharing:
-        say(
-            f"{source}: views that share a name are kept apart: {len(sharing)} names, such as {apart[0]} and {apart[1]}"
-        )
+        say(f"{source}: views that share a name are kept apart, such as {apart[0]} and {apart[1]}")
     return names
 
 

@@ -228,8 +228,12 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None, place: Pa
         return [replace(c, image=image) for c, image in zip(cameras, images, strict=True)]
     named: dict[str, Path] = {}
     views = {camera.name for camera in cameras}
-    for file in sorted(path for path in photographs.rglob("*") if path.is_file()):
-        name = safe_name(file.relative_to(photographs).as_posix())
+    files = sorted(path for path in photographs.rglob("*") if path.is_file())
+    below = [file.relative_to(photographs).as_posix() for file in files]
+    names = [safe_name(path) for path in below]
+    apart = names if views <= {*names} else kept_apart(names, below, photographs)
+    for file, shared, own in zip(files, names, apart, strict=True):
+        name = shared if shared in views else own
         if name in views and (first := named.setdefault(name, file)) != file:
             raise InputError(photographs, name, expected="one photograph", found=f"{first.name} and {file.name}")
     return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
