@@ -84,7 +84,7 @@ def test_a_model_of_nerfstudio_without_its_normalization_is_named(normalized, ca
     model, capture = normalized("")
     write_json(capture / "transforms.json", transforms(ring(4)))
     in_world_of(model, read_cameras(capture), capture)
-    assert "nerfstudio trains in a world of its own" in capsys.readouterr().err
+    assert "nerfstudio normalizes poses by default" in capsys.readouterr().err
 
 
 def exported(views):
@@ -147,4 +147,4 @@ def test_the_share_is_that_of_the_pixels():
     (view,) = orbit_cameras(MODEL, count=1)
     behind = gaussians(means=MEANS * 0 + view.centre + 3 * view.viewmat[2, :3], scales=0.001, opacities=0.9)
     assert share_shown(behind, [view]) < 0.01
-    assert share_shown(gaussians(means=behind.means, scales=9.0, opacities=0.9), [view]) == 1
+    assert share_shown(gaussians(means=behind.means, scales=9.0, opacities=0.9), [view]) > 0.9

@@ -144,7 +144,7 @@ def test_the_core_does_not_import_torch() -> None:
 BUDGETS = {
     "": (1700, 12),
     "attacks": (1145, 10),
-    "cameras": (1600, 12),
+    "cameras": (1580, 12),
     "cli": (2300, 21),
     "evaluation": (2400, 16),
     "figures": (1410, 10),
@@ -155,7 +155,7 @@ BUDGETS = {
     "scenes": (950, 8),
     "schemes": (3690, 29),
     "surface": (280, 4),
-    "training": (1215, 10),
+    "training": (1190, 10),
     "workflow": (925, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

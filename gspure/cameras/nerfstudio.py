@@ -57,24 +57,19 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
     is none, or as `parse` does.
     """
     poses = [Entry.of(source, f"[{i}]", pose) for i, pose in enumerate(content)]
-    files = [pose.text("file_path") for pose in poses]
-    folders = [source.parent, *(source.parent / folder for folder in Path(files[0]).parents)]
-    capture = next((path for folder in folders if (path := folder / "transforms.json").is_file()), None)
+    folders = [Path(), *Path(poses[0].text("file_path")).parents]
+    captures = (source.parent / folder / "transforms.json" for folder in folders)
+    capture = next((path for path in captures if path.is_file()), None)
     if capture is None:
         hint = "copy the transforms.json of the capture there"
         raise InputError(source, "optics", expected="a transforms.json beside the file", found="none", hint=hint)
     scene = Entry.of(capture, "", read_json(capture))
-    frames = scene.value("frames", "a list", lambda value: isinstance(value, list))
-    stored = [Entry.of(capture, f"frames[{i}]", frame) for i, frame in enumerate(frames)]
-    optics = {safe_name(frame.text("file_path")): frame.values for frame in stored}
-    frames = [
-        {
-            **optics.get(safe_name(file), {}),
-            "file_path": file,
-            "transform_matrix": pose.array("transform", (3, 4)).tolist(),
-        }
-        for file, pose in zip(files, poses, strict=True)
-    ]
+    stored = scene.value("frames", "a list of objects", lambda value: all(isinstance(frame, dict) for frame in value))
+    optics = {safe_name(str(frame.get("file_path"))): frame for frame in stored}
+    frames = []
+    for pose in poses:
+        file, matrix = pose.text("file_path"), pose.array("transform", (3, 4)).tolist()
+        frames.append({**optics.get(safe_name(file), {}), "file_path": file, "transform_matrix": matrix})
     return parse(source, {**scene.values, "frames": frames})
 
 

@@ -16,10 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, points_shown
 from gspure.cameras.entry import Entry
 from gspure.cameras.reading import camera_object, camera_place
-from gspure.constants import NEAR_PLANE
 from gspure.files import Float64, read_json
 from gspure.model import Gaussians, model_file, read_model
 from gspure.progress import percent, say, warn
@@ -30,11 +29,10 @@ _IMPLIED: Final = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]]  # applied by vers
 _NERFSTUDIO: Final = re.compile("nerf?studio", re.IGNORECASE)  # some versions spell it without the f
 _OFFSET: Final = re.compile(r"gspure offset (\S+) (\S+) (\S+)")
 
-_LEAST_SHOWN: Final = 0.03  # of the pixels show a model, as seldom its cameras do; ours
-_VIEWS: Final = 8  # most views, and most rows, by which this share is estimated
-_ROWS: Final = 20_000
-_SIDE: Final = 32  # of their images, in cells
-_REACH: Final = 3  # standard deviations of a Gaussian's middle axis to which a cell shows it
+_LEAST_SHOWN: Final = 0.03  # least share of pixels that show the model; ours
+_POINTS: Final = 50_000  # number of points and most views by which it is estimated, in images with this longer side
+_VIEWS: Final = 8
+_SIDE: Final = 32
 _LEAST_OPACITY: Final = 1 / 255
 
 
@@ -53,9 +51,7 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
             say(f"{source}: views moved to the world of the model by {file}")
             cameras = _normalized(cameras, Entry.of(file, "", read_json(file)), scene)
         elif any(_NERFSTUDIO.search(comment) for comment in comments):
-            warn(
-                f"{model}: nerfstudio trains in a world of its own, where {source} is only with its {NORMALIZED} beside"
-            )
+            warn(f"{model}: nerfstudio normalizes poses by default: its {NORMALIZED}, put beside, would move {source}")
     centre = np.mean([camera.centre for camera in cameras], axis=0)
     for offset in (np.array(match.groups(), np.float64) for text in comments if (match := _OFFSET.fullmatch(text))):
         if np.linalg.norm(centre - offset) < np.linalg.norm(centre):
@@ -95,24 +91,16 @@ def mention_unseen(model: Gaussians, cameras: Sequence[Camera]) -> None:
 
 
 def share_shown(model: Gaussians, cameras: Sequence[Camera]) -> float:
-    """Return the share of the views' pixels that show Gaussians: an estimate from some rows, some views and cells."""
-    rows = model[:: -(-len(model) // _ROWS)]
+    """Return the share of the views' pixels that show Gaussians, estimated by random points in them and some views."""
+    rng = np.random.default_rng(0)
+    rows = model[rng.integers(len(model), size=_POINTS)]
     with np.errstate(invalid="ignore", over="ignore"):
-        reach = _REACH * np.median(rows.scales, axis=1, keepdims=True)
-        drawn = np.isfinite(np.hstack([rows.means, reach])).all(axis=1) & (rows.opacities > _LEAST_OPACITY)
+        points = rows.means + rng.normal(size=(_POINTS, 3)) * np.median(rows.scales, axis=1, keepdims=True)
+    points = points[rows.opacities > _LEAST_OPACITY]
     shares = []
     for camera in cameras[:: -(-len(cameras) // _VIEWS)]:
         size = np.maximum(1, np.array([camera.width, camera.height]) * _SIDE // max(camera.width, camera.height))
-        small = camera.resized(*size.tolist())
-        view = rows.means[drawn] @ small.viewmat[:3, :3].T + small.viewmat[:3, 3]
-        shown = view[:, 2] > NEAR_PLANE
-        cells = small.K[[0, 1], [0, 1]] / view[shown, 2:]
-        centres, radii = cells * view[shown, :2] + small.K[:2, 2], cells * reach[drawn][shown]
-        low, high = (
-            np.clip(edge, 0, size).astype(int).T for edge in (np.floor(centres - radii), np.ceil(centres + radii))
-        )
-        corners = np.zeros(size + 1, int)  # of rectangles, whose number at each cell is the sum up to it
-        for u, v, sign in ((low[0], low[1], 1), (low[0], high[1], -1), (high[0], low[1], -1), (high[0], high[1], 1)):
-            np.add.at(corners, (u, v), sign)
-        shares.append((corners.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0).mean())
+        cells = np.zeros(size, bool)
+        cells[tuple(points_shown(camera.resized(*size.tolist()), points)[1][:, :2].astype(int).T)] = True
+        shares.append(cells.mean())
     return float(np.mean(shares))

@@ -90,10 +90,9 @@ def read_dataset(
     Raise `InputError` if a camera or point file is unreadable; a photograph is missing, smaller than its view or of
     another shape; all views have the same position; or no training view contains any of the points.
     """
-    source = Path(source)
-    source = _photographed(source)
+    source = _photographed(Path(source))
     views = read_views(source)
-    cameras = _with_photographs(views.cameras, photographs, camera_place(source).parent)
+    cameras = _with_photographs(views.cameras, photographs, source)
     cameras = _present(cameras, source) if skip_missing else cameras
     require_present(cameras, source, hint=_remedy(cameras, source))
     shown = scaled(cameras, resolution)
@@ -156,9 +155,7 @@ def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     files = (frame["file_path"] for frame in entry.values["frames"])
     views = dict(zip(files, (camera.name for camera in cameras), strict=True))
     held_out = _names(entry, key, views)
-    train = {*views.values()} - held_out
-    if "train_filenames" in entry:
-        train = _names(entry, "train_filenames", views)
+    train = _names(entry, "train_filenames", views) if "train_filenames" in entry else {*views.values()} - held_out
     if missing := (train | held_out) - {camera.name for camera in cameras}:
         raise entry.refusal(key, expected="views of the file", found=min(missing))
     if both := train & held_out:
@@ -218,12 +215,13 @@ def _remedy(cameras: Sequence[Camera], source: Path) -> str:
     return f"`gspure train --images DIR` names a folder of photographs named as the views; {place}"
 
 
-def _with_photographs(cameras: list[Camera], photographs: Path | None, place: Path) -> list[Camera]:
-    """Return the cameras with the photographs of their names in the folder `photographs`.
+def _with_photographs(cameras: list[Camera], photographs: Path | None, source: Path) -> list[Camera]:
+    """Return the cameras of `source` with the photographs of their names in the folder `photographs`.
 
-    If it is None, views that name no photograph get those near `place`, the folder of the camera file.
+    If it is None, views that name no photograph get those in the capture.
     """
     if photographs is None:
+        place = source if source.is_dir() else source.parent
         images = located([c.name for c in cameras], [c.image for c in cameras], place)
         return [replace(c, image=image) for c, image in zip(cameras, images, strict=True)]
     named: dict[str, Path] = {}
@@ -244,16 +242,15 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
     Warn about EXIF orientations.
     """
-    remarks = {}
+    remarks = []
     for camera in cameras:
         width, height = photograph_size(photograph(camera))
-        if hint := turn(photograph(camera)):
-            remarks[camera.name] = hint
+        remarks += [f"{camera.name}: {hint}"] if (hint := turn(photograph(camera))) else []
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
             expected = f"the shape of its camera, {camera.width}x{camera.height}"
             raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}", hint=hint)
-    for name, remark in [*remarks.items()][:1]:
-        warn(f"{source}: {len(remarks)} of {len(cameras)} photographs are turned, such as {name}: {remark}")
+    if remarks:
+        warn(f"{source}: {len(remarks)} of {len(cameras)} photographs are turned, such as {remarks[0]}")
 
 
 def _offset(cameras: Sequence[Camera]) -> Float64:
