@@ -149,7 +149,7 @@ BUDGETS = {
     "evaluation": (2400, 16),
     "figures": (1410, 10),
     "method": (1115, 10),
-    "model": (1867, 17),
+    "model": (1873, 17),
     "opencl": (2350, 21),
     "report": (1830, 14),
     "scenes": (950, 8),

@@ -27,6 +27,8 @@ FILES = {
     "a git-annex pointer (run `git annex get`)": [b"/annex/objects/MD5E-s123--ab.ply\n"],
     "a web page (download": [b"\n<!DOCTYPE html>\n<html>", b"\xef\xbb\xbf<html lang='de'>", b"<?xml version='1.0'?>"],
     "text, 'Entry not found' (download": [b"Entry not found\n"],
+    "text, 'ungültig' (download": ["ungültig\n".encode()],
+    "a film or picture (": [b"\0\0\0\x18ftypmp42"],
     "a gzip archive (unpack it": [gzip.compress(b"ply\nformat")],
     "an archive (unpack it": [
         zipped("a/model.ply", "cfg_args"),
@@ -96,3 +98,10 @@ def test_a_truncated_model_is_said_to_be_cut_short(tmp_path):
     (tmp_path / "m.ply").write_bytes((tmp_path / "m.ply").read_bytes()[:-5])
     with pytest.raises(InputError, match=r"expected 3 rows, found room for 2 .cut short"):
         read_model(tmp_path / "m.ply")
+
+
+def test_a_folder_of_models_names_them(tmp_path):
+    for name in ("b.sog", "a.sog", "c.ply"):
+        (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"name one of a\.sog, b\.sog, c\.ply"):
+        read_model(tmp_path)

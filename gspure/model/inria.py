@@ -31,7 +31,9 @@ def point_cloud(folder: Path) -> Path:
             return folder / name
     expected = "an INRIA output folder with point_cloud/iteration_*/point_cloud.ply"
     found = "no such file" if folder.is_dir() else "no such folder"
-    raise InputError(folder, "point_cloud", expected=expected, found=found, hint="or name the .ply itself")
+    models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
+    hint = f"name one of {', '.join(models)}" if models else "or name the .ply itself"
+    raise InputError(folder, "point_cloud", expected=expected, found=found, hint=hint)
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:

@@ -166,7 +166,10 @@ def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.vo
     with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
         stream.seek(file.size)
         text = io.TextIOWrapper(stream, encoding="latin-1")
-        rows = np.loadtxt(iter(text.readline, ""), dtype, comments=None, max_rows=count, ndmin=1)
+        try:
+            rows = np.loadtxt(iter(text.readline, ""), dtype, comments=None, max_rows=count, ndmin=1)
+        except ValueError as error:
+            raise ValueError(str(error).partition(";")[0]) from error  # without numpy's advice to programmers
         if len(rows) != count:
             raise ValueError(f"{len(rows)} rows, not {count}")
         if len(file.content.elements) == 1 and any(map(str.strip, text)):

@@ -22,12 +22,13 @@ _KINDS: Final = (
     (rb'PK.*data\.pkl|\x80[\x02-\x05]|.{8}\{"', "a PyTorch checkpoint", _EXPORT, None),
     (rb"PK.*\.npy|\x93NUMPY|\x89HDF", "arrays", _EXPORT, None),
     (rb"PK|7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd|.{257}ustar", "an archive", _UNPACK, None),
-    (rb"\x89PNG|\xff\xd8\xff|GIF8|RIFF....WEBP|BM....\x00{4}|II\*\x00|MM\x00\*|....ftyp", "a picture", _TRAIN, None),
+    (rb"\x89PNG|\xff\xd8\xff|GIF8|RIFF....WEBP|BM....\x00{4}|II\*\x00|MM\x00\*", "a picture", _TRAIN, None),
+    (rb"....ftyp", "a film or picture", _TRAIN, None),
     (rb"glTF|solid\s|Kaydara|PXR-USDC|(?:#[^\n]*\n|\s)*(mtllib|usemtl|[ogs]|v[nt]?)\s", "a mesh", _TRAIN, None),
     (rb"LASF|ASTM-E57|# \.PCD", "a point cloud", _TRAIN, None),
     (rb"(\xef\xbb\xbf)?\s*<", "a web page", _AGAIN, None),
     (rb"\s*[\[{]", "JSON", "name the model's file", ".json"),
-    (rb"[\t\n\r -~]+\Z", "text", _AGAIN, None),
+    (rb"[^\x00-\x08\x0b\x0c\x0e-\x1f]+\Z", "text", _AGAIN, None),
 )
 """Pattern of the first bytes, what it is, a remedy, and the suffix of files that may begin so."""
 
@@ -42,5 +43,5 @@ def recognized(path: Path, error: InputError) -> InputError:
     _, what, hint, suffix = next(kinds, (b"", "", "", ""))
     if not what or suffix == path.suffix.lower():
         return error
-    found = f"text, {head[:60].decode().strip()!r}" if what == "text" else what
+    found = f"text, {head[:60].decode(errors='replace').strip()!r}" if what == "text" else what
     return InputError(path, "file", expected=error.expected, found=found, hint=hint)
