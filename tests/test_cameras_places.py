@@ -76,6 +76,12 @@ def test_masks_are_not_taken_for_photographs(project):
     assert {view.image for view in read_cameras(project)} == {None}
 
 
+def test_the_folders_of_a_capture_without_cameras_are_named(project):
+    moved(project, ["sparse/0/* a/b/c/d/"])
+    with pytest.raises(InputError, match=r"found none of them \(its folders are a, images, sparse\)"):
+        read_cameras(project)
+
+
 def test_several_captures_are_named(project):
     moved(project, ["sparse/0 a/sparse/0"])
     shutil.copytree(project / "a", project / "b")

@@ -16,6 +16,7 @@ from gspure.progress import say, warn
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
 
+_LISTED: Final = 8  # most folders that an error names
 _MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
 _LEAST_FOCAL: Final = 0.004  # share of the width: a field of view of 179 degrees, the widest of generated views
 
@@ -41,11 +42,10 @@ def read_lenses(path: str | Path) -> list[Camera]:
     Parameters
     ----------
     path : str or Path
-        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses
-        of ``ns-export cameras``, or a folder: with a
-        COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with one of those files, such as 3DGS's output
-        folder; or one of whose subfolders, up to two levels deeper, is such a folder. COLMAP has priority, since it has
-        principal points and photographs.
+        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses of
+        ``ns-export cameras``, or a folder: with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else
+        with one of those files, such as 3DGS's output folder; or with one subfolder, up to two levels deeper, that has
+        them. COLMAP has priority, since it has principal points and photographs.
 
     Raises
     ------
@@ -121,7 +121,8 @@ def camera_place(source: Path) -> Path:
         refuse_foreign(source)
     expected = f"a COLMAP sparse model, {', '.join(IN_FOLDER[:-1])} or {IN_FOLDER[-1]}"
     found = ", ".join(str(path.relative_to(source)) for path in places) or "none of them"
-    hint = "name one of them" if places else None
+    folders = ", ".join(sorted(path.name for path in source.iterdir() if path.is_dir())[:_LISTED])
+    hint = "name one of them" if places else f"its folders are {folders}" if folders else None
     raise InputError(source, "folder", expected=expected, found=found, hint=hint)
 
 

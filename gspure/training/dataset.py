@@ -209,10 +209,13 @@ def _remedy(cameras: Sequence[Camera], source: Path) -> str:
     """Return the hint for missing photographs: the option that leaves them out, or that names their folder."""
     if len(missing_photographs(cameras)) < len(cameras):
         return "`gspure train --skip-missing` leaves out their views"
-    files = (source if source.is_dir() else source.parent).rglob("*")
-    folders = {str(file.parent) for file in files if file.suffix.lower() in chain(*FORMATS.values())}
-    place = f"there are some in {', '.join(sorted(folders)[:3])}" if folders else "there are none here"
-    return f"`gspure train --images DIR` names a folder of photographs named as the views; {place}"
+    names, suffixes = {camera.name for camera in cameras}, {*chain(*FORMATS.values())}
+    files = (
+        file for file in (source if source.is_dir() else source.parent).rglob("*") if safe_name(file.name) in names
+    )
+    folders = sorted({file.parent for file in files if file.suffix.lower() in suffixes})
+    hint = f"there are some in {folders[0]}" if folders else "there are none here"
+    return f"`gspure train --images DIR` names a folder of photographs named as the views; {hint}"
 
 
 def _with_photographs(cameras: list[Camera], photographs: Path | None, source: Path) -> list[Camera]:
