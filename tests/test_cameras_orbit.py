@@ -36,7 +36,7 @@ def test_a_ball_fills_the_height_of_every_orbit_view():
     for camera in orbit_cameras(points_of(BALL, OPAQUE)):
         pixels, depths = project(camera, BALL)
         inside = (depths > NEAR_PLANE) & (pixels >= 0).all(axis=1) & (pixels <= [640, 480]).all(axis=1)
-        assert inside.mean() > 0.98
+        assert inside.mean() > 0.99
         assert np.ptp(pixels[:, 1]) > 0.9 * 480
 
 
@@ -47,7 +47,7 @@ def test_a_few_far_floaters_move_the_views_little(seed):
     centre, radius = bounding_sphere(BALL, OPAQUE)
     disturbed, grown = bounding_sphere(np.concatenate([BALL, floaters]), np.ones(len(BALL) + 40))
     assert np.linalg.norm(disturbed - centre) < 0.05 * radius
-    assert grown == pytest.approx(radius, rel=0.05)
+    assert radius <= grown < 1.31 * radius
 
 
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1), (0, -0.8, 0.6)])

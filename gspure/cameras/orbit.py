@@ -18,7 +18,9 @@ from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 
 Floats = NDArray[np.floating[Any]]
 
-_FRAMED = 0.95  # share of the model's opacity in view; the rest may be floaters
+_BULK = 0.95  # share of the model's opacity whose middle is looked at; the rest may be floaters
+_FRAMED = 0.995  # share in view, unless that needs `_WIDER` views than the bulk
+_WIDER = 1.3
 _ELEVATIONS: Final = (15.0, 45.0, -20.0)  # degrees above the horizon of the rings
 _RADII: Final = (0.6, 1.0, 1.6)  # radii of the shells, as multiples of the distance at which the model fills a view
 
@@ -82,13 +84,15 @@ def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     """Return centre [3] and radius of the sphere that holds most of a model's opacity.
 
     The centre is that of the box between the opacity-weighted 5 % and 95 % quantiles of each coordinate, the radius the
-    weighted 95 % quantile of the distances to it: a few far floaters change neither. Rows that are not finite are
-    ignored. A single point gets radius 1.
+    weighted 99.5 % quantile of the distances to it, but at most 1.3 times the 95 % quantile: floaters change neither.
+    Rows that are not finite are ignored. A single point gets radius 1.
     """
     points, weights = _finite(means, opacities)
-    low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _FRAMED, _FRAMED))
+    low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _BULK, _BULK))
     centre = (np.array(low) + np.array(high)) / 2
-    return centre, _quantile(np.linalg.norm(points - centre, axis=1), weights, _FRAMED) or 1.0
+    distances = np.linalg.norm(points - centre, axis=1)
+    bulk, framed = (_quantile(distances, weights, q) for q in (_BULK, _FRAMED))
+    return centre, min(framed, _WIDER * bulk) or framed or 1.0
 
 
 def _finite(means: Floats, opacities: Floats) -> tuple[Float64, Float64]:

@@ -21,22 +21,23 @@ COMMANDS = {
     "demo": "hide a scene in another, attack the model, extract the message: a verdict and a report, in minutes",
     "audit": "attack a model in many ways: a verdict about its message, and a report, in the current folder",
     "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
-    "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
-    "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
-    "render": "render a model's views to images",
-    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
-    "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "embed": "train a watermarked model on a pair: the public model and the owner's key",
     "extract": "render the message of a public or attacked model with the owner's key",
-    "detect": "read bits from images with a scheme's key, or bits or scores with a program of your own",
-    "attack": "apply one attack or control to a model: prune, change or move its Gaussians",
     "train": "train a 3DGS model from photographs",
+    "doctor": "check OpenCL devices, OpenGL and packages; with --fix, install what is missing",
+    "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
+    "render": "render a model's views to images",
+    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
+    "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
+    "attack": "apply one attack or control to a model: prune, change or move its Gaussians",
+    "detect": "read bits from images with a scheme's key, or bits or scores with a program of your own",
+    "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "report": "write tables, figures and report of a run, even if it failed or still goes on",
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
-    "doctor": "check OpenCL devices, OpenGL and packages; with --fix, install what is missing",
     "completion": "print a script for tab completion in a shell",
 }
+FIRST = 7  # that a person types; the others are listed as further tools
 
 DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 
@@ -103,7 +104,8 @@ def parser_of(name: str) -> argparse.ArgumentParser:
 
 def _overview(argv: Sequence[str]) -> NoReturn:
     """Print all commands or the version, or refuse a command line that does not begin with a command; exit."""
-    commands = "\n".join(f"  {name:<15}{meaning}" for name, meaning in COMMANDS.items())
+    lines = [f"  {name:<15}{meaning}" for name, meaning in COMMANDS.items()]
+    commands = "\n".join([*lines[:FIRST], "\nmore tools:", *lines[FIRST:]])
     parser = Parser(
         prog="gspure",
         usage="gspure [-h] [-V] COMMAND ...",

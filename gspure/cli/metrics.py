@@ -1,6 +1,6 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
-from gspure.cli.options import add_quiet, record_command
+from gspure.cli.options import add_per_view, add_quiet, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.names import BASELINES
@@ -25,6 +25,7 @@ def add_arguments(parser: Parser) -> None:
     meaning = "colour of the renders behind transparent pixels (default: black)"
     parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
+    add_per_view(parser)
     add_quiet(parser)
 
 
@@ -37,4 +38,4 @@ def run(args: Arguments) -> None:
     if args.out:
         write_metrics(args.out, rows)
         record_command(args, args.out.parent)
-    print("\n".join(as_text(rows)))
+    print("\n".join(as_text(rows, per_view=args.per_view)))

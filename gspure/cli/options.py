@@ -195,6 +195,11 @@ def record_command(args: Arguments, folder: Path, run: str = "") -> None:
     write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
 
 
+def add_per_view(parser: Parser) -> None:
+    """Add ``--per-view``."""
+    parser.flag("--per-view", "print the metrics of every view, not only their mean and the worst")
+
+
 def add_force(parser: Parser) -> None:
     """Add ``--force``, for `require_own_folder`."""
     parser.flag("--force", "write to a folder that holds other files")

@@ -48,6 +48,7 @@ files in DIR:
   provenance.json    command, settings and inputs
 """
 
+_VISIBLE = 30.0  # dB against renders before pruning: in views below it, people see what is missing; ours
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
@@ -74,6 +75,7 @@ def add_arguments(parser: Parser) -> None:
     meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
     parser.flag("--no-figures", "draw no figures")
+    options.add_per_view(parser)
     options.add_force(parser)
     options.add_device(parser)
 
@@ -122,8 +124,12 @@ def run(args: Arguments) -> None:
     if {"psnr_before_repair", "psnr"} <= diagnosis.keys():
         before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
         repaired = [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
-    place, table = f"results in {args.out}", comparison.as_text(rows) if rows else []
+    place, table = f"results in {args.out}", comparison.as_text(rows, per_view=args.per_view) if rows else []
     print("\n".join([*near, *repaired, place, *table, *captions]))
+    for low in comparison.worst([row for row in rows if row.target == "scene"]):
+        if low.psnr < _VISIBLE:
+            level = f"{low.view} has {low.psnr:.1f} dB, so visible detail is lost"
+            warn(f"{level}: a larger --tau-n prunes less, --repair trains the remaining rows")
 
 
 def _models(

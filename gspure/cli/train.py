@@ -53,6 +53,7 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--max-gaussians", "N", meaning, MAX_GAUSSIANS)
     parser.flag("--skip-missing", "leave out views without a photograph")
     parser.number("--seed", "N", "random seed", SEED, 0)
+    options.add_per_view(parser)
     options.add_force(parser)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
     options.add_device(parser)
@@ -90,7 +91,7 @@ def run(args: Arguments) -> None:
             shutil.copyfile(output.point_cloud(args.out, args.iterations), temporary)
     (args.out / CHECKPOINT).unlink(missing_ok=True)
     if rows:
-        print("\n".join(as_text(rows)))
+        print("\n".join(as_text(rows, per_view=args.per_view)))
     say(f"{trainer.model.count} Gaussians in {output.point_cloud(args.out, args.iterations)}")
 
 

@@ -140,8 +140,8 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
     return rows
 
 
-def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
-    """Return aligned lines: views, then mean and worst view of every target, then remarks."""
+def as_text(rows: Sequence[ViewMetrics], *, per_view: bool = False) -> list[str]:
+    """Return aligned lines: perhaps all views, then mean and worst view of every target, then remarks."""
     views = Counter(row.target for row in rows)
     remarks = [
         f"{'' if target == '.' else f'{target}: '}{same} of {views[target]} views are identical; mean PSNR: the others"
@@ -149,7 +149,11 @@ def as_text(rows: Sequence[ViewMetrics]) -> list[str]:
         if same < views[target]
     ]
     remarks += [f"warning: {sentence}" for sentence in far_below(rows)]
-    rows = [*rows, *means(rows), *(row._replace(view=f"worst: {row.view}") for row in worst(rows))]
+    rows = [
+        *(rows if per_view else ()),
+        *means(rows),
+        *(row._replace(view=f"worst: {row.view}") for row in worst(rows)),
+    ]
     width = max(len(_named(row)) for row in rows)
     lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
     lines += [f"{_named(row):<{width}}" + "".join(f"{decimal(row.values[m], 4):>12}" for m in METRICS) for row in rows]
