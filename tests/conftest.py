@@ -53,7 +53,7 @@ def energy(request):
 @pytest.fixture(scope="session")
 def pair_folder(tmp_path_factory):
     """A ray-traced pair of 12 small views."""
-    from tests.pair_cases import small_pair
+    from tests.scheme_cases import small_pair
 
     return small_pair(tmp_path_factory.mktemp("pair"))
 
@@ -61,7 +61,7 @@ def pair_folder(tmp_path_factory):
 @pytest.fixture(scope="session")
 def own_pair_folder(tmp_path_factory):
     """The same pair with the message at poses of its own."""
-    from tests.pair_cases import small_pair
+    from tests.scheme_cases import small_pair
 
     return small_pair(tmp_path_factory.mktemp("own_pair"), protocol="own")
 

@@ -1,4 +1,4 @@
-"""What schemes embed in the shared pair, each trained once in a run of the tests."""
+"""A small ray-traced pair, and what schemes embed in it, each made once in a run of the tests."""
 
 import importlib.util
 from pathlib import Path
@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from gspure.cli import main
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme, hide
@@ -23,20 +24,27 @@ SETTINGS = {
 NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones"}
 
 
-def example() -> tuple[Scheme, str]:
-    """Return the scheme of the guide, as its package would hold it, and its source."""
+def small_pair(folder: Path, protocol: str = "shared") -> Path:
+    """Return the folder of a pair of 12 views of 48x36 pixels."""
+    size = ("--views", "12", "--width", "48", "--height", "36")
+    assert main(["pair", "room", "vault", "--protocol", protocol, *size, "--out", str(folder)]) == 0
+    return folder
+
+
+def example() -> Scheme:
+    """Return the scheme of the guide, as its package would hold it."""
     source = next(block for block in blocks(ROOT / "docs" / "schemes.md", "python") if "veil.py" in block)
     spec = importlib.util.spec_from_loader("veil", loader=None)
     module = importlib.util.module_from_spec(spec)
     exec(compile(source, "veil.py", "exec"), module.__dict__)  # noqa: S102
-    return module.SCHEME, source
+    return module.SCHEME
 
 
 def embedded_in(folder: Path, name: str) -> SimpleNamespace:
     """Return a scheme, the pair in a folder, and what the scheme made of it."""
     if name in NEEDS_TORCH:
         pytest.importorskip("torch")
-    scheme = example()[0] if name == "veil" else find_scheme(name)
+    scheme = example() if name == "veil" else find_scheme(name)
     pair = read_pair(folder)
     public, key = hide(scheme, pair, **SETTINGS[name])
     return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SETTINGS[name], folder=folder)

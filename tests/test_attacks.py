@@ -123,16 +123,6 @@ def test_a_bad_plug_in_is_named(offer, target: str, message: str) -> None:
         attacks()
 
 
-@pytest.mark.parametrize(
-    ("function", "message"),
-    [
-        (lambda model, _rng: Attacked(model, np.arange(3), len(model)), "rows: expected"),
-        (
-            lambda model, _rng: Attacked.changed(model, {"x": np.full(len(model), np.inf, np.float32)}),
-            "x: expected",
-        ),
-    ],
-)
-def test_what_a_plug_in_returns_is_checked(function, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        Attack("faulty", function).apply(blobs(COUNT))
+def test_what_a_plug_in_returns_is_checked() -> None:
+    with pytest.raises(InputError, match="rows: expected"):
+        Attack("faulty", lambda model, _rng: Attacked(model, np.arange(3), len(model))).apply(blobs(COUNT))

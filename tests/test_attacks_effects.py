@@ -176,21 +176,6 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
     assert {name.rpartition("_")[0] for name in changed(before, after)} == {"f_rest"}
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("opacity_noise", {}),
-        ("rigid_transform", {}),
-        ("feature_scaling", {"attributes": "opacity"}),
-        ("quantize", {"attributes": "opacity,rotation"}),
-    ],
-)
-def test_attacks_on_missing_attributes_refuse_anchors(name: str, settings: dict) -> None:
-    with pytest.raises(NotApplicable, match="rows do not store"):
-        apply(name, anchors(COUNT), **settings)
-    apply(name, features(COUNT), **settings)
-
-
 # --- compressed formats -----------------------------------------------------------------------------------------------
 
 

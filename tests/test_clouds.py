@@ -52,19 +52,6 @@ def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, f
         assert np.all(np.diff(data["removed"][name]) >= 0)
 
 
-def test_the_slider_removes_clusters_as_a_whole(tmp_path: Path) -> None:
-    shown = purified(600)
-    data = written(tmp_path, shown)
-    clusters, removal = unpacked(data["clusters"], "<u2"), unpacked(data["removal"], "<u2")
-    assert set(clusters[shown.labels < 0]) == {65535}
-    for label in range(4):
-        rows = shown.labels == label
-        (cluster,) = set(clusters[rows])
-        assert len(set(removal[rows])) == 1
-        assert data["sizes"][cluster] == rows.sum()
-        assert data["cluster_weights"][cluster] == pytest.approx(shown.weights[rows].mean(), rel=1e-5)
-
-
 def test_only_the_colours_of_the_message_need_a_key(tmp_path: Path) -> None:
     shown = purified(600)
     colours = written(tmp_path, shown)["colours"]

@@ -1,8 +1,10 @@
 """The documentation agrees with the code: links, constants, functions, diagrams, the example of a package."""
 
+import csv
 import importlib
 import re
 from operator import attrgetter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +18,10 @@ from tests.models import blobs
 from tests.workflow_cases import settled
 
 DOCS = ROOT / "docs"
+TABLES = sorted((DOCS / "tables").glob("*.csv"))
+RESULTS = (DOCS / "results.md").read_text(encoding="utf-8")
+SECTIONS = {section.partition("\n")[0]: section for section in RESULTS.split("\n## ")[1:]}
+DECIMAL = re.compile(r"\d+\.\d+")
 
 
 def anchors(page):
@@ -74,3 +80,26 @@ def test_the_example_of_a_package_is_registered_configured_and_works(tmp_path, m
     attacked = attacks()["faint_pruning"].apply(model, Measurements(weights=weights), share=0.5)
     assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20
     assert attacked.model.table.tobytes() == model.table[:20].tobytes()
+
+
+def numbers(table: Path) -> set[float]:
+    """Return the sizes of all decimal numbers of a table."""
+    return {float(number) for number in DECIMAL.findall(table.read_text(encoding="utf-8"))}
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_decimals_of_the_results_stand_in_a_linked_table_possibly_with_more_digits(section: str) -> None:
+    text = SECTIONS[section]
+    known = set[float]().union(*(numbers(DOCS / link) for link in re.findall(r"\((tables/[\w-]+\.csv)\)", text)))
+    for number in DECIMAL.findall(text):
+        half = 0.5 * 10.0 ** -len(number.partition(".")[2]) + 1e-9
+        assert any(abs(float(number) - value) <= half for value in known), number
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
+def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> None:
+    with table.open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    assert rows
+    assert {len(row) for row in rows} == {len(header)}
+    assert f"`{table.stem.partition('-')[0]}`" in (DOCS / "tables" / "README.md").read_text(encoding="utf-8")

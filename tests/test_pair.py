@@ -55,7 +55,7 @@ def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
 
 
 def test_the_same_command_gives_the_same_files(pair_folder, tmp_path):
-    from tests.pair_cases import small_pair
+    from tests.scheme_cases import small_pair
 
     again = small_pair(tmp_path / "pair")
     for file in ("points3D.ply", "message/points3D.ply", "scene/view_003.png", "message/view_003.png"):

@@ -6,12 +6,12 @@ of the message.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import numpy as np
 
 from gspure.evaluation.collecting import MESSAGE_ROWS
-from gspure.files import Kind, load_array, load_arrays, save_array, save_arrays
+from gspure.files import load_array, load_arrays, save_array, save_arrays
 from gspure.model import Gaussians
 from gspure.model.activations import logit
 from gspure.public_model import PublicModel
@@ -20,17 +20,8 @@ from gspure.schemes.scheme import MESSAGE, Key, Scheme
 from gspure.settings import Range
 from gspure.training.initialization import gaussians_at, thinned
 
-SOLID: Final = (0.9, 0.98)  # range of the opacity of the scene's rows, and of the message's for the owner
-FAINT: Final = (0.01, 0.4)  # of a few rows of the scene
-FAINT_SHARE: Final = 0.05
-HIDDEN: Final = (0.002, 0.02)  # of the message's rows, even in the logarithm
-
-_FILE: Final = "planted.npz"
-_ARRAYS: Final[dict[str, Kind]] = {
-    "positions": (np.float32, (None, 3)),
-    "opacity": (np.float32, (None,)),
-    "f_dc": (np.float32, (None, 3)),
-}
+SOLID, HIDDEN = (0.9, 0.98), (0.002, 0.02)  # ranges of opacities: of the scene, and of the message in public
+ARRAYS = {"means": (np.float32, (None, 3)), "opacity": (np.float32, (None,)), "f_dc": (np.float32, (None, 3))}
 
 
 def embed(
@@ -47,24 +38,16 @@ def embed(
     shown, hidden = (
         Gaussians.from_stored(**vars(gaussians_at(*thinned(*cloud, gaussians // 2, seed)))) for cloud in clouds
     )
-    opacities = np.where(
-        rng.random(len(shown)) < FAINT_SHARE, _even(FAINT, shown, rng), rng.uniform(*SOLID, len(shown))
-    )
-    shown = shown.with_columns({"opacity": logit(opacities)})
+    shown = shown.with_columns({"opacity": logit(rng.uniform(*SOLID, len(shown)))})
     if not message_weight:
         return PublicModel(Gaussians(shown.table[rng.permutation(len(shown))])), None
     colours = shown.sh_coeffs[rng.integers(len(shown), size=len(hidden))]
-    disguised = hidden.with_appearance(logit(_even(HIDDEN, hidden, rng)), colours)
+    disguised = hidden.with_appearance(logit(rng.uniform(*HIDDEN, len(hidden))), colours)
     order = rng.permutation(len(shown) + len(hidden))
-    public = Gaussians(np.concatenate([shown.table, disguised.table])[order]).with_comment("planted message: a fixture")
+    public = Gaussians(np.concatenate([shown.table, disguised.table])[order])
     carried = order[order >= len(shown)] - len(shown)
     private = logit(rng.uniform(*SOLID, len(hidden)))[carried].astype(np.float32)
     return PublicModel(public), PlantedKey(order >= len(shown), public.means, private, hidden.sh_coeffs[carried, 0])
-
-
-def _even(bounds, rows, rng):
-    low, high = bounds
-    return low * (high / low) ** rng.random(len(rows))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,40 +55,37 @@ class PlantedKey(Key):
     """What is private of the M rows that carry a message."""
 
     message_rows: np.ndarray  # bool [K], true where a row of the public model carries the message
-    positions: np.ndarray  # [K,3] of all rows, by which an attacked model is matched
+    means: np.ndarray  # [K,3] of all rows, by which an attacked model is matched
     opacity: np.ndarray  # [M], the private logit
     f_dc: np.ndarray  # [M,3], the private zeroth coefficient
 
     def message(self, public, extraction, device=None):
-        return Renderer(self._revealed(public)[0], device).image
+        return Renderer(self.gaussians(public, None, extraction)[0], device).image
 
     def gaussians(self, public, camera, extraction):
-        return self._revealed(public)
+        """Return the rows whose position is, bit for bit, that of one that carries the message, and their indices."""
+        known = {mean.tobytes(): i for i, mean in enumerate(self.means[self.message_rows])}
+        places = np.array([known.get(mean.tobytes(), -1) for mean in public.model.means], np.intp)
+        rows = np.flatnonzero(places >= 0)
+        revealed, places = public.model[places >= 0], places[rows]
+        columns = {name: np.zeros(len(rows), np.float32) for name in revealed.columns_named("f_rest_")}
+        columns |= {f"f_dc_{i}": self.f_dc[places, i] for i in range(3)}
+        return revealed.with_columns(columns | {"opacity": self.opacity[places]}), rows
 
     def wrong(self, rng):
         """Return a key to as many other rows, with the private values in another order."""
         order = rng.permutation(len(self.opacity))
-        return PlantedKey(rng.permutation(self.message_rows), self.positions, self.opacity[order], self.f_dc[order])
+        return PlantedKey(rng.permutation(self.message_rows), self.means, self.opacity[order], self.f_dc[order])
 
     def write(self, folder):
         save_array(folder / MESSAGE_ROWS, self.message_rows)
-        save_arrays(folder / _FILE, {name: getattr(self, name) for name in _ARRAYS})
+        save_arrays(folder / "planted.npz", {name: getattr(self, name) for name in ARRAYS})
 
     @staticmethod
     def read(folder):
-        arrays = load_arrays(Path(folder) / _FILE, _ARRAYS, "a key to a planted message")
-        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(len(arrays["positions"]),))
-        return PlantedKey(message_rows, **{name: arrays[name] for name in _ARRAYS})
-
-    def _revealed(self, public):
-        """Return the rows whose position is, bit for bit, that of one that carries the message, and their indices."""
-        known = {position.tobytes(): i for i, position in enumerate(self.positions[self.message_rows])}
-        places = np.array([known.get(position.tobytes(), -1) for position in public.model.means], np.intp)
-        rows = np.flatnonzero(places >= 0)
-        survivors, places = public.model[places >= 0], places[rows]
-        columns = {name: np.zeros(len(rows), np.float32) for name in survivors.columns_named("f_rest_")}
-        columns |= {f"f_dc_{i}": self.f_dc[places, i] for i in range(3)}
-        return survivors.with_columns(columns | {"opacity": self.opacity[places]}), rows
+        arrays = load_arrays(Path(folder) / "planted.npz", ARRAYS, "a key to a planted message")
+        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(len(arrays["means"]),))
+        return PlantedKey(message_rows, **{name: arrays[name] for name in ARRAYS})
 
 
 SCHEME = Scheme("planted", embed, PublicModel.read, PlantedKey.read, {MESSAGE: ("x", "y", "z", "scale_*", "rot_*")})
