@@ -25,7 +25,7 @@ def moved(project, places):
     """Move files and folders of a project: ``old new`` each; ``old/*`` moves all files."""
     for old, new in (place.split() for place in places):
         for path in sorted(project.glob(old)):
-            target = project / (new.replace("*", path.stem))
+            target = project / new.replace("*", path.stem)
             target = target / path.name if new.endswith("/") else target
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.move(path, target)
@@ -69,6 +69,17 @@ def test_photographs_of_another_suffix_are_those_that_a_transforms_file_names(tm
     scene = blender_scene(tmp_path, {"train": ring(3)}, gaussians(means=POINTS, scales=0.1, opacities=0.9))
     moved(scene, [f"train/* train/*{suffix}"])
     assert [view.image.name for view in read_cameras(scene)] == [f"r_{i}{suffix}" for i in range(3)]
+
+
+def test_photographs_of_a_rig_are_found_beside_those_of_others(project):
+    file = project / "sparse" / "0" / "images.txt"
+    file.write_text(file.read_text().replace("orbit_001", "left/images/a").replace("orbit_002", "right/images/a"))
+    moved(project, ["images/orbit_001.png left/images/", "images/orbit_002.png right/images/"])
+    for side, number in {"left": 1, "right": 2}.items():
+        moved(project, [f"{side}/images/orbit_00{number}.png {side}/images/a.png"])
+    images = {view.name: view.image.relative_to(project).as_posix() for view in read_cameras(project)}
+    assert (images["left_a"], images["right_a"]) == ("left/images/a.png", "right/images/a.png")
+    assert images["orbit_003"] == "images/orbit_003.png"
 
 
 def test_masks_are_not_taken_for_photographs(project):

@@ -5,7 +5,7 @@ import os
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import chain, count, islice, takewhile
 from pathlib import Path, PurePosixPath
 from typing import Final, TypeVar
@@ -102,53 +102,43 @@ def distinct(cameras: Sequence[Camera], source: Path) -> list[Camera]:
 
 
 def located(files: Sequence[str], named: Sequence[Named], place: Path) -> Sequence[Named]:
-    """Return the paths `named` of the photographs `files`, or those in another folder, if it has more of them.
+    """Return the paths `named` of the photographs `files`, or, if these are not all there, those found in the capture.
 
-    `place` is the folder of the camera file. The other folder is in the capture, or has a usual name in it; suffix,
-    letter case and leading folders of the photographs may differ. A line says which folder it is.
+    `place` is the folder of the camera file. Suffix, letter case and leading folders of photographs may differ; a line
+    says where they are.
     """
-    best, chosen = named, place
-    most = sum(path is not None and os.path.isfile(path) for path in named)  # noqa: PTH113 - false for names that are too long
-    if most == len(files):
+    there = sum(path is not None and os.path.isfile(path) for path in named)  # noqa: PTH113 - a name may be too long
+    if there == len(files):
         return named
-    for folder, stored in _stored_photographs(place):
-        paths = [next((stored[tail] for tail in _tails(file) if stored.get(tail)), None) for file in files]
-        existing: list[Path] = [path for path in paths if path]
-        if most < len(existing) == len({*existing}):
-            best, most, chosen = [new or old for new, old in zip(paths, named, strict=True)], len(existing), folder
-    if best is not named:
-        say(f"{place}: {most} of {len(files)} photographs are in {chosen}, not where the cameras name them")
-    return best
+    stored = _photographs_near(place.absolute())
+    paths = [next((stored[end] for end in _ends(file) if end in stored), None) for file in files]
+    existing: list[Path] = [path for path in paths if path]
+    if not there < len(existing) == len({*existing}):
+        return named
+    say(f"{place}: photographs are not where the cameras name them, but in places such as {existing[0]}")
+    return [new or old for new, old in zip(paths, named, strict=True)]
 
 
-def _stored_photographs(place: Path) -> Iterator[tuple[Path, dict[str, Path | None]]]:
-    """Yield each folder of a capture that may hold its photographs, and these by the ends of their paths.
+def _photographs_near(place: Path) -> dict[str, Path]:
+    """Return the photographs of a capture by the ends of their paths, of those that share one the likeliest.
 
-    The ends of paths in a folder without a usual name are whole: it may hold masks and depths, too. An end that several
-    share has no photograph.
+    Folders with a usual name come first, and `place`; in others, which may hold masks, the whole path is the end.
     """
-    above = [place.absolute(), *place.absolute().parents]
-    depth = next((i for i, path in enumerate(above) if not _MODEL_FOLDER.fullmatch(path.name)), 0)
-    for parent in above[: depth + 1]:
-        photos = sorted(_photographs_below(parent))
-        inside = {folder for photo in photos for folder in photo.parents if parent in folder.parents}
-        usual = sorted((len(path.parts), path) for path in inside if _PHOTOS.fullmatch(path.name))
-        for folder in (*(path for _, path in usual), parent):
-            stored: dict[str, Path | None] = {}
-            for photo in (path for path in photos if path.is_relative_to(folder)):
-                tails = _tails(photo.relative_to(folder).as_posix())
-                stored |= {tail: None if tail in stored else photo for tail in tails[: 1 if folder == parent else None]}
-            yield folder, stored
+    above = [place, *place.parents]
+    root = next(path for path in above if not _MODEL_FOLDER.fullmatch(path.name))
+    stored: dict[tuple[bool, int, Path], list[str]] = {}
+    for folder, folders, files in os.walk(root):
+        parts = Path(folder).relative_to(root).parts
+        usual = any(map(_PHOTOS.fullmatch, parts))
+        for path in (Path(folder, file) for file in files if _PHOTO_SUFFIXES.search(file)):
+            ends = _ends("/".join([*parts, path.name]))
+            beside = [path.stem.casefold()] if Path(folder) == place else []
+            stored[not usual, len(parts), path] = beside + (ends if usual else ends[:1])
+        folders[:] = folders if len(parts) < _DEEPEST else []
+    return {end: row[-1] for row in sorted(stored, reverse=True) for end in stored[row]}
 
 
-def _photographs_below(folder: Path) -> Iterator[Path]:
-    for path, folders, files in os.walk(folder):
-        yield from (Path(path, file) for file in files if _PHOTO_SUFFIXES.search(file))
-        if len(Path(path).relative_to(folder).parts) == _DEEPEST:
-            folders.clear()
-
-
-def _tails(file: str) -> list[str]:
+def _ends(file: str) -> list[str]:
     """Return the ends of a path, longest first, without suffix and in lower case."""
     parts = _parts(_PHOTO_SUFFIXES.sub("", file).casefold())
     return ["/".join(parts[i:]) for i in range(len(parts))]
