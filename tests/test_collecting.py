@@ -10,7 +10,6 @@ import pytest
 
 from gspure.errors import InputError
 from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, write_results
-from gspure.evaluation.comparison import write_metrics
 from gspure.files import save_array, write_json, write_text
 from tests.contest_cases import write_model
 
@@ -77,13 +76,6 @@ def test_a_missing_variant_names_the_last_line_of_its_failed_log(tmp_path, plan)
     assert not by_variant(tmp_path, plan)["gspure"].failures
     (row,) = (row for row in table(tmp_path, plan) if row["variant"] == "noise")
     assert (row["failure"], row["target"], row["psnr"]) == (noise.failure, "", "")
-
-
-def test_an_attack_that_cannot_apply_is_an_outcome_with_its_reason(tmp_path, plan) -> None:
-    write_metrics(tmp_path / MODEL / "noise" / "metrics.csv", [])
-    write_json(tmp_path / MODEL / "noise" / "verdict.json", {"not applicable": "anchors have no opacity"})
-    log(tmp_path, "noise/attack.log", "gspure attack: something else\n")
-    assert by_variant(tmp_path, plan)["noise"].failure == "not applicable: anchors have no opacity"
 
 
 def test_the_run_is_a_column_and_two_runs_in_one_model_are_warned_of(tmp_path, plan, capsys) -> None:

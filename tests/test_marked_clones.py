@@ -42,14 +42,6 @@ def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_
     assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
 
 
-def test_nothing_but_the_opacity_of_the_originals_of_clones_differs_from_the_clean_model(marked):
-    clean, public, message_rows = marked.clean.model, marked.public.model, marked.key.message_rows
-    assert np.array_equal(np.flatnonzero(message_rows), np.arange(len(clean), len(public)))
-    same = [name for name in clean.table.dtype.names if name != "opacity"]
-    assert public.columns(*same)[: len(clean)].tobytes() == clean.columns(*same).tobytes()
-    assert np.count_nonzero(public.table["opacity"][: len(clean)] != clean.table["opacity"]) == message_rows.sum()
-
-
 def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
     settings = [f"--set={name}={value}" for name, value in {**SETTINGS, "decoder_steps": 2, "marking_steps": 2}.items()]
     assert main(["embed", "marked_clones", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0

@@ -54,14 +54,6 @@ def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
     assert {scene == message for scene, message in islice(pair.batches(np.random.default_rng(0)), 30)} == {True}
 
 
-def test_the_same_command_gives_the_same_files(pair_folder, tmp_path):
-    from tests.scheme_cases import small_pair
-
-    again = small_pair(tmp_path / "pair")
-    for file in ("points3D.ply", "message/points3D.ply", "scene/view_003.png", "message/view_003.png"):
-        assert (again / file).read_bytes() == (pair_folder / file).read_bytes()
-
-
 @pytest.fixture
 def photographed(tmp_path):
     """A COLMAP project of one scene, and the model of another."""

@@ -1,21 +1,16 @@
 """One model of a table: the same cells in HTML, Markdown, LaTeX and CSV."""
 
 import csv
-import math
 import re
-from dataclasses import replace
 from html import unescape
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.report.page import environment
 from gspure.report.table import Cell, Column, Row, Table, interval
-from gspure.report.tables import model_table
-from tests.contest_cases import benchmark
 
 TABLE = Table(
     "Drops",
@@ -82,18 +77,3 @@ def test_no_character_of_a_text_is_markup(first: str, second: str) -> None:
     tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^<>]", row)
     assert "".join(commands.get(token, token) for token in tokens) == first
     assert "".join(tokens) == row
-
-
-def test_a_table_of_variants_has_the_columns_that_its_outcomes_need() -> None:
-    plain = benchmark({"room": {"gspure": (1.0, 9.0)}})
-    read = Detection(96.9, 3.1, 1.0, math.nan, present=True, views=4, bits=32)
-    marked = [replace(o, pruned_share=0.25, strength="tau=4", detections={"mark": read}) for o in plain]
-    titles = [column.full_title for column in model_table(plain).columns]
-    more = [column.full_title for column in model_table(marked).columns]
-    assert [title for title in more if title not in titles] == [
-        *("strength", "mark correct bits", "mark TPR 1%", "mark TPR 0.1%", "pruned")
-    ]
-    (row,) = (row for row in model_table(marked).rows if row.cells[0].text == "GSPure")
-    cells = dict(zip(more, map(str, row.cells), strict=True))
-    assert cells["message PSNR"] == "19.00 (−9.00)"
-    assert (cells["Score message"], cells["mark correct bits"]) == ("+8.00", "96.9% (± 3.1)")

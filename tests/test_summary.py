@@ -1,12 +1,10 @@
 """Means over scenes with intervals, as CSV and as LaTeX."""
 
-import csv
 import math
 
 import pytest
 
-from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.summary import summarize
 from tests.contest_cases import BEFORE, outcome
 
 
@@ -40,14 +38,3 @@ def test_a_control_has_no_score_and_only_the_papers_schemes_have_the_papers(outc
     assert control.score is None
     assert math.isnan(ours.paper_score)
     assert theirs.paper_score == 15.21
-
-
-def test_the_paper_s_ablations_stand_beside_ours(tmp_path):
-    ours = [
-        of_scheme(scheme, "room", variant, scene=29.0, message=9.0)
-        for scheme, variant in [("gs_hider", "opacity_weight"), ("splats_in_splats", "weight_clustering")]
-    ]
-    write_table(tmp_path / "summary.csv", Summary, summarize(ours))
-    with (tmp_path / "summary.csv").open(newline="") as stream:
-        printed = [[row[f"paper_{name}"] for name in ("scene", "message", "score")] for row in csv.DictReader(stream)]
-    assert printed == [["", "12.29", ""], ["25", "15.76", ""]]
