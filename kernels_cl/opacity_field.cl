@@ -32,20 +32,21 @@ inline V load_exponent(__global const float *splat, V u, V v, float *s, V *norm,
 }
 
 __kernel void blend_points(POINTS_OF_TILES,
-                           __global float *values) {  // [items,LANES]: opacities
+                           __global float *values,  // [items,LANES]: opacities
+                           float least) {
     uint item = get_global_id(0);
     if (item >= items) return;
     float s[SPLAT_CHANNELS];
     V u = LOAD_POINTS(0), v = LOAD_POINTS(1), depth = LOAD_POINTS(2), T = (V)1.0f, norm, peak;
-    // A point is finished when T < TRANSMITTANCE_MIN: the rest would change its opacity by less than that.
-    I open = MASK(T >= (V)TRANSMITTANCE_MIN);
+    // A point is finished when T < least: the rest would change its opacity by less than that.
+    I open = MASK(T >= (V)least);
     for (uint entry = FIRST_ENTRY, end = END_OF_ENTRIES; entry < end && ANY(open); entry++) {
         V exponent = load_exponent(splats + (size_t)SPLAT * entries[entry].x, u, v, s, &norm, &peak);
         V before = MAX(peak - depth, (V)0.0f);
         V alpha = bounded_alpha(exponent - s[SPLAT_G] * (norm * (before * before)), peak);
         alpha = AS_FLOAT(AS_INT(alpha) & open);
         T -= alpha * T;
-        open = MASK(T >= (V)TRANSMITTANCE_MIN);
+        open = MASK(T >= (V)least);
     }
     STORE_POINTS(1.0f - T);
 }

@@ -154,7 +154,7 @@ BUDGETS = {
     "report": (1830, 14),
     "scenes": (950, 8),
     "schemes": (3690, 29),
-    "surface": (280, 4),
+    "surface": (300, 4),
     "training": (1190, 10),
     "workflow": (925, 8),
 }

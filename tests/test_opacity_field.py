@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gspure.renderer import Renderer
-from gspure.surface.meshing import opacity_field
+from gspure.surface.meshing import first_outside
 from tests.models import AWKWARD, blobs, camera, gaussians, tilted_camera
 from tests.reference.opacity_field import opacities_at
 from tests.reference.opacity_field import opacity_field as reference_field
@@ -91,13 +91,25 @@ def test_bands_change_no_bit(device, style):
     assert whole.tobytes() == banded.tobytes()
 
 
-def test_the_field_is_the_least_of_the_views(device, style, monkeypatch):
-    model, views = blobs(150, 8), [camera(), tilted_camera(), tilted_camera(31, 33)]
+def test_prepared_rays_serve_sets_of_points_and_end_at_a_transmittance(device, style):
+    model, view = blobs(300, 5), tilted_camera()
     points = points_around(model)
-    renderer = Renderer(model, device, energy="ray", style=style)
-    monkeypatch.setattr("gspure.surface.meshing._CHUNK", 200)
-    found = opacity_field(renderer, views, points)
-    np.testing.assert_allclose(found, reference_field(model, views, points), atol=STEP)
-    assert 0.01 < (found < 0.5).mean() < 0.99
-    hasty = opacity_field(renderer, views, points, outside=0.5)
-    np.testing.assert_array_equal(hasty >= 0.5, found >= 0.5)
+    renderer = Renderer(model, device, energy="ray", style=style, entry_budget=500)
+    whole, rays = renderer.opacities_at(view, points), renderer.rays(view)
+    early = np.concatenate([rays.blended(part, least=0.5) for part in np.array_split(points, 3)])
+    np.testing.assert_array_equal(early[whole <= 0.5], whole[whole <= 0.5])
+    assert (early <= whole).all()
+    assert (early < whole).any()
+    assert (early[whole > 0.5] > 0.5).all()
+
+
+def test_the_first_view_that_sees_a_point_outside(device, style):
+    model, views = blobs(150, 8), [tilted_camera(31, 33), camera(), tilted_camera()]
+    points = points_around(model)
+    first = first_outside(Renderer(model, device, energy="ray", style=style), views, points)
+    opacities = np.array([opacities_at(model, view, points)[0] for view in views])
+    clear = (np.abs(opacities - 0.5) > STEP).all(axis=0)
+    inside = np.full((1, len(points)), True)
+    expected = np.concatenate([opacities < 0.5, inside]).argmax(axis=0)
+    np.testing.assert_array_equal(first[clear], expected[clear])
+    assert set(first) == {0, 1, 2, 3}

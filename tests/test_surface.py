@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, KDTree
 
 from gspure.attacks import Measurements, find_attack
 from gspure.errors import InputError
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
 from gspure.surface.meshing import Mesh, extract_mesh, filter_sizes, smoothed
-from gspure.surface.tetrahedra import box_points, march
+from gspure.surface.tetrahedra import box_points, march, spaced
 from tests.anchor_cases import random_public
 from tests.models import camera, gaussians, tilted_camera
 from tests.reference.opacity_field import opacity_field
@@ -54,6 +54,16 @@ def test_a_gaussian_lies_in_a_box_of_three_deviations():
     np.testing.assert_allclose(points[:8].max(axis=0), [1.6, 2.3, 3.9], rtol=1e-6)
 
 
+def test_a_point_is_dropped_only_beside_a_kept_one():
+    rng = np.random.default_rng(0)
+    points, sizes = rng.uniform(-1, 1, (3000, 3)), rng.choice([0.01, 0.1, 0.3], 3000)
+    kept = spaced(points, sizes)
+    distances, _ = KDTree(points[kept]).query(points)
+    assert (distances <= np.sqrt(3) * sizes).all()
+    assert kept[sizes == 0.01].mean() > 0.99
+    assert kept[sizes == 0.3][9:].mean() < 0.02
+
+
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**31), turned=st.booleans())
 def test_marching_separates_inside_from_outside_by_closed_oriented_surfaces(seed, turned):
@@ -94,6 +104,10 @@ def test_vertices_lie_where_the_field_is_one_half(views):
     model = gaussians(means=[[0, 0, 0], [0.2, 0.1, 0.3]], scales=[[0.2, 0.3, 0.25], [0.2, 0.2, 0.2]], opacities=0.8)
     found = extract_mesh(model, views)
     np.testing.assert_allclose(opacity_field(model, views, found.vertices), 0.5, atol=0.02)
+
+
+def test_a_needle_has_a_surface(views):
+    assert len(extract_mesh(gaussians(means=[0, 0, 0], scales=[0.5, 0.02, 0.02], opacities=0.9), views).faces)
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,19 @@
 """Blending along the rays through points in space in one view (opacity_field.cl)."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
-from gspure.constants import TILE
+from gspure.constants import TILE, TRANSMITTANCE_MIN
 from gspure.files import Float32, Indices
 from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.projection import Projected, project
+from gspure.opencl.projection import project
 from gspure.opencl.storage import Rows, Storage
 
 FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
@@ -27,36 +28,52 @@ class Placed:
     positions: Float32
 
 
-def blended_at(
-    engine: Engine,
-    storage: Storage,
-    camera: Camera,
-    points: NDArray[np.floating],
-    entry_budget: int,
-    owners: Rows | None = None,
-) -> Float32:
-    """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it.
+class Rays:
+    """A view prepared for blending along its rays through points; usable until the engine's next frame."""
 
-    If the points are the centres of Gaussians, at the positions `owners` [P] in storage, return the contribution of
-    each on the ray through its centre; 0 where the view does not show it.
-    """
-    fine = camera.resized(FINER * camera.width, FINER * camera.height)
-    frame = Frame(engine, storage, fine, Traversal("ray", points=True))
-    placed = place(frame, points)
-    values = np.full(len(points), owners is None, np.float32)
-    if not len(placed.rows):
+    def __init__(self, engine: Engine, storage: Storage, camera: Camera, entry_budget: int) -> None:
+        fine = camera.resized(FINER * camera.width, FINER * camera.height)
+        self.frame = Frame(engine, storage, fine, Traversal("ray", points=True))
+        self.projected = project(self.frame)
+        order = sort_by_depth(engine, storage, self.projected.depth_keys)
+        self.bounds = bound_entries(self.frame, self.projected, order)
+        self.bands = bands(self.frame, self.projected, self.bounds, entry_budget)
+        self.lists: TileLists | None = None  # of the last band
+
+    def blended(self, points: NDArray[Any], owners: Rows | None = None, least: float = TRANSMITTANCE_MIN) -> Float32:
+        """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it.
+
+        Blending ends at transmittances below `least`: opacities above 1 - `least` are lower bounds.
+        If the points are the centres of Gaussians, at the positions `owners` [P] in storage, return the contribution of
+        each on the ray through its centre; 0 where the view does not show it.
+        """
+        placed, columns = place(self.frame, points), self.frame.tiles[0]
+        values = np.full(len(points), owners is None, np.float32)
+        for band in self.bands:
+            begin, end = np.searchsorted(placed.tiles, (band.start * columns, band.stop * columns))
+            if begin < end:
+                inside = Placed(*(part[begin:end] for part in vars(placed).values()))
+                values[inside.rows] = self._blend_band(band, inside, owners, least)
         return values
-    projected = project(frame)
-    order = sort_by_depth(engine, storage, projected.depth_keys)
-    bounds = bound_entries(frame, projected, order)
-    columns, _ = frame.tiles
-    for band in bands(frame, projected, bounds, entry_budget):
-        begin, end = np.searchsorted(placed.tiles, (band.start * columns, band.stop * columns))
-        if begin < end:
-            lists = bin_tiles(frame, projected, bounds, band)
-            inside = Placed(*(part[begin:end] for part in vars(placed).values()))
-            values[inside.rows] = _blend_band(frame, projected, lists, inside, owners)
-    return values
+
+    def _blend_band(self, band: range, placed: Placed, owners: Rows | None, least: float) -> Float32:
+        """Return the values of a band's points."""
+        frame, engine, buffers = self.frame, self.frame.engine, self.frame.engine.buffers
+        if self.lists is None or self.lists.band != band:
+            self.lists = bin_tiles(frame, self.projected, self.bounds, band)
+        tiles, sources = _work_items(placed.tiles, LANES[engine.style])
+        computed = buffers.point_values.sized(*sources.shape)
+        frame.program("vector", "layout", "blending", "opacity_field").launch(
+            "blend_points" if owners is None else "blend_centres",
+            len(tiles),
+            *(len(tiles), buffers.points.holding(placed.positions[sources].transpose(0, 2, 1))),
+            buffers.point_tiles.holding((tiles - band.start * frame.tiles[0]).astype(np.uint32)),
+            *(self.projected.splats, self.lists.entries, self.lists.tile_starts, computed),
+            least if owners is None else buffers.point_owners.holding(owners[placed.rows[sources]]),
+        )
+        values = np.empty(len(placed.rows), np.float32)
+        values[sources] = engine.read(computed, sources.shape, np.float32)
+        return values
 
 
 def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
@@ -68,25 +85,6 @@ def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
     is_few = frame.tiles[0] * frame.tiles[1] < 1 << 16  # of which numpy has a radix sort
     order = np.argsort(tiles.astype(np.uint16) if is_few else tiles, kind="stable")
     return Placed(rows[order], tiles[order], positions[order].astype(np.float32))
-
-
-def _blend_band(frame: Frame, projected: Projected, lists: TileLists, placed: Placed, owners: Rows | None) -> Float32:
-    """Return the values of a band's points."""
-    engine, buffers = frame.engine, frame.engine.buffers
-    tiles, sources = _work_items(placed.tiles, LANES[engine.style])
-    first_tile = lists.band.start * frame.tiles[0]
-    computed = buffers.point_values.sized(*sources.shape)
-    frame.program("vector", "layout", "blending", "opacity_field").launch(
-        "blend_points" if owners is None else "blend_centres",
-        len(tiles),
-        *(len(tiles), buffers.points.holding(placed.positions[sources].transpose(0, 2, 1))),
-        buffers.point_tiles.holding((tiles - first_tile).astype(np.uint32)),
-        *(projected.splats, lists.entries, lists.tile_starts, computed),
-        *([] if owners is None else [buffers.point_owners.holding(owners[placed.rows[sources]])]),
-    )
-    values = np.empty(len(placed.rows), np.float32)
-    values[sources] = engine.read(computed, sources.shape, np.float32)
-    return values
 
 
 def _work_items(tiles: Indices, lanes: int) -> tuple[Indices, Indices]:

@@ -47,7 +47,7 @@ def mesh_distances(model: Gaussians, mesh: Mesh) -> Float32:
     """Return the distance [K] of each centre from the mesh, in units of the Gaussian's largest scale."""
     from scipy.spatial import KDTree
 
-    tree = KDTree(face_points(mesh), leafsize=64, balanced_tree=False)
+    tree = KDTree(face_points(mesh), leafsize=64, balanced_tree=False, compact_nodes=False)
     distances, _ = tree.query(model.means, workers=-1)
     with np.errstate(divide="ignore", invalid="ignore"):  # Gaussians without size
         return np.asarray(np.fmin(distances / model.scales.max(axis=1), INVISIBLE), np.float32)
@@ -58,7 +58,7 @@ def face_points(mesh: Mesh) -> Float64:
 
     Faces larger than `SPLITS` times that size have a larger spacing.
     """
-    corners = mesh.corners
+    corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     parts = np.ceil(longest / max(np.median(longest), np.finfo(np.float64).tiny)).clip(1, SPLITS)
     points = [mesh.vertices]

@@ -3,31 +3,30 @@
 The 3-D filter of Mip-Splatting and GOF first limits Gaussians to the sampling rate of the views.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Float64, Indices
+from gspure.files import Bools, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.filtered import widened
 from gspure.model.gaussians import SCALES
 from gspure.opencl.device import Device
+from gspure.opencl.opacity_field import Rays
 from gspure.progress import say, track
 from gspure.renderer import Renderer
-from gspure.surface.tetrahedra import box_points, march, shown, tetrahedra
+from gspure.surface.tetrahedra import box_points, march, shown, spaced, tetrahedra
 
 OPAQUE: Final = 0.1  # least one of the Gaussians that define tetrahedra (an option of GOF); all define the field
-HALVINGS: Final = 8  # steps of bisection along each edge that the surface crosses (GOF)
+HALVINGS: Final = 6  # steps of bisection of an edge in each view that moves its vertex (GOF: 8, in all views)
 LEVEL: Final = 0.5  # opacity of the surface (GOF)
 FILTER_MARGIN: Final = 0.15  # extension of the image beyond its edges, as a share of its size (GOF)
 FILTER_VARIANCE: Final = 0.2  # in squared pixels of the nearest view (Yu et al. 2024, Mip-Splatting)
-_CHUNK = 1 << 20  # points per evaluation
 
 
 @dataclass(frozen=True)
@@ -36,11 +35,6 @@ class Mesh:
 
     vertices: Float64
     faces: Indices
-
-    @property
-    def corners(self) -> Float64:
-        """Positions of the corners of each face, [F,3,3]."""
-        return np.asarray(self.vertices[self.faces])
 
 
 def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
@@ -82,39 +76,51 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     The model has its 3-D filter applied (`smoothed`). Raise `InputError` if the views show too few Gaussians for a
     tetrahedron, or the opacity is below 1/2 at all of their points, or above it.
     """
-    points = box_points(model[opaque(model)])
-    points = points[shown(points, cameras)]
+    boxed = model[opaque(model)]
+    points = box_points(boxed)
+    rows = np.flatnonzero(shown(points, cameras))
+    points = points[rows[spaced(points[rows], boxed.scales.max(axis=1)[rows // 9])]]
     if len(points) < 4:  # the corners of one tetrahedron
         expected = f"Gaussians of an opacity above {OPAQUE} in the views"
         raise InputError("model", "surface", expected=expected, found=f"{len(points)} points around them")
     say(f"building tetrahedra from {len(points)} points")
     cells = tetrahedra(points)
     renderer = Renderer(model, device, energy="ray")
-    inside = opacity_field(renderer, track(cameras, "opacity field"), points, outside=LEVEL) >= LEVEL
+    first = first_outside(renderer, cameras, points)
+    inside = first == len(cameras)
     edges, faces = march(points, cells, inside)
     if not len(faces):
         found = f"only {'higher' if inside.any() else 'lower'} ones"
         raise InputError("model", "surface", expected=f"opacities on both sides of {LEVEL}", found=found)
-    inner, outer = points[edges].transpose(1, 0, 2)
-    for _ in track(range(HALVINGS), "bisection"):
-        middle = (inner + outer) / 2
-        inside = (opacity_field(renderer, cameras, middle, outside=LEVEL) >= LEVEL)[:, None]
-        inner, outer = np.where(inside, middle, inner), np.where(inside, outer, middle)
-    return Mesh((inner + outer) / 2, faces)
+    return Mesh(crossings(renderer, cameras, points[edges], first[edges[:, 1]]), faces)
 
 
-def opacity_field(
-    renderer: Renderer, cameras: Iterable[Camera], points: NDArray[Any], *, outside: float = 0.0
-) -> Float32:
-    """Return O [P], the minimum over the views of the opacity of the world `points` [P,3]; 1 if no view shows them.
+def first_outside(renderer: Renderer, cameras: Sequence[Camera], points: Float64) -> Indices:
+    """Return the first view [P] in which each of the `points` [P,3] has O < 1/2; the number of views if none."""
+    first = np.full(len(points), len(cameras))
+    for i, camera in enumerate(track(cameras, "opacity field")):
+        inside = np.flatnonzero(first == len(cameras))
+        first[inside[_outside(renderer.rays(camera), points[inside])]] = i
+    return first
 
-    The renderer has the energy "ray". Points below `outside` are not evaluated in further views, so values below it are
-    upper bounds.
+
+def crossings(renderer: Renderer, cameras: Sequence[Camera], edges: Float64, first: Indices) -> Float64:
+    """Return where the surface crosses the `edges` [E,2,3], from inside to outside: to 1/128 of their lengths.
+
+    Views before the `first` [E] that sees the outer end outside see both ends inside, and are left out.
     """
-    field = np.ones(len(points), np.float32)
-    for camera in cameras:
-        inside = np.flatnonzero(field >= outside)
-        for begin in range(0, len(inside), _CHUNK):
-            rows = inside[begin : begin + _CHUNK]
-            field[rows] = np.minimum(field[rows], renderer.opacities_at(camera, points[rows]))
-    return field
+    start, inner, outer = edges[:, 0], edges[:, 1].copy(), edges[:, 1].copy()  # the surface lies between the last two
+    for i, camera in enumerate(track(cameras, "surface")):
+        rays, rows = renderer.rays(camera), np.flatnonzero(first <= i)
+        rows = rows[_outside(rays, inner[rows])]
+        inner[rows], outer[rows] = start[rows], inner[rows]
+        for _ in range(HALVINGS):
+            middle = (inner[rows] + outer[rows]) / 2
+            outside = _outside(rays, middle)[:, None]
+            inner[rows], outer[rows] = np.where(outside, inner[rows], middle), np.where(outside, middle, outer[rows])
+    return np.asarray((inner + outer) / 2)
+
+
+def _outside(rays: Rays, points: Float64) -> Bools:
+    """Return the mask of the `points` [P,3] that a view sees outside."""
+    return np.asarray(rays.blended(points, least=1 - LEVEL) < LEVEL)

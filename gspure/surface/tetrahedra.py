@@ -14,13 +14,24 @@ from gspure.model.rotations import principal_axes
 
 REACH: Final = 3.0  # half side of the box around a Gaussian, in standard deviations (GOF)
 
-_CORNERS: Final = REACH * np.array([*product((-1.0, 1.0), repeat=3)])
+_BOX: Final = REACH * np.array([*product((-1.0, 1.0), repeat=3), (0.0, 0.0, 0.0)])
+_HASH: Final = np.array([0x1E3779B97F4A7C15, 0x3C6EF372FE94F82B, 0x2545F4914F6CDD1D])  # odd: one number per cell
 
 
 def box_points(model: Gaussians) -> Float64:
-    """Return the corners of the box around each Gaussian, 8K rows, then its centres, K more."""
-    corners = _CORNERS @ principal_axes(model) + model.means[:, None]
-    return np.concatenate([corners.reshape(-1, 3), model.means])
+    """Return the corners of the box around each Gaussian, and its centre: 9K rows."""
+    return np.asarray(_BOX @ principal_axes(model) + model.means[:, None]).reshape(-1, 3)
+
+
+def spaced(points: Float64, sizes: Float64) -> Bools:
+    """Return the mask of one of the `points` [P,3] per cell of a grid: spaced by the power of two below its size."""
+    levels = np.frexp(sizes)[1] - 1
+    mask = np.arange(len(points)) < len(_BOX)  # one box: points in a plane have no tetrahedra
+    for level in np.unique(levels):  # from fine to coarse
+        rows = np.concatenate([np.flatnonzero(mask), np.flatnonzero(levels == level)])
+        cells = np.floor(np.ldexp(points[rows], -level)).astype(np.int64) @ _HASH
+        mask[rows[np.unique(cells, return_index=True)[1]]] = True  # the first of each cell
+    return mask
 
 
 def shown(points: Float64, cameras: Sequence[Camera]) -> Bools:
