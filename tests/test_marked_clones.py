@@ -47,7 +47,7 @@ def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
     assert main(["embed", "marked_clones", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
     check = read_json(tmp_path / "marked" / "key" / "readability.json")
     assert check["controls"].keys() == {"chance", "wrong_key"}
-    assert ("NOT readable" in capsys.readouterr().err) != check["readable"]
+    assert ("readable: no" in capsys.readouterr().err) != check["readable"]
     key, model = SCHEME.read_key(tmp_path / "marked" / "key"), SCHEME.read_public(tmp_path / "marked" / "public")
     assert load_arrays(tmp_path / "marked" / "key" / "marked_clones.npz", {"bits": (np.bool_, (8,))}, "a key")
     camera = read_pair(pair_folder).scene.views[0]

@@ -53,7 +53,7 @@ def test_the_commands_run_one_after_the_other(folder, capsys, monkeypatch):
     for arguments in COMMANDS:
         if arguments[0] != "audit":
             assert main([*arguments, *quick.get(arguments[0], [])]) == 0
-    assert re.search(r"^mean +\d+\.\d+( +\d+\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(r"^(?:scene/)?mean +\d+\.\d+( +\d+\.\d+)+$", capsys.readouterr().out, re.MULTILINE)
     assert np.load("purified/prune_mask.npy").any()
     assert len(read_model(Path("trained"))) == 20
 

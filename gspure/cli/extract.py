@@ -1,7 +1,10 @@
 """``gspure extract``: render the message with the owner's key."""
 
+from pathlib import Path
+
 import numpy as np
 
+from gspure.cameras.photographs import missing_photographs
 from gspure.cameras.reading import read_transform
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
@@ -12,22 +15,22 @@ from gspure.model import model_file
 from gspure.progress import track, warn
 from gspure.public_model import Lesson
 from gspure.schemes.matching import registered
-from gspure.schemes.pair import Capture
-from gspure.schemes.registry import find_scheme
+from gspure.schemes.pair import Capture, message_folder
+from gspure.schemes.readability import readability
+from gspure.schemes.registry import find_scheme, made_by
 from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS
 
 EXAMPLES = """\
-  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out message
-  gspure extract moved.ply --scheme splats_in_splats --key marked/key --cameras pair/message --out message \\
-      --extraction message_adaptive --original marked/public                         # an unknown rotation or scale
-  gspure extract marked/public --scheme gs_hider --key marked/key --cameras pair/message --out wrong_key \\
-      --wrong-key 1                                                                  # a negative control
+  gspure extract marked/public --key marked/key --out message          # in the views of the key's pair
+  gspure extract moved.ply --key marked/key --cameras pair/message --out message \\
+      --extraction message_adaptive --original marked/public             # an unknown rotation or scale
+  gspure extract marked/public --key marked/key --out wrong_key --wrong-key 1      # a negative control
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the model's file, or its folder")
-    parser.text("--scheme", "NAME", "the watermarking scheme", required=True)
+    parser.text("--scheme", "NAME", "the watermarking scheme (default: that of the key)")
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
     parser.text(
         "--extraction",
@@ -39,13 +42,15 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--photographs", "DIR", meaning, required=False)
     meaning = "the published model; first undo an unknown rotation, translation and scale of MODEL"
     parser.reads("--original", "MODEL", meaning, required=False)
-    options.add_views(parser, split="all")
+    options.add_views(parser, "all", more=" (default: the message's in the key's pair)", required=False)
     parser.writes("--out", "DIR", "folder for VIEW.png")
     options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Extract every view."""
+    args.scheme = args.scheme or made_by(args.key)[0]
+    args.cameras = args.cameras or message_folder(made_by(args.key)[1])
     scheme, views = find_scheme(args.scheme), options.read_views(args)
     public = scheme.read_public(args.model).drawn(args.model)
     key = options.read_key(args, run_of(model_file(args.model)))
@@ -68,6 +73,8 @@ def run(args: Arguments) -> None:
         if isinstance(args.cameras, str):
             options.write_views(folder, views)
         options.record_command(args, folder)
+    if args.wrong_key is None and isinstance(args.cameras, Path) and not missing_photographs(views):
+        readability(Capture.read(args.cameras), public, key, options.read_device(args)).report()
     if all_blank and args.wrong_key is None:
         causes = "the key does not match the model, Gaussians were moved or rounded, or an attack removed the message"
         tries = ["--original"] * (not args.original)

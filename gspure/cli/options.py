@@ -142,9 +142,9 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
     return GENERATED[source](read_model(model), **settings)
 
 
-def add_views(parser: Parser, split: str) -> None:
+def add_views(parser: Parser, split: str, **cameras: Any) -> None:
     """Add ``--cameras``, ``--split`` and ``--transform``, for `read_views`."""
-    add_cameras(parser)
+    add_cameras(parser, **cameras)
     parser.choice("--split", SPLITS, "which views; sorted by name, every eighth is a test view", split)
     meaning = "rigid transform from `gspure attack --transform`, applied to the views"
     parser.reads("--transform", "NPY", meaning, required=False)

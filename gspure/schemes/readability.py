@@ -46,9 +46,9 @@ class Readability:
         quantity = "correct bits" if self.bits else "message PSNR"
         numbers = f"{quantity} {texts[0]}; highest control {texts[1]} ({display_name(best)})"
         if self.readable:
-            say(numbers)
+            say(f"readable: yes ({numbers})")
         else:
-            warn(f"the message is NOT readable: {numbers}")
+            warn(f"readable: no ({numbers})")
 
 
 class BitReadability(Readability):
