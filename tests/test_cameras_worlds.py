@@ -10,7 +10,7 @@ from gspure.cameras.worlds import in_world_of, mention_unseen, share_shown, shif
 from gspure.errors import InputError
 from gspure.files import write_json
 from gspure.model import write_model
-from gspure.model.conversion import offset_comment
+from gspure.model.ply import offset_comment
 from gspure.model.rotations import moved
 from tests.camera_cases import rotation_from
 from tests.models import gaussians

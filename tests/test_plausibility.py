@@ -9,7 +9,7 @@ from gspure.cli import main
 from gspure.images import read_image
 from gspure.model import write_model
 from gspure.model.gaussians import SCALES
-from gspure.model.plausibility import doubts
+from gspure.model.summary import doubts
 from tests.attack_cases import anchors, features
 from tests.models import blobs, camera, tilted_camera
 from tests.test_ply import header

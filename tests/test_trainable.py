@@ -8,8 +8,7 @@ import pytest
 
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.adam import LearningRates
-from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
-from gspure.opencl.twins import TwinModel
+from gspure.opencl.trainable import Parameters, TrainableModel, TrainState, TwinModel
 from tests.comparison import assert_gradients_agree, steady_pixels
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.blending import render

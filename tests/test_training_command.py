@@ -14,7 +14,7 @@ from gspure.evaluation.comparison import read_metrics
 from gspure.model import read_model
 from gspure.model.inria import training_arguments
 from gspure.renderer import Renderer
-from gspure.training import checkpoints
+from gspure.training import output
 from tests.models import gaussians
 from tests.training_cases import blender_scene, colmap_project, ring
 
@@ -78,7 +78,7 @@ def test_one_thread_gives_the_same_file(project, trained, tmp_path):
 
 
 def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, monkeypatch, capsys):
-    write = checkpoints.write_checkpoint
+    write = output.write_checkpoint
 
     def write_and_die(*args):
         write(*args)
@@ -86,7 +86,7 @@ def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, mo
 
     with monkeypatch.context() as patched:
         patched.setattr("gspure.cli.train._SECONDS_BETWEEN_CHECKPOINTS", 0)
-        patched.setattr(checkpoints, "write_checkpoint", write_and_die)
+        patched.setattr(output, "write_checkpoint", write_and_die)
         assert main(words(project, tmp_path)) == 130
     assert main(words(project, tmp_path, "--resume", "--seed", "1")) == 2
     assert "seed: expected 1, found 0" in capsys.readouterr().err

@@ -9,8 +9,7 @@ from gspure.cameras.worlds import in_world_of, share_shown, shifted
 from gspure.errors import InputError
 from gspure.files import read_json, write_json
 from gspure.model import read_model
-from gspure.model.conversion import offset_comment
-from gspure.model.ply import read_point_ply, write_point_ply
+from gspure.model.ply import offset_comment, read_point_ply, write_point_ply
 from gspure.training.dataset import read_dataset, read_photographs
 from gspure.training.initialization import gaussians_at
 from gspure.training.output import write_output

@@ -9,9 +9,9 @@ from hypothesis.extra.numpy import arrays
 from gspure.constants import SH_DC
 from gspure.errors import InputError
 from gspure.model.activations import sigmoid
-from gspure.training.checkpoints import Snapshot, read_checkpoint, write_checkpoint
 from gspure.training.dataset import extent
 from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, view_counts
+from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint
 from gspure.training.schedule import Schedule
 from tests.training_cases import ring, same_bits, state
 

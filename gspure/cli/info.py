@@ -11,8 +11,7 @@ from gspure.files import run_of
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.inria import UNPACKED_SOG, training_arguments
-from gspure.model.plausibility import doubts
-from gspure.model.summary import Summary, summarize, suspicious_lines
+from gspure.model.summary import Summary, doubts, summarize, suspicious_lines
 from gspure.progress import warn
 
 EXAMPLES = """\

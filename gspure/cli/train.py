@@ -99,9 +99,9 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
     """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
     from gspure.opencl.trainable import TrainableModel
-    from gspure.training.checkpoints import read_checkpoint, write_checkpoint
     from gspure.training.dataset import fingerprint, read_photographs
     from gspure.training.initialization import gaussians_at, thinned
+    from gspure.training.output import read_checkpoint, write_checkpoint
     from gspure.training.schedule import Schedule
     from gspure.training.trainer import Trainer, beginning, watched
 

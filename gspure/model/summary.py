@@ -1,4 +1,4 @@
-"""Statistics of a model, and rows that training does not produce: those that could mislead or stop an audit."""
+"""Statistics of a model, and what is suspicious: rows that could mislead an audit, values stored in another way."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,6 +38,9 @@ _KINDS: Final = {
     "f_dc_0": "vanilla 3DGS (Splats in Splats looks the same)",
 }
 """Kinds of models by their characteristic column; the first one that is present applies."""
+_NEAR_ZERO: Final = 1 / 7  # of the median scale, or of 1, is above the smallest scale, if these are linear; ours
+_LARGE: Final = 1 / 10  # of the extent is below the median Gaussian, if scales are linear; ours
+_COARSE: Final = (1 / 20, 1 / 5000)  # largest step of coordinates: of the median Gaussian, and of the extent; ours
 
 
 @dataclass(frozen=True)
@@ -154,3 +157,29 @@ def _copies(model: Gaussians, rows: Indices) -> Indices:
     stored = np.array([model.table[row].tobytes() for row in rows], object)
     _, first = np.unique(stored, return_index=True)
     return np.delete(rows, first)
+
+
+def doubts(model: Gaussians) -> list[str]:
+    """Return what is doubtful about the stored values of Gaussians, and what to do: a line of text for each doubt."""
+    rows = np.isfinite(model.means).all(axis=1) & (model.log_scales < np.inf).all(axis=1)
+    if model.has_anchors or not rows.any():
+        return []
+    means, stored, opacities = model.means[rows], model.log_scales[rows], model.table["opacity"][rows]
+    extent, _ = extent_and_distances(means.astype(np.float64))
+    least, median = float(stored.min()), float(np.median(stored))
+    size = float(np.exp(min(np.median(stored.max(axis=1)), 80)))
+    activated = []
+    if least >= 0 and (least < _NEAR_ZERO * min(median, 1) or size > _LARGE * extent):
+        activated.append(f"scales of {least:.3g} to {stored.max():.3g}, where 3DGS has ln(scale)")
+    if opacities.min() >= 0 and 0 < opacities.max() <= 1:
+        inverse = "ln(opacity / (1 - opacity))"
+        activated.append(f"opacities of {opacities.min():.3g} to {opacities.max():.3g}, where 3DGS has {inverse}")
+    remedy = "apply these with gspure.read_model, with_columns and write_model"
+    lines = [f"values seem to be stored activated: {'; '.join(activated)}; {remedy}"] if activated else []
+    farthest = np.abs(np.median(means, axis=0)).max()
+    step = float(np.spacing(farthest))
+    if step > min(_COARSE[0] * size, _COARSE[1] * extent or np.inf) > 0:
+        found = f"float32 steps of {step:.2g}, and the median Gaussian is {size:.2g} large: detail is lost"
+        remedy = "subtract an offset from the coordinates of model and cameras before training or export"
+        lines.append(f"coordinates around {farthest:.6g} have {found}; {remedy}")
+    return lines

@@ -7,7 +7,7 @@ from gspure.files import PROVENANCE, read_json
 from gspure.model import Gaussians, read_model
 from gspure.model.filtered import FILTER
 from gspure.model.finite import listed
-from gspure.model.plausibility import doubts
+from gspure.model.summary import doubts
 from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.public_model import PublicModel

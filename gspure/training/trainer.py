@@ -14,9 +14,8 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
 from gspure.progress import say, shows_bars
-from gspure.training.checkpoints import Snapshot
 from gspure.training.densification import grow, plan, reset_opacities
-from gspure.training.output import as_gaussians
+from gspure.training.output import Snapshot, as_gaussians
 from gspure.training.schedule import Schedule
 
 Show = Callable[[int, str], None]

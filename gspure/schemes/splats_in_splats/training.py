@@ -9,8 +9,7 @@ import numpy as np
 from gspure.model.activations import sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
-from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
-from gspure.opencl.twins import States, TwinModel
+from gspure.opencl.trainable import Parameters, States, TrainableModel, TrainState, TwinModel
 from gspure.public_model import PublicModel
 from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import Capture
