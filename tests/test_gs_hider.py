@@ -7,16 +7,21 @@ torch = pytest.importorskip("torch")
 
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
 from gspure.files import digest  # noqa: E402
+from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
-from gspure.schemes.gs_hider.files import CHANNELS  # noqa: E402
+from gspure.schemes.gs_hider.files import (  # noqa: E402
+    CHANNELS,
+    COLUMNS,
+    MESSAGE_DECODER,
+    SCENE_DECODER,
+    DecoderFile,
+)
 from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from tests.models import without  # noqa: E402
-
-ITERATIONS = 40
 
 
 @pytest.fixture(scope="module")
@@ -24,21 +29,16 @@ def pair(pair_folder):
     return read_pair(pair_folder)
 
 
-@pytest.fixture(scope="module")
-def hidden(pair):
-    return hide(SCHEME, pair, iterations=ITERATIONS)
-
-
 def quality(view, pair, which):
     probes = (pair.scene, pair.message)[which].probes
     return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in probes])
 
 
-def test_scene_and_message_are_learned_from_one_map(hidden, pair):
+def test_scene_and_message_are_learned_from_one_map(pair):
     def qualities(public, key):
         return np.array([quality(public.scene(), pair, 0), quality(key.message(public, "message"), pair, 1)])
 
-    public, key = hidden
+    public, key = hide(SCHEME, pair, iterations=40)
     assert (qualities(public, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
@@ -93,3 +93,43 @@ def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatc
     coarse_loss, coarse_gradient = of(features, bfloat16=True)
     assert coarse_loss == pytest.approx(loss, rel=1e-3)
     assert np.linalg.norm(coarse_gradient - gradient) < 0.2 * np.linalg.norm(gradient)
+
+
+def decoder_state(last_bias=0.1):
+    """A state dict as the authors' code makes it, written out by hand."""
+    rng = np.random.default_rng(0)
+    shapes = {"conv1": (64, 16, 3, 3), **{f"conv{i}": (64, 64, 3, 3) for i in (2, 3, 4)}, "conv5": (3, 64, 3, 3)}
+    arrays = {f"{name}.weight": 0.05 * rng.standard_normal(shape) for name, shape in shapes.items()}
+    arrays |= {f"{name}.bias": 0.05 * rng.standard_normal(shape[0]) for name, shape in shapes.items()}
+    arrays["conv5.bias"] = np.full(3, last_bias)
+    return {name: torch.tensor(array, dtype=torch.float32) for name, array in arrays.items()}
+
+
+def test_the_authors_layout_is_read(tmp_path):
+    cloud = tmp_path / "point_cloud"
+    for iteration in (30, 200):
+        rows = Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS]))
+        write_model(cloud / f"iteration_{iteration}" / "point_cloud.ply", rows)
+        for role in (SCENE_DECODER, MESSAGE_DECODER):
+            state = decoder_state(iteration + (role == MESSAGE_DECODER))
+            torch.save(state, tmp_path / f"chkpnt{iteration}_{role}.pth")
+    for path, iteration in ((tmp_path, 200), (cloud / "iteration_30", 30)):
+        decoders = SCHEME.read_public(path).decoder, SCHEME.read_key(path).decoder
+        assert [d.network.conv5.bias[0].item() for d in decoders] == [iteration, iteration + 1]
+
+
+def test_a_decoder_computes_its_convolutions(tmp_path):
+    from scipy.signal import correlate
+
+    tensors = decoder_state()
+    x = np.random.default_rng(1).random((6, 7, 16), dtype=np.float32)
+    hidden = x.transpose(2, 0, 1).astype(np.float64)
+    for i in range(1, 6):
+        weight, bias = (tensors[f"conv{i}.{part}"].double().numpy() for part in ("weight", "bias"))
+        padded = np.pad(hidden, ((0, 0), (1, 1), (1, 1)))
+        hidden = np.stack([correlate(padded, w, "valid")[0] for w in weight]) + bias[:, None, None]
+        hidden = hidden if i == 5 else np.maximum(hidden, 0)
+    torch.save(tensors, tmp_path / "decoder.pth")
+    with torch.inference_mode():
+        found = DecoderFile.read(tmp_path / "decoder.pth").network(torch.from_numpy(x)).numpy()
+    np.testing.assert_allclose(found, hidden.transpose(1, 2, 0), atol=1e-5)

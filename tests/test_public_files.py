@@ -3,17 +3,19 @@
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gspure.cli import main
+from gspure.model import Gaussians
 from gspure.schemes import secure_gs
-from gspure.schemes.gs_hider.files import DecoderFile
+from gspure.schemes.gs_hider.files import COLUMNS, DecoderFile
 from gspure.schemes.gs_hider.model import FeatureModel
 from tests.anchor_cases import random_public
-from tests.test_gs_hider_files import rows
 
+ROWS = Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS]))
 MODELS = {
-    "gs_hider": lambda: FeatureModel(rows(), DecoderFile(Path("chkpnt7_net.pth"), b"\7")),
+    "gs_hider": lambda: FeatureModel(ROWS, DecoderFile(Path("chkpnt7_net.pth"), b"\7")),
     "secure_gs": random_public,
 }
 NETWORKS = {"gs_hider": "chkpnt7_net.pth", "secure_gs": "checkpoints.pth"}

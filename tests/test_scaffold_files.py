@@ -7,31 +7,19 @@ import pytest
 
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
-from gspure.schemes.secure_gs.anchors import STORED_OPACITY
 from gspure.schemes.secure_gs.model import AnchorModel
 from gspure.schemes.secure_gs.networks import UNITED
 from gspure.schemes.tensors import write_tensors
 from tests.anchor_cases import random_public
 
-OFFICIAL = (
-    *("x", "y", "z", "nx", "ny", "nz"),
-    *(f"f_offset_{i}" for i in range(30)),
-    *(f"f_anchor_feat_{i}" for i in range(32)),
-    "opacity",
-    *(f"scale_{i}" for i in range(6)),
-    *(f"rot_{i}" for i in range(4)),
-)
-
 
 def official_table(count=5):
-    """Rows as Scaffold-GS stores them, each number telling its place."""
-    table = np.zeros(count, [(name, "<f4") for name in OFFICIAL])
-    for i in range(count):
-        table["x"][i], table["z"][i] = 0.1 * i, 5
-        for j in range(30):
-            table[f"f_offset_{j}"][i] = 100 * i + j
-        table["rot_0"][i] = 1
-    table["opacity"] = STORED_OPACITY
+    """Rows as Scaffold-GS stores them; each offset tells its place."""
+    counted = {"f_offset": 30, "f_anchor_feat": 32, "scale": 6, "rot": 4}
+    names = [*("x", "y", "z", "opacity"), *(f"{name}_{i}" for name in counted for i in range(counted[name]))]
+    table = np.ones(count, [(name, "<f4") for name in names])
+    for j in range(30):
+        table[f"f_offset_{j}"] = 100 * np.arange(count) + j
     return Gaussians(table)
 
 
