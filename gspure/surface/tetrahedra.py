@@ -47,7 +47,8 @@ def tetrahedra(points: Float64) -> Indices:
     """Return the Delaunay tetrahedra [T,4] of the `points` [P,3], at least four, not all in a plane."""
     from scipy.spatial import Delaunay
 
-    return np.asarray(Delaunay(points).simplices, np.intp)
+    options = "Qbb Qc Qz Q12 Q5"  # scipy's, and Q5: do not correct outer planes, which no tetrahedron uses
+    return np.asarray(Delaunay(points, qhull_options=options).simplices, np.intp)
 
 
 Triangle = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]  # three crossed edges, each by its two corners
