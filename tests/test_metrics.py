@@ -16,6 +16,7 @@ from gspure.evaluation.metrics import (
     METRICS,
     gradient_correlation,
     ms_ssim,
+    nominal_drop,
     normalized_correlation,
     psnr,
     region_psnr,
@@ -42,6 +43,11 @@ def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
 def test_equal_images_have_infinite_psnr_and_ssim_one() -> None:
     assert psnr(image(0), image(0)) == np.inf
     assert ssim(image(0), image(0)) == pytest.approx(1.0)
+
+
+def test_the_nominal_drop_is_that_of_a_view_of_30_db_whose_error_the_attack_adds_to() -> None:
+    drops = [nominal_drop(level) for level in (np.inf, 30.0, 20.0)]
+    assert drops == pytest.approx([0.0, 10 * np.log10(2), 10 * np.log10(11)])
 
 
 def test_tables_print_decibels_with_two_decimals_and_correlations_with_three() -> None:
