@@ -50,6 +50,20 @@ def test_a_few_far_floaters_move_the_views_little(seed):
     assert radius <= grown < 1.31 * radius
 
 
+@pytest.mark.parametrize("span", [0.8, 1.6])
+@pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1)])
+def test_a_figure_with_arms_spread_stands(up, span):
+    """Its depth is its thinnest side; boxes are given by centre and size across, in depth and in height."""
+    torso, legs, head = ((0, 0, 1.15), (0.4, 0.2, 0.6)), ((0, 0, 0.45), (0.4, 0.2, 0.9)), ((0, 0, 1.6), (0.2, 0.2, 0.3))
+    arms = ((0, 0, 1.35), (span, 0.1, 0.1))
+    parts = [
+        centre + size * RANDOM.uniform(-0.5, 0.5, (500, 3)) for centre, size in np.array([torso, legs, head, arms])
+    ]
+    across, depth, height = np.concatenate(parts).T
+    points = np.stack([across, -height, depth] if up[1] else [across, depth, height], axis=1)
+    np.testing.assert_array_equal(guessed_up(points, np.ones(len(points))), up)
+
+
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1), (0, -0.8, 0.6)])
 def test_a_flat_model_stands_on_its_flat_side(up, capsys):
     flat = BALL - 0.7 * np.outer(BALL @ up, up)
