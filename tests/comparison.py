@@ -3,8 +3,7 @@
 The rules of blending have steps: the cut-off at alpha = 1/255, the stop at T < 1e-4, the order of two depths. Close to
 a step, float32 may decide otherwise than float64 and differ by a finite, known amount. So pixels away from every step
 must agree tightly, in the mean, in a high quantile and at worst; pixels in the band around a step may differ by what
-flips can do, and test_comparison.py sees to it that they are few. A maximum norm alone would either miss errors or fail
-at random.
+flips can do. A maximum norm alone would either miss errors or fail at random.
 
 `tight` scales all of it: the rounding errors that the case at hand admits, as a share of the spread of the values.
 """
