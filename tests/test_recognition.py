@@ -29,7 +29,7 @@ FILES = {
     "text, 'Entry not found' (download": [b"Entry not found\n"],
     "text, 'ungültig' (download": ["ungültig\n".encode()],
     "a film or picture (": [b"\0\0\0\x18ftypmp42"],
-    "a gzip archive (unpack it": [gzip.compress(b"ply\nformat")],
+    "a gzip archive (unpack it": [gzip.compress(b"ply\nformat", mtime=0)],
     "an archive (unpack it": [
         zipped("a/model.ply", "cfg_args"),
         b"7z\xbc\xaf\x27\x1c\0\4",
@@ -56,7 +56,10 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", ["m.ply", "m.spz", "m.splat", "m.sog", "m"])
-@pytest.mark.parametrize(("found", "content"), [(found, content) for found, each in FILES.items() for content in each])
+@pytest.mark.parametrize(
+    ("found", "content"),
+    [pytest.param(found, each, id=f"{found}{i}") for found, files in FILES.items() for i, each in enumerate(files)],
+)
 def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, found, content):
     if name == "m.spz" and content[:2] == b"\x1f\x8b":
         found = "an SPZ model of version 2 to 4, found "
