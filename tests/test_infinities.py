@@ -68,6 +68,8 @@ def test_purification_prunes_the_same_rows_and_keeps_them_as_stored(device):
 
 @pytest.mark.parametrize("attack", registry.BUILT_IN, ids=lambda attack: attack.name)
 def test_attacks_do_the_same_to_them(device, attack):
+    for package in attack.packages:
+        pytest.importorskip(package)
     how = {"cameras": VIEWS, "device": device}
     how |= {name: 3 for name in attack.settings if name == "iterations"}
     how |= {"attributes": "colour"} if attack.name == "quantize" else {}  # the extremes are others
