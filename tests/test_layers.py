@@ -42,14 +42,14 @@ OWNERS = {
     "argparse": ("cli",),
     "plyfile": ("model",),
     "gsply": ("model/compression.py",),
-    "hdbscan": ("method/tree.py",),
+    "hdbscan": (),
     "snakemake": (),
     "pooch": ("datasets.py",),
     "requests": ("datasets.py",),
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }
-HEAVY = {"gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
+HEAVY = {"gsply", "zstandard", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
 HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 
