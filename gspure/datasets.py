@@ -4,32 +4,26 @@ The publishers give no digests. Archives differ in the image size at which the 3
 """
 
 import shutil
-import time
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import BinaryIO, Final, NamedTuple
 
 from gspure.errors import InputError, reading
-from gspure.files import PROVENANCE, digest, filling, write_provenance
+from gspure.files import digest, filling, write_provenance
 
-TRIES: Final = 5  # number of consecutive connections without progress after which a download fails
 _TIMEOUT: Final = 30.0
 
 
-@dataclass(frozen=True)
-class Archive:
+class Archive(NamedTuple):
     """A zip file of captures, each a COLMAP project, in a `folder` of the archive.
 
-    `terms` are the known terms of use, in a sentence or two; `photographs` are, by scene, the folder of the photographs
-    that papers evaluate on.
+    `terms` are the known terms of use, in a sentence or two; `photographs` is the folder of the photographs that papers
+    evaluate on.
     """
 
     url: str
     terms: str
-    photographs: Mapping[str, str] = field(hash=False)
+    photographs: str
     folder: str = ""
 
 
@@ -41,59 +35,56 @@ _DEEP_BLENDING = (
     "Playroom of Deep Blending (Hedman et al., SIGGRAPH Asia 2018), as prepared by the authors of 3DGS: see the terms "
     "at https://repo-sam.inria.fr/fungraph/3d-gaussian-splatting."
 )
-_INDOOR: Final = ("bonsai", "counter", "kitchen", "room")
-_OUTDOOR: Final = ("bicycle", "garden", "stump")
+_V2: Final = "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip"
+_EXTRA: Final = "https://storage.googleapis.com/gresearch/refraw360/360_extra_scenes.zip"
+_TANDT_DB: Final = "https://repo-sam.inria.fr/fungraph/3d-gaussian-splatting/datasets/input/tandt_db.zip"
 
-ARCHIVES: Final = (
-    Archive(
-        "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip",
-        _MIPNERF360,
-        dict.fromkeys(_OUTDOOR, "images_4") | dict.fromkeys(_INDOOR, "images_2"),
-    ),
-    Archive(
-        "https://storage.googleapis.com/gresearch/refraw360/360_extra_scenes.zip",
-        _MIPNERF360,
-        dict.fromkeys(("flowers", "treehill"), "images_4"),
-    ),
-    Archive(
-        "https://repo-sam.inria.fr/fungraph/3d-gaussian-splatting/datasets/input/tandt_db.zip",
-        _DEEP_BLENDING,
-        {"playroom": "images"},
-        folder="db",
-    ),
-)
+SCENES: Final = {
+    **dict.fromkeys(("bicycle", "garden", "stump"), Archive(_V2, _MIPNERF360, "images_4")),
+    **dict.fromkeys(("bonsai", "counter", "kitchen", "room"), Archive(_V2, _MIPNERF360, "images_2")),
+    **dict.fromkeys(("flowers", "treehill"), Archive(_EXTRA, _MIPNERF360, "images_4")),
+    "playroom": Archive(_TANDT_DB, _DEEP_BLENDING, "images", folder="db"),
+}
 """As the 3DGS papers: outdoor scenes at a quarter of their size, indoor scenes at a half, Deep Blending as it is."""
-
-SCENES: Final = tuple(scene for archive in ARCHIVES for scene in archive.photographs)
-
-
-def archive_of(scene: str) -> Archive:
-    """Return the archive that holds a scene, or raise `InputError` if none does."""
-    for archive in ARCHIVES:
-        if scene in archive.photographs:
-            return archive
-    raise InputError("download", "SCENE", expected=f"one of {', '.join(SCENES)}", found=scene)
-
-
-def is_complete(folder: Path) -> bool:
-    """Return whether a folder holds a capture, which is unpacked whole or not at all."""
-    return (folder / PROVENANCE).is_file()
 
 
 def fetch(url: str, folder: Path) -> Path:
-    """Download a file into a folder unless it is there; an interrupted download resumes.
+    """Download a file into a folder unless it is there; what an interrupted download left of this version is continued.
 
-    Raise `InputError` if the server does not have the file, or the connection breaks repeatedly.
+    Raise `InputError` if the server does not have the file, or the connection breaks.
     """
-    import pooch
     import requests
 
-    name = url.rpartition("/")[2]
-    pooch.get_logger().setLevel("ERROR")  # it warns that the file has no known digest
+    file = folder / url.rpartition("/")[2]
+    if file.is_file():
+        return file
+    folder.mkdir(parents=True, exist_ok=True)
     try:
-        return Path(pooch.retrieve(url, None, fname=name, path=folder, downloader=partial(_resume, folder / name)))
+        head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
+        head.raise_for_status()
+        version, size = head.headers.get("ETag", ""), int(head.headers.get("Content-Length", 0))
+        part = file.with_name(f"{file.name}.{digest(version, str(size))}.part")
+        with part.open("ab") as stream:
+            if stream.tell() < size:
+                _append(url, stream, version)
+            if not stream.tell() == size > 0:
+                raise requests.ConnectionError(f"{stream.tell()} of {size} bytes")
     except requests.RequestException as error:
         raise InputError(url, "download", expected="an answer", found=str(error)) from None
+    part.replace(file)
+    return file
+
+
+def _append(url: str, stream: BinaryIO, version: str) -> None:
+    """Request the missing part of one version of a file; a server with another version sends all of that."""
+    import requests
+
+    headers = {"Accept-Encoding": "identity", "Range": f"bytes={stream.tell()}-", "If-Range": version}
+    with requests.get(url, headers=headers, stream=True, timeout=_TIMEOUT) as response:
+        response.raise_for_status()
+        if response.status_code != requests.codes.partial_content:
+            stream.truncate(0)
+        stream.writelines(response.iter_content(1 << 16))
 
 
 def extract(file: Path, archive: Archive, scene: str, folder: Path) -> None:
@@ -103,7 +94,7 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path) -> None:
     """
     root = PurePosixPath(archive.folder, scene)
     with filling(folder) as whole, reading(file, "a zip archive"), zipfile.ZipFile(file) as stored:
-        for top, name in ((archive.photographs[scene], "images"), ("sparse", "sparse")):
+        for top, name in ((archive.photographs, "images"), ("sparse", "sparse")):
             entries = [entry for entry in stored.infolist() if entry.filename.startswith(f"{root / top}/")]
             if not entries:
                 raise InputError(file, scene, expected=f"files in {root / top}", found="none")
@@ -115,39 +106,4 @@ def extract(file: Path, archive: Archive, scene: str, folder: Path) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with stored.open(entry) as source, target.open("wb") as copy:
                     shutil.copyfileobj(source, copy)
-        settings = {"url": archive.url, "images": archive.photographs[scene]}
-        write_provenance(whole, "download", inputs={}, settings=settings)
-
-
-def _resume(file: Path, url: str, output: str, _: Any) -> None:
-    """Download to `output`; what an interrupted download left beside `file` is continued if it is of this version."""
-    import requests
-
-    head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
-    head.raise_for_status()
-    total, version = int(head.headers.get("Content-Length", 0)), head.headers.get("ETag", "")
-    part = file.with_name(f"{file.name}.{digest(version, str(total))}.part")
-    part.touch()
-    fruitless = 0
-    while (size := part.stat().st_size) < total and fruitless < TRIES:
-        try:
-            _append(url, part, version)
-        except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError):
-            time.sleep(fruitless)
-        fruitless = 0 if part.stat().st_size > size else fruitless + 1
-    if part.stat().st_size != total or not total:
-        raise requests.ConnectionError(f"{part.stat().st_size} of {total} bytes")
-    part.replace(output)
-
-
-def _append(url: str, part: Path, version: str) -> None:
-    """Request the missing part of one version of a file; a server with another version sends all of that."""
-    import requests
-
-    size = part.stat().st_size if version else 0
-    headers = {"Accept-Encoding": "identity", "Range": f"bytes={size}-", "If-Range": version}
-    with requests.get(url, headers=headers if size else {}, stream=True, timeout=_TIMEOUT) as response:
-        response.raise_for_status()
-        with part.open("ab" if response.status_code == requests.codes.partial_content else "wb") as stream:
-            for chunk in response.iter_content(1 << 16):
-                stream.write(chunk)
+        write_provenance(whole, "download", inputs={}, settings={"url": archive.url, "images": archive.photographs})

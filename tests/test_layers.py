@@ -42,14 +42,13 @@ OWNERS = {
     "argparse": ("cli",),
     "plyfile": ("model",),
     "gsply": ("model/compression.py",),
-    "hdbscan": (),
+    "hdbscan": ("method/tree.py",),
     "snakemake": (),
-    "pooch": ("datasets.py",),
     "requests": ("datasets.py",),
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }
-HEAVY = {"gsply", "zstandard", "jinja2", "matplotlib", "pooch", "pyvista", "requests"}
+HEAVY = {"gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pyvista", "requests"}
 HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from gspure.cli.options import add_quiet
+from gspure.cli.options import QUIET
 from gspure.cli.parser import Arguments, Parser
-from gspure.datasets import SCENES, archive_of, extract, fetch, is_complete
+from gspure.datasets import SCENES, extract, fetch
 from gspure.errors import InputError
+from gspure.files import PROVENANCE
 from gspure.progress import say
 
 EXAMPLES = """\
@@ -24,20 +25,20 @@ ALL = "all"
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.text("scenes", "SCENE", f"{ALL}, or some of {', '.join(SCENES)}", nargs="+")
+    meaning = f"{ALL}, or some of {', '.join(SCENES)}"
+    parser.text("scenes", "SCENE", meaning, nargs="+", choices=(ALL, *SCENES))
     parser.writes("--out", "DIR", "folder for the scenes", default=Path("data"))
     parser.flag("--accept-licence", "you have read the publishers' terms and accept them")
-    add_quiet(parser)
+    parser.flag(*QUIET)
 
 
 def run(args: Arguments) -> None:
-    scenes = SCENES if ALL in args.scenes else tuple(dict.fromkeys(args.scenes))
-    archives = {scene: archive_of(scene) for scene in scenes}
-    missing = [scene for scene in scenes if not is_complete(args.out / scene)]
+    scenes = SCENES if ALL in args.scenes else dict.fromkeys(args.scenes)
+    missing = {scene: SCENES[scene] for scene in scenes if not (args.out / scene / PROVENANCE).is_file()}
     if missing and not args.accept_licence:
-        terms = " ".join(dict.fromkeys(archives[scene].terms for scene in missing))
+        terms = " ".join(dict.fromkeys(archive.terms for archive in missing.values()))
         raise InputError("download", "--accept-licence", expected="your consent", found="none", hint=terms)
-    for scene in missing:
-        file = fetch(archives[scene].url, args.out / "archives")
-        extract(file, archives[scene], scene, args.out / scene)
-        say(f"{args.out / scene}: {archives[scene].photographs[scene]} of {file.name}")
+    for scene, archive in missing.items():
+        file = fetch(archive.url, args.out / "archives")
+        extract(file, archive, scene, args.out / scene)
+        say(f"{args.out / scene}: {archive.photographs} of {file.name}")
