@@ -7,12 +7,10 @@ import math
 import os
 import shutil
 import tempfile
-import warnings
-import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.lib import format as npy
@@ -40,9 +38,6 @@ _TEMPORARY: Final = ".gspure-"
 UNPACKED_RATIO: Final = 100
 UNPACKED_ROOM: Final = 1 << 26
 """An array in an archive may unpack to this many times the file's size, or to this many bytes, whichever is more."""
-
-_HEADERS: Final = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_PACKINGS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 @contextmanager
@@ -212,11 +207,13 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
     """Read one .npy array of the `Kind` that `dtype` and `shape` make, whose smallest number may be `least`.
 
-    Raise `InputError` if its size differs from what its header says, the array is of another kind, or a number in it
-    is not finite or below `least`.
+    Raise `InputError` if the file is shorter than its header says, the array is of another kind, or a number in it is
+    not finite or below `least`.
     """
-    with reading(path, "a .npy array"), Path(path).open("rb") as stream:
-        return _read(stream, os.fstat(stream.fileno()).st_size, path, "array", (dtype, shape), least)
+    with reading(path, "a .npy array"):
+        mapped = npy.open_memmap(path, mode="r")  # allocates nothing, whatever the header says
+        _require(mapped, path, "array", (dtype, shape), least)
+        return np.array(mapped)
 
 
 def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str, NDArray[Any]]:
@@ -225,48 +222,31 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
     Raise `InputError` if an array is missing, unpacks to too much or is of another kind, or a number in it is not
     finite.
     """
-    with reading(path, content), Path(path).open("rb") as stream, zipfile.ZipFile(stream) as archive:
-        room = max(UNPACKED_ROOM, UNPACKED_RATIO * os.fstat(stream.fileno()).st_size)
-        members = {info.filename: info for info in archive.infolist()}
-        arrays = {}
-        for name, kind in kinds.items():
-            if (info := members.get(f"{name}.npy")) is None:
+    with reading(path, content), np.load(path, allow_pickle=False) as archive:
+        room = max(UNPACKED_ROOM, UNPACKED_RATIO * Path(path).stat().st_size)
+        sizes = {info.filename: info.file_size for info in archive.zip.infolist()}
+        for name in kinds:
+            if (size := sizes.get(f"{name}.npy")) is None:
                 raise InputError(path, name, expected=content, found="no such array")
-            if info.file_size > room or info.compress_type not in _PACKINGS:
-                found = f"{info.file_size} bytes, packed by method {info.compress_type}"
-                raise InputError(path, name, expected=f"at most {room} bytes, stored or deflated", found=found)
-            with archive.open(info) as member:
-                arrays[name] = _read(member, info.file_size, path, name, kind)
-        return arrays
+            if size > room:
+                raise InputError(path, name, expected=f"at most {room} bytes", found=f"{size} bytes")
+        arrays = {name: np.asarray(archive[name]) for name in kinds}
+    for name, array in arrays.items():
+        _require(array, path, name, kinds[name])
+    return arrays
 
 
-def _read(stream: IO[bytes], size: int, path: Path, field: str, kind: Kind, least: float = -math.inf) -> NDArray[Any]:
-    """Read one array, which should fill a stream of `size` bytes; nothing is allocated for another kind."""
-    version = npy.read_magic(stream)
-    if version not in _HEADERS:
-        raise InputError(path, field, expected="version 1.0 or 2.0 of .npy", found="version {}.{}".format(*version))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about headers of Python 2
-        shape, by_columns, dtype = _HEADERS[version](stream)
-    if dtype.hasobject:
-        raise InputError(path, field, expected="numbers", found="pickled objects")
-    if not _is_of(kind, dtype, shape):
-        raise InputError(path, field, expected=_text(*kind), found=_text(dtype, shape))
-    count = math.prod(shape)
-    if stream.tell() + count * dtype.itemsize != size:
-        found = f"{size - stream.tell()} bytes"
-        raise InputError(path, field, expected=f"{count * dtype.itemsize} bytes of data", found=found)
-    array = np.empty(count, dtype)
-    stream.readinto(array.view(np.uint8))  # type: ignore[attr-defined]
-    array = array.reshape(shape, order="F" if by_columns else "C")
-    for name in dtype.names or ("",):
+def _require(array: NDArray[Any], path: Path, field: str, kind: Kind, least: float = -math.inf) -> None:
+    """Refuse an array of another kind, or with numbers that are not finite or below `least`."""
+    if not _is_of(kind, array.dtype, array.shape):
+        raise InputError(path, field, expected=_text(*kind), found=_text(array.dtype, array.shape))
+    for name in array.dtype.names or ("",):
         column = array[name] if name else array
         if column.dtype.kind == "f" and not (fits := np.isfinite(column) & (column >= least)).all():
             expected = "finite numbers" if least == -math.inf else f"finite numbers of at least {least:g}"
             first = np.argwhere(~fits)[0]
             found = f"{column[tuple(first)]} in row {first[0] if len(first) else 0}"
             raise InputError(path, field, expected=expected, found=found)
-    return array
 
 
 def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:

@@ -98,7 +98,7 @@ BAD = {
         ),
         "pickle": (
             lambda: np.save("weights.npy", np.array([{}]), allow_pickle=True),
-            "weights.npy: array: expected numbers, found pickled objects",
+            "weights.npy: file: expected a .npy array, found Array can't be memory-mapped: Python objects",
         ),
     },
     "prune_mask.npy": {

@@ -127,7 +127,7 @@ def test_nothing_is_pickled(tmp_path):
     with pytest.raises(ValueError, match="objects"):
         save_array(tmp_path / "a.npy", np.array([{}]))
     np.save(tmp_path / "a.npy", np.array([{}]), allow_pickle=True)
-    with pytest.raises(InputError, match="expected numbers, found pickled objects"):
+    with pytest.raises(InputError, match=r"expected a \.npy array, found .* Python objects"):
         load_array(tmp_path / "a.npy", dtype=object, shape=(None,))
 
 
@@ -135,7 +135,7 @@ def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path):
     bomb = zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED)
     with bomb, bomb.open("x.npy", "w") as member:
         member.writelines([with_header(f"({10**7},)")[:-24], *[bytes(10**6)] * 80])
-    with pytest.raises(InputError, match=r"a\.npz: x: expected at most \d+ bytes, .* found 80000\d+ bytes"):
+    with pytest.raises(InputError, match=r"a\.npz: x: expected at most \d+ bytes, found 80000\d+ bytes"):
         load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
 
 
