@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from gspure.cli.options import add_cameras, add_quiet, read_source
+from gspure.cli.options import QUIET, add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
 from gspure.files import read_json
@@ -31,7 +31,8 @@ EXAMPLES = """\
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
 
-_CONFIGURATION = Path("results/audit.yaml")
+_RESULTS = Path("results")
+_CONFIGURATION = _RESULTS / "audit.yaml"
 _STATE = Path(".snakemake")
 _JOB = re.compile(r"Job \d+: (.+)")
 _DONE = re.compile(r"(\d+) of (\d+) steps")
@@ -62,7 +63,7 @@ def add_run_options(parser: Parser) -> None:
     parser.text("--fail-under", "DB", meaning, type=_decibels)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
-    add_quiet(parser)
+    parser.flag(*QUIET)
     parser.flag("-v", "--verbose", "print Snakemake's output instead of one line per job; implied by options after --")
     parser.set_defaults(passed_on=[])  # what follows `--`
 
@@ -78,12 +79,18 @@ def run(args: Arguments) -> int:
 def audited(args: Arguments, configuration: Path) -> int:
     """Run Snakemake, then print the answer; options after ``--`` leave all output to Snakemake."""
     if args.dry_run:
-        return subprocess.call(_command(args, configuration))
+        return subprocess.call(_command(args, configuration, "--dry-run"))
     if args.passed_on:
         return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
-    _remove_lock(configuration)
-    command = _command(args, configuration)
-    return (subprocess.call(command) if args.verbose else _shown(command)) or _answer(args)
+    if any(_STATE.glob("locks/*.lock")):
+        _require_no_other_run()
+        subprocess.run(_command(args, configuration, "--unlock"), check=True, capture_output=True)
+        say("an earlier run was killed: what it left undone is done now")
+    began, page = time.time(), _RESULTS / "report.html"
+    status = (subprocess.call if args.verbose else _shown)(_command(args, configuration))
+    if status and not (page.is_file() and page.stat().st_mtime >= began):
+        return status
+    return _answer(args) or status
 
 
 def _answer(args: Arguments) -> int:
@@ -95,25 +102,22 @@ def _answer(args: Arguments) -> int:
     from gspure.workflow.plan import Plan
     from gspure.workflow.variants import report_plan
 
-    results = _CONFIGURATION.parent
-    plan = report_plan(Plan(read_json(results / "configuration.json")))
-    survivals = read_table(results / "tables" / "survival.csv", Survival)
-    found = answers(collect(results, plan.models), survivals)
+    plan = report_plan(Plan(read_json(_RESULTS / "configuration.json")))
+    survivals = read_table(_RESULTS / "tables" / "survival.csv", Survival)
+    found = answers(collect(_RESULTS, plan.models), survivals)
     if args.json:
         print(json.dumps([answer.facts() for answer in found], indent=2))
     else:
         for answer in found:
             print("", *answer.lines(), sep="\n")
-        print(f"\n{results / 'report.html'}")
+        print(f"\n{_RESULTS / 'report.html'}")
     return int(any(answer.audit.damage < (args.fail_under or 0) for answer in found))
 
 
-def _command(args: Arguments, configuration: Path) -> list[str]:
+def _command(args: Arguments, configuration: Path, *words: str) -> list[str]:
     """Return the command line of Snakemake, which finds its default profile beside the workflow."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(snakefile())]
-    command += ["--dry-run"] if args.dry_run else []
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(snakefile()), *words]
     command += ["--cores", str(args.cores)] if args.cores else []
-    sys.stdout.flush()
     return [*command, "--configfile", str(configuration), *args.passed_on]
 
 
@@ -124,23 +128,17 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _remove_lock(configuration: Path) -> None:
-    """Remove the lock that a killed Snakemake left behind; refuse a second run beside one that lives."""
-    if not any(_STATE.glob("locks/*.lock")):
-        return
+def _require_no_other_run() -> None:
+    """Wait until a killed Snakemake has ended, or refuse to run beside one that lives."""
     with (_STATE / "gspure.lock").open("a") as alive:  # which every Snakemake holds (rules/common.smk)
         deadline = time.monotonic() + _ENDING
         while True:
             try:
-                fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
+                return fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 if time.monotonic() > deadline:
                     raise InputError(_STATE, "lock", expected="no other run here", found="one that runs") from None
             time.sleep(0.05)
-    command = [sys.executable, "-m", "snakemake", "--unlock", "--snakefile", str(snakefile())]
-    subprocess.run([*command, "--configfile", str(configuration)], check=True, capture_output=True)
-    say("an earlier run was killed: what it left undone is done now")
 
 
 def _shown(command: Sequence[str]) -> int:
@@ -175,23 +173,21 @@ def _configuration(args: Arguments, target: Path) -> Path:
     from gspure.files import write_text
     from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG
+    from gspure.schemes.registry import recognized
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
         if args.cameras or args.up or args.key:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views or a key")
         return source
-    with reading(model := model_file(source), "a model"):
-        model.stat()
-    asset = _asset(args, model)
+    rows, asset = read_model(source), _asset(args, model := model_file(source))
     if asset["cameras"] not in GENERATED:
-        mention_unseen(read_model(model), read_source(Path(asset["cameras"]), model))
-    if args.up:
-        asset["generated"] = {"up": args.up}
+        mention_unseen(rows, read_source(Path(asset["cameras"]), model))
     named = source.resolve().parent if source.name == UNPACKED_SOG else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
-    scene = re.sub(r"(.+?)\1{19,}$", r"\1", scene)  # which no name may have
-    configuration = {"assets": {scene: asset}, **_method(model)}
+    configuration: dict[str, Any] = {"assets": {scene: asset}}
+    if scheme := recognized(rows):
+        configuration["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
     if args.key:
         schema = yaml.safe_load((snakefile().parent / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
         configuration["variants"] = {**schema["properties"]["variants"]["default"], **_SEARCHED}
@@ -215,27 +211,11 @@ def _asset(args: Arguments, model: Path) -> dict[str, Any]:
     pairs = [made_by(args.key)[1]] if args.key else []
     message = args.message or next(filter(has_cameras, map(message_folder, pairs)), None)
     cameras = args.cameras or next(filter(has_cameras, [*pairs, model.parent, run]), "orbit")
-    say(
-        f"{model}: views {cameras}" + f", key {args.key}, message {message or 'as before the attacks'}" * bool(args.key)
-    )
-    return {
-        "model": str(model),
-        "cameras": str(cameras),
-        **({"key": str(args.key)} if args.key else {}),
-        **({"message": str(message)} if message else {}),
-    }
-
-
-def _method(model: Path) -> dict[str, Any]:
-    """Return the settings of the method that suit the columns of a model better than the defaults."""
-    from gspure.constants import TAU_C, TAU_N
-    from gspure.model import read_model
-    from gspure.schemes.registry import recognized
-
-    scheme = recognized(read_model(model)) if model.suffix == ".ply" else None  # other formats hold no anchors
-    if not scheme or (scheme.tau_c, scheme.tau_n) == (TAU_C, TAU_N):
-        return {}
-    return {"method": {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}}
+    owned = f", key {args.key}, message {message or 'as before the attacks'}" if args.key else ""
+    say(f"{model}: views {cameras}{owned}")
+    paths = {"model": model, "cameras": cameras, "key": args.key, "message": message}
+    asset: dict[str, Any] = {name: str(path) for name, path in paths.items() if path}
+    return asset | {"generated": {"up": args.up}} if args.up else asset
 
 
 def _decibels(text: str) -> float:

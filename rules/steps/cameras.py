@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from gspure.cameras import GENERATED, read_cameras, scaled, write_cameras
-from gspure.cameras.worlds import in_world_of, mention_unseen
+from gspure.cameras.worlds import in_world_of
 from gspure.model import read_model
 from gspure.workflow.step import run
 
@@ -19,8 +19,6 @@ def prepare(
             found = GENERATED[source](read_model(model), **generated)
         else:
             found = in_world_of(model, read_cameras(source), Path(source))
-        if target == cameras:
-            mention_unseen(read_model(model), found)
         write_cameras(target, scaled(found, settings.get(f"{name}_resolution", settings["resolution"])))
 
 
