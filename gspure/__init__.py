@@ -33,37 +33,23 @@ Errors
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "InputError",
-    "Pair",
-    "Renderer",
-    "__version__",
-    "find_attack",
-    "find_scheme",
-    "hide",
-    "orbit_cameras",
-    "psnr",
-    "purify",
-    "read_cameras",
-    "read_model",
-    "read_public_model",
-    "ssim",
-    "write_cameras",
-    "write_model",
-]
-
 TYPE_CHECKING = False  # not imported: an interruption before `gspure.__main__` would print a traceback
 if TYPE_CHECKING:
-    from gspure.attacks import find_attack
-    from gspure.cameras import orbit_cameras, read_cameras, write_cameras
-    from gspure.errors import InputError
-    from gspure.evaluation.metrics import psnr, ssim
-    from gspure.method.purify import purify
-    from gspure.model import read_model, write_model
-    from gspure.renderer import Renderer
-    from gspure.schemes.pair import Pair
-    from gspure.schemes.registry import find_scheme, read_public_model
-    from gspure.schemes.scheme import hide
+    from gspure.attacks import find_attack as find_attack
+    from gspure.cameras import orbit_cameras as orbit_cameras
+    from gspure.cameras import read_cameras as read_cameras
+    from gspure.cameras import write_cameras as write_cameras
+    from gspure.errors import InputError as InputError
+    from gspure.evaluation.metrics import psnr as psnr
+    from gspure.evaluation.metrics import ssim as ssim
+    from gspure.method.purify import purify as purify
+    from gspure.model import read_model as read_model
+    from gspure.model import write_model as write_model
+    from gspure.renderer import Renderer as Renderer
+    from gspure.schemes.pair import Pair as Pair
+    from gspure.schemes.registry import find_scheme as find_scheme
+    from gspure.schemes.registry import read_public_model as read_public_model
+    from gspure.schemes.scheme import hide as hide
 else:
     _HOMES = {
         "InputError": "gspure.errors",
@@ -82,6 +68,7 @@ else:
         "write_cameras": "gspure.cameras",
         "write_model": "gspure.model",
     }
+    __all__ = list(_HOMES)
 
     def __getattr__(name):
         if name not in _HOMES:

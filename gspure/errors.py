@@ -2,9 +2,8 @@
 
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
 
@@ -46,10 +45,13 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str | None:
-    """Return a hint at the known word that is most similar to a misspelt one; None if none is."""
-    near = get_close_matches(word, known, 1)
-    return f"did you mean {near[0]}?" if near else None
+def refusal(error: InputError | MemoryError | OSError) -> str:
+    """Return in one line why work ended: bad input, too little memory, or what the file system refused."""
+    if isinstance(error, MemoryError):
+        return printable(f"out of memory: {error}")
+    if isinstance(error, InputError) or error.filename is None:
+        return printable(str(error))
+    return printable(f"{error.filename}: {error.strerror}")
 
 
 def _short(text: str) -> str:

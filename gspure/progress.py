@@ -5,7 +5,7 @@ import sys
 import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from math import isinf, isnan
@@ -87,15 +87,14 @@ def _bar(items: Sequence[Item], label: str) -> Iterator[Item]:
     yield from rich_track(items, description=plain(f"{label:<24}"), console=Console(stderr=True))
 
 
-def _lines(items: Iterable[Item], label: str) -> Iterator[Item]:
-    total = len(items) if isinstance(items, Sequence) else None
+def _lines(items: Sequence[Item], label: str) -> Iterator[Item]:
     began = last = time.monotonic()
     done = 0
     for done, item in enumerate(items, start=1):
         yield item
         now = time.monotonic()
         if now - last > _SECONDS_BETWEEN_LINES:
-            say(f"{label}: {done} of {total}")
+            say(f"{label}: {done} of {len(items)}")
             last = now
     say(f"{label}: {done} done in {time.monotonic() - began:.1f} s")
 

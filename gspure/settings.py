@@ -96,11 +96,7 @@ def defaults(function: Callable[..., Any]) -> dict[str, Setting]:
 
 def bounds(function: Callable[..., Any]) -> dict[str, Range | None]:
     """Return the bounds of the settings of a function; None for a text."""
-    try:
-        parameters = inspect.signature(function, eval_str=True).parameters
-    except NameError as error:
-        expected = "types that are imported at run time, not only under TYPE_CHECKING"
-        raise InputError(function.__module__, "annotations", expected=expected, found=str(error)) from None
+    parameters = inspect.signature(function, eval_str=True).parameters
     return {
         name: next((b for b in getattr(parameters[name].annotation, "__metadata__", ()) if isinstance(b, Range)), None)
         or _UNBOUNDED.get(type(default))

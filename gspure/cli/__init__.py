@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from gspure import __version__, progress
 from gspure.cli.parser import Arguments, Parser, suggestion
-from gspure.errors import InputError, printable
+from gspure.errors import InputError, refusal
 
 COMMANDS = {
     "demo": "hide a scene in another, attack the model, extract the message: a verdict and a report, in minutes",
@@ -47,44 +47,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     if not argv or argv[0] not in COMMANDS:
         _overview(argv)
+    args: Arguments | None = None
     try:
         args = parser_of(argv[0]).parse_args(argv[1:])
         progress.quiet = getattr(args, "quiet", False)
         with progress.warnings_in_lines():
-            return _run(args)
-    except InputError as error:
-        return _refuse(argv[0], str(error))
-    except MemoryError as error:
-        return _refuse(argv[0], f"out of memory: {error}")
-    except BrokenPipeError:  # the reader of our output (`| head`) has gone
-        progress.silence(sys.stdout)
-        return 1
-    except OSError as error:
-        if error.filename is None and error.errno == errno.ENOSPC:  # files that we write have names
-            progress.silence(sys.stdout)
-            error.filename = "standard output"
-        if error.filename is None:
-            raise
-        return _refuse(argv[0], f"{error.filename}: {error.strerror}")
+            status = args.run(args)
+            sys.stdout.flush()
+        return int(status or 0)
     except KeyboardInterrupt:
         progress.tell(f"gspure {argv[0]}: interrupted")
         return 130
-
-
-def _run(args: Arguments) -> int:
-    """Run a command; the source of an error may be the name of an argument, and becomes its file."""
-    try:
-        status = int(args.run(args) or 0)
+    except BrokenPipeError:  # the reader of our output (`| head`) has gone
+        progress.silence(sys.stdout)
+        return 1
     except InputError as error:
-        if isinstance(file := getattr(args, error.source, None), Path):
+        if isinstance(file := getattr(args, error.source, None), Path):  # the source may be the name of an argument
             error.source = str(file)
-        raise
-    sys.stdout.flush()
-    return status
+        return _refuse(argv[0], error)
+    except (MemoryError, OSError) as error:
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC and not error.filename:  # our files have names
+            progress.silence(sys.stdout)
+            error.filename = "standard output"
+        return _refuse(argv[0], error)
 
 
-def _refuse(command: str, reason: str) -> int:
-    progress.tell(f"gspure {command}: {printable(reason)}")
+def _refuse(command: str, error: InputError | MemoryError | OSError) -> int:
+    progress.tell(f"gspure {command}: {refusal(error)}")
     return 2
 
 

@@ -18,6 +18,7 @@ from gspure.images import read_image
 from gspure.model import require_writable
 from gspure.progress import warn
 from gspure.public_model import PublicModel
+from gspure.schemes.registry import read_public_model
 from gspure.settings import DECIBELS, SEED, parsed_settings
 
 EXAMPLES = """\
@@ -47,7 +48,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "PLY|SPZ", "the attacked model to write")
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     parser.writes("--transform", "NPY", "also write the rigid transform of the attack: float64 [4,4]", required=False)
-    options.add_scheme(parser)
+    parser.text(*options.SCHEME)
     meaning = "search for the strength that lowers the scene's PSNR by DB; needs --cameras"
     parser.number("--damage", "DB", meaning, DECIBELS)
     options.add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
@@ -62,7 +63,7 @@ def run(args: Arguments) -> None:
     attack = find_attack(args.name)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
-    public = options.read_public(args)
+    public = read_public_model(args.model, args.scheme).drawable(args.model)
     given = {name: file for name in sorted(attack.needs & _MEASUREMENTS.keys()) if (file := getattr(args, name))}
     measurements = Measurements.read(public, given)
     views = _read_training_views(args) if "cameras" in attack.parameters else []
@@ -111,7 +112,7 @@ def _read_damage(args: Arguments, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
     if not args.cameras:
         raise InputError("attack", "--damage", expected="--cameras", found="none")
-    views = options.read_split(args)
+    views = options.read_views(args)
     photographs = None
     if args.photographs:
         files = [args.photographs / f"{view.name}.png" for view in views]

@@ -10,7 +10,7 @@ from gspure.cameras import Camera, scaled, split, write_cameras
 from gspure.cameras.photographs import TRAINING_RULE, missing_photographs
 from gspure.cameras.reading import read_lenses
 from gspure.cameras.undistortion import undistort
-from gspure.cli.options import add_quiet, add_up, camera_source, read_source, record_command
+from gspure.cli.options import QUIET, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import filling
@@ -45,7 +45,7 @@ def add_arguments(parser: Parser) -> None:
     meaning = "horizontal field of view (default: 50)"
     parser.number("--fov", "DEGREES", meaning, FIELD_OF_VIEW, group=views, dest="fov_degrees")
     add_up(parser, group=views)
-    add_quiet(parser)
+    parser.flag(*QUIET)
 
 
 def run(args: Arguments) -> None:

@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.cli.options import add_device, add_force, list_choices, read_device, record_command, require_own_folder
+from gspure.cli.options import FORCE, add_device, list_choices, read_device, record_command, require_own_folder
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
 from gspure.files import file_digest, filling, write_json, write_provenance
@@ -34,7 +34,7 @@ def add_arguments(parser: Parser) -> None:
     meaning = "initial points: of scene and message, or of the scene alone"
     parser.choice("--initialization", INITIALIZATIONS, meaning, "both")
     parser.number("--seed", "N", "random seed", SEED, 0)
-    add_force(parser)
+    parser.flag(*FORCE)
     add_device(parser)
 
 

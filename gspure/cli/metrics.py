@@ -1,6 +1,6 @@
 """``gspure metrics``: the metrics of two folders of images."""
 
-from gspure.cli.options import add_per_view, add_quiet, record_command
+from gspure.cli.options import PER_VIEW, QUIET, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
 from gspure.evaluation.names import BASELINES
@@ -25,8 +25,8 @@ def add_arguments(parser: Parser) -> None:
     meaning = "colour of the renders behind transparent pixels (default: black)"
     parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
     parser.writes("--out", "CSV", "also write the metrics of every view to this table", required=False)
-    add_per_view(parser)
-    add_quiet(parser)
+    parser.flag(*PER_VIEW)
+    parser.flag(*QUIET)
 
 
 def run(args: Arguments) -> None:

@@ -15,24 +15,22 @@ if TYPE_CHECKING:
     from gspure.attacks import Attack
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
-    from gspure.public_model import PublicModel
     from gspure.schemes.scheme import Key, Scheme
 
 SPLITS = ("train", "test", "all")
 
 
+QUIET = ("-q", "--quiet", "print no progress, only results and warnings")
+FORCE = ("--force", "write to a folder that holds other files")  # for `require_own_folder`
+PER_VIEW = ("--per-view", "print the metrics of every view, not only their mean and the worst")
+SCHEME = ("--scheme", "NAME", "the model's watermarking scheme (default: recognized from the model's columns)")
+
+
 def add_device(parser: Parser) -> None:
     """Add ``--device``, and ``--quiet``, since work on a device shows its progress."""
-    add_quiet(parser)
-    meaning = (
-        "part of the name, or index in `gspure doctor`, of the OpenCL device (default: $GSPURE_DEVICE or the first)"
-    )
+    parser.flag(*QUIET)
+    meaning = "part of the OpenCL device's name, or index in `gspure doctor` (default: $GSPURE_DEVICE or the first)"
     parser.text("--device", "NAME|INDEX", meaning)
-
-
-def add_quiet(parser: Parser) -> None:
-    """Add ``--quiet``."""
-    parser.flag("-q", "--quiet", "print no progress, only results and warnings")
 
 
 def read_device(args: Arguments) -> Device:
@@ -43,18 +41,6 @@ def read_device(args: Arguments) -> Device:
     device = choose_device(args.device)
     say(f"device {device}")
     return device
-
-
-def add_scheme(parser: Parser) -> None:
-    """Add ``--scheme``, for `read_public`."""
-    parser.text("--scheme", "NAME", "the model's watermarking scheme (default: recognized from the model's columns)")
-
-
-def read_public(args: Arguments) -> PublicModel:
-    """Read the public model of ``model`` and ``--scheme``; rows that cannot be drawn become invisible."""
-    from gspure.schemes.registry import read_public_model
-
-    return read_public_model(args.model, args.scheme).drawable(args.model)
 
 
 def read_key(args: Arguments, run: str) -> Key:
@@ -87,11 +73,6 @@ def add_background(parser: Parser, behind: str, known: str) -> None:
     """Add ``--background``, the colour `behind` the model; `known` is the argument that may name the default."""
     meaning = f"colour behind {behind} (default: the background of {known}'s training, else black)"
     parser.number("--background", ("R", "G", "B"), meaning, SHARE, nargs=3)
-
-
-def read_background(args: Arguments, default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the colour of ``--background``, or the default."""
-    return default if args.background is None else tuple(args.background)
 
 
 def add_energy(parser: Parser, *energies: str) -> None:
@@ -150,25 +131,14 @@ def add_views(parser: Parser, split: str, **cameras: Any) -> None:
     parser.reads("--transform", "NPY", meaning, required=False)
 
 
-def read_split(args: Arguments) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name."""
-    from gspure.cameras import split
-
-    cameras = read_source(args.cameras, args.model, up=args.up)
-    train, test = split(cameras)
-    views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[args.split]
-    if not views:
-        raise InputError(args.cameras, "cameras", expected=f"at least one {args.split} view", found="none")
-    return views
-
-
-def read_views(args: Arguments) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name, moved by ``--transform``."""
+def read_views(args: Arguments, transform: Path | None = None) -> list[Camera]:
+    """Read the views that ``--cameras`` and ``--split`` name, moved by the rigid transform of a file."""
     from gspure.cameras.reading import read_transform
+    from gspure.workflow.step import of_split
 
-    views = read_split(args)
-    transform = read_transform(args.transform) if args.transform else None
-    return views if transform is None else [camera.moved(transform) for camera in views]
+    views = of_split(read_source(args.cameras, args.model, up=args.up), args.split, args.cameras)
+    moves = read_transform(transform) if transform else None
+    return views if moves is None else [view.moved(moves) for view in views]
 
 
 def write_views(folder: Path, views: Sequence[Camera]) -> None:
@@ -193,16 +163,6 @@ def record_command(args: Arguments, folder: Path, run: str = "") -> None:
     if "model" in inputs:
         inputs["model"] = model_file(inputs["model"])
     write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
-
-
-def add_per_view(parser: Parser) -> None:
-    """Add ``--per-view``."""
-    parser.flag("--per-view", "print the metrics of every view, not only their mean and the worst")
-
-
-def add_force(parser: Parser) -> None:
-    """Add ``--force``, for `require_own_folder`."""
-    parser.flag("--force", "write to a folder that holds other files")
 
 
 def require_own_folder(args: Arguments) -> None:

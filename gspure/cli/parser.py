@@ -3,11 +3,12 @@
 import argparse
 import re
 from collections.abc import Callable, Iterable
+from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gspure.errors import did_you_mean, printable
+from gspure.errors import printable
 from gspure.settings import Range
 
 Arguments = argparse.Namespace
@@ -120,5 +121,5 @@ def _pair(text: str) -> tuple[str, str]:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return the end of a refusal of `word`: the most similar known one, if any is similar."""
-    hint = did_you_mean(word, known)
-    return f", {hint}" if hint else ""
+    near = get_close_matches(word, known, 1)
+    return f", did you mean {near[0]}?" if near else ""

@@ -75,8 +75,8 @@ def add_arguments(parser: Parser) -> None:
     meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
     parser.flag("--no-figures", "draw no figures")
-    options.add_per_view(parser)
-    options.add_force(parser)
+    parser.flag(*options.PER_VIEW)
+    parser.flag(*options.FORCE)
     options.add_device(parser)
 
 

@@ -12,7 +12,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the model's file, or the output folder of a training run")
-    options.add_scheme(parser)
+    parser.text(*options.SCHEME)
     options.add_views(parser, split="all")
     parser.writes("--out", "DIR", "folder for VIEW.png")
     parser.flag("--npy", "also write VIEW.npy: float32 [H,W,3], not clipped")
@@ -26,10 +26,12 @@ def run(args: Arguments) -> None:
     from gspure.cameras.worlds import mention_unseen
     from gspure.files import filling, save_array
     from gspure.images import is_flat, write_image
+    from gspure.schemes.registry import read_public_model
 
-    views, public = options.read_views(args), options.read_public(args)
+    views = options.read_views(args, args.transform)
+    public = read_public_model(args.model, args.scheme).drawable(args.model)
     mention_unseen(public.model, views)
-    args.background = options.read_background(args, public.model.background)
+    args.background = tuple(args.background or public.model.background)
     scene = public.scene(options.read_device(args), args.background, args.energy)
     empty = []
     with filling(args.out) as folder:

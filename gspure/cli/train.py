@@ -53,8 +53,8 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--max-gaussians", "N", meaning, MAX_GAUSSIANS)
     parser.flag("--skip-missing", "leave out views without a photograph")
     parser.number("--seed", "N", "random seed", SEED, 0)
-    options.add_per_view(parser)
-    options.add_force(parser)
+    parser.flag(*options.PER_VIEW)
+    parser.flag(*options.FORCE)
     parser.flag("--resume", "continue from the checkpoint of an interrupted run in DIR, if any")
     options.add_device(parser)
 
@@ -70,7 +70,7 @@ def run(args: Arguments) -> None:
     options.require_own_folder(args)
     if args.model:
         require_writable(args.model)
-    args.background = options.read_background(args, trained_background(args.data))
+    args.background = tuple(args.background or trained_background(args.data))
     photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
     data = dataset.read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
     args.max_gaussians = args.max_gaussians or data.max_gaussians

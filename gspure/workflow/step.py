@@ -2,12 +2,12 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
 
 from gspure.cameras import Camera, read_cameras, split
-from gspure.errors import InputError, printable
+from gspure.errors import InputError, refusal
 from gspure.progress import tell, warnings_in_lines
 
 
@@ -22,12 +22,9 @@ def run(function: Callable[..., None]) -> None:
     try:
         with warnings_in_lines():
             function(**arguments)
-    except InputError as error:
-        _refuse(str(error))
-    except MemoryError as error:
-        _refuse(f"out of memory: {error}")
-    except OSError as error:
-        _refuse(f"{error.filename}: {error.strerror}")
+    except (InputError, MemoryError, OSError) as error:
+        tell(f"gspure {Path(sys.argv[0]).stem}: {refusal(error)}")
+        sys.exit(2)
 
 
 def _typed(value: Any, hint: Any) -> Any:
@@ -36,16 +33,15 @@ def _typed(value: Any, hint: Any) -> Any:
     return Path(value) if hint in (Path, Path | None) and value else value
 
 
-def _refuse(reason: str) -> None:
-    tell(f"gspure {Path(sys.argv[0]).stem}: {printable(reason)}")
-    sys.exit(2)
-
-
 def views_of(cameras: Path, name: str) -> list[Camera]:
     """Return the views of a split, ``train``, ``test`` or ``all``, in the order of their names."""
-    every = read_cameras(cameras)
-    train, test = split(every)
-    views = {"train": train, "test": test, "all": sorted(every, key=lambda camera: camera.name)}[name]
+    return of_split(read_cameras(cameras), name, cameras)
+
+
+def of_split(cameras: Sequence[Camera], name: str, source: str | Path) -> list[Camera]:
+    """Return those of the cameras of a source that are in a split, in the order of their names."""
+    train, test = split(cameras)
+    views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[name]
     if not views:
-        raise InputError(cameras, "cameras", expected=f"at least one {name} view", found="none")
+        raise InputError(source, "cameras", expected=f"at least one {name} view", found="none")
     return views
