@@ -1,41 +1,22 @@
 """Digests by which the workflow knows what to run again: of the code behind a result, and of the user's files."""
 
 import ast
-import json
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from gspure.files import digest, file_digest, write_json
+from gspure.files import digest
 from gspure.opencl.program import kernel_digest
 
 _PACKAGE: Final = Path(__file__).parents[1]
-_KNOWN: Final = Path(".snakemake/digests.json")  # of the user's files, by path, size, time and inode
 
 
 def files_digest(files: Iterable[str | Path]) -> str:
-    """Return a digest of the content of files; an unchanged one is read only once, in whatever run."""
-    known, found = _known_digests(), []
-    for file in map(Path, files):
-        if file.is_file():
-            state = file.stat()
-            name = f"{file} {state.st_size} {state.st_mtime_ns} {state.st_ino}"
-            found.append(known.get(name) or file_digest(file))
-            if name not in known:
-                known[name] = found[-1]
-                with suppress(OSError):  # a dry run in a folder of somebody else's
-                    write_json(_KNOWN, known)
-    return digest(*found)
-
-
-@cache
-def _known_digests() -> dict[str, str]:
-    with suppress(OSError, ValueError):
-        return dict(json.loads(_KNOWN.read_text()))
-    return {}
+    """Return a digest of the names, sizes and times of the files that exist; photographs would take long to read."""
+    states = ((file, Path(file).stat()) for file in files if Path(file).is_file())
+    return digest(*(f"{file} {state.st_size} {state.st_mtime_ns}" for file, state in states))
 
 
 def code_digest(*sources: str | Path) -> str:
