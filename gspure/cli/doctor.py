@@ -33,7 +33,7 @@ class Finding:
     ok: bool
     cells: tuple[str, ...]
     needed: bool = True
-    fix: str | None = None
+    fix: str = ""
 
 
 def add_arguments(parser: Parser) -> None:
@@ -43,8 +43,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> int:
     """Print the report; return 0 if gspure can run, else 1."""
     fixes = examine()
-    pip = [fix for fix in fixes if fix and fix.startswith(shlex.quote(sys.executable))]
-    if args.fix and pip:
+    if args.fix and (pip := [fix for fix in fixes if fix.startswith(shlex.quote(sys.executable))]):
         for fix in pip:
             print(f"\n{fix}", flush=True)
             subprocess.run(shlex.split(fix), check=False)
@@ -54,7 +53,7 @@ def run(args: Arguments) -> int:
     return int(bool(fixes))
 
 
-def examine() -> list[str | None]:
+def examine() -> list[str]:
     """Print the findings; return the fix of each fault without which gspure cannot run."""
     checks = {
         "Packages: installed, required": packages,
@@ -76,21 +75,20 @@ def opencl() -> list[Finding]:
     from gspure.opencl.selftest import try_devices
 
     trials = try_devices()
-    usable = [trial for trial in trials if trial.selected and trial.problem is None]
+    working = [trial for trial in trials if trial.problem is None]
+    usable = [trial for trial in working if trial.selected]
     findings = []
     for trial in trials:
-        default = ", in use" if trial in usable[:1] else ""
-        status = trial.problem or f"{trial.seconds:.1f} s{default}"
+        status = trial.problem or f"{trial.seconds:.1f} s{', in use' if trial in usable[:1] else ''}"
         cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", status)
-        findings.append(Finding(trial.problem is None, cells, needed=False))
-    if not usable and any(trial.problem is None for trial in trials):
+        findings.append(Finding(trial in working, cells, needed=False))
+    if working and not usable:
         mismatch = f"GSPURE_DEVICE={os.environ.get('GSPURE_DEVICE')} matches no working device"
         findings.append(Finding(ok=False, cells=(mismatch,), fix="unset GSPURE_DEVICE"))
     elif not usable:
         by_pip = (platform.system(), platform.machine()) == ("Linux", "x86_64")
         driver = _pip("intel-opencl-rt", "intel-cmplr-lib-rt") if by_pip else "sudo apt-get install pocl-opencl-icd"
-        fix = _make("opencl") or driver
-        findings.append(Finding(ok=False, cells=("no working device",), fix=fix))
+        findings.append(Finding(ok=False, cells=("no working device",), fix=_make("opencl") or driver))
     return findings
 
 
@@ -107,21 +105,18 @@ def opengl() -> list[Finding]:
 def packages() -> list[Finding]:
     """Return one finding per package that gspure requires."""
     try:
-        lines = metadata.requires("gspure") or []
+        requirements = map(Requirement, metadata.requires("gspure") or [])
     except metadata.PackageNotFoundError:
         return [Finding(ok=False, cells=("gspure", "is not installed"), fix=_pip("--editable", str(_CHECKOUT)))]
     findings = []
-    for requirement in map(Requirement, lines):
-        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
-            continue
+    wanted = [(r.name, r.specifier) for r in requirements if not r.marker or r.marker.evaluate({"extra": ""})]
+    for name, specifier in wanted:
         try:
-            version = metadata.version(requirement.name)
-            ok = requirement.specifier.contains(version, prereleases=True)
+            version = metadata.version(name)
         except metadata.PackageNotFoundError:
-            version, ok = "missing", False
-        required = str(requirement.specifier)
-        fix = None if ok else _pip(requirement.name + required)
-        findings.append(Finding(ok, (requirement.name, version, required), fix=fix))
+            version = "missing"
+        ok = version != "missing" and specifier.contains(version, prereleases=True)
+        findings.append(Finding(ok, (name, version, str(specifier)), fix=_pip(f"{name}{specifier}")))
     return findings
 
 
@@ -145,5 +140,5 @@ def report(title: str, findings: Sequence[Finding]) -> Iterator[str]:
         word, colour = ("ok", 32) if finding.ok else ("no", 31 if finding.needed else 33)
         mark = f"\033[{colour}m{word}\033[0m" if sys.stdout.isatty() else word
         yield f"  {mark}  {cells}".rstrip()
-        if finding.fix:
+        if not finding.ok and finding.fix:
             yield f"        fix: {finding.fix}"

@@ -1,9 +1,8 @@
 """``gspure pair``: photographs of a scene and of a message, for `gspure embed`."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from gspure.cli.options import add_device, read_device, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.files import filling
+from gspure.files import Float64, UInt8, filling
 from gspure.images import is_flat, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.ply import write_point_ply
@@ -68,15 +67,18 @@ def run(args: Arguments) -> None:
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=f"{args.scene} and {args.message}")
     with filling(args.out) as args.out:
         if builders:
-            _traced(args, *builders)
-        elif args.protocol == "shared":
-            _photographed(args)
+            _trace(args, *builders)
         else:
-            _photographed_apart(args)
+            views = _copy(args, "scene", args.scene)
+            if args.protocol == "shared":
+                _render(args, views)
+            else:
+                _copy(args, "message", args.message, views)
         record_command(args, args.out)
 
 
-def _traced(args: Arguments, scene: BuildScene, message: BuildScene) -> None:
+def _trace(args: Arguments, scene: BuildScene, message: BuildScene) -> None:
+    """Ray-trace both."""
     views = path_cameras(args.views, args.width, args.height)
     rng = np.random.default_rng(args.seed)
     for kind, build, placement, transform in (
@@ -85,15 +87,30 @@ def _traced(args: Arguments, scene: BuildScene, message: BuildScene) -> None:
     ):
         xyz, rgb = photograph(bake(build(PLACEMENTS[placement])), views, args.out / kind, rng)
         moved = xyz @ transform[:3, :3].T + transform[:3, 3]
-        _write(args.out, kind, [view.moved(transform) for view in views], (moved, rgb))
+        _write(args.out, kind, [view.moved(transform) for view in views], moved, rgb)
 
 
-def _photographed(args: Arguments) -> None:
-    """Photographs of the scene, and a trained model of the message rendered at their poses."""
-    model = read_model(args.message)
+def _copy(args: Arguments, kind: str, source: str, scene: Sequence[Camera] = ()) -> list[Camera]:
+    """Write photographs, cameras and points of a capture, aligned with the views of the scene; return the cameras."""
+    dataset = read_dataset(Path(source), args.resolution, seed=args.seed)
+    views, xyz = sorted([*dataset.train, *dataset.test], key=lambda camera: camera.name), dataset.xyz
+    for camera, image in zip(track(views, kind), read_photographs(views), strict=True):
+        write_image(args.out / kind / f"{camera.name}.png", image)
+    if scene:
+        alignment = aligning(scene, views).inverse
+        views, xyz = [alignment.camera(camera) for camera in views], alignment.points(xyz)
+    _write(args.out, kind, views, xyz, dataset.rgb)
+    return views
+
+
+def _render(args: Arguments, views: Sequence[Camera]) -> None:
+    """Render a trained model of the message at the poses of the scene."""
+    model, folder = read_model(args.message), Path(args.message)
     require_finite(model, args.message)
-    views = _write_photographs(args, "scene", args.scene)
-    alignment = _alignment(views, Path(args.message))
+    alignment = Similarity(1.0, np.eye(3), np.zeros(3))
+    if folder.is_dir() and (folder / "cameras.json").is_file():
+        alignment = aligning(views, read_cameras(folder / "cameras.json"))
+        say(f"message aligned with the scene, scaled by {alignment.inverse.scale:.3g}")
     renderer = Renderer(model, read_device(args))
     empty = []
     for camera in track(views, "pair"):
@@ -103,49 +120,19 @@ def _photographed(args: Arguments) -> None:
     if empty:
         warn(f"{len(empty)} of {len(views)} views do not show the message (first: {empty[0]}): it lies outside of them")
     xyz, rgb = _points(model, args.seed)
-    _write(args.out, "message", views, (alignment.inverse.points(xyz), rgb))
+    _write(args.out, "message", views, alignment.inverse.points(xyz), rgb)
 
 
-def _photographed_apart(args: Arguments) -> None:
-    """Photographs of both, each at its own poses, with the message aligned with the scene."""
-    views = _write_photographs(args, "scene", args.scene)
-    _write_photographs(args, "message", args.message, lambda message: aligning(views, message).inverse)
-
-
-def _write_photographs(
-    args: Arguments, kind: str, source: str, align: Callable[[list[Camera]], Similarity] | None = None
-) -> list[Camera]:
-    """Write the photographs, cameras and points of a capture, in the world that `align` gives; return the cameras."""
-    dataset = read_dataset(Path(source), args.resolution, seed=args.seed)
-    views, xyz = sorted([*dataset.train, *dataset.test], key=lambda camera: camera.name), dataset.xyz
-    for camera, image in zip(track(views, kind), read_photographs(views), strict=True):
-        write_image(args.out / kind / f"{camera.name}.png", image)
-    if align:
-        alignment = align(views)
-        views, xyz = [alignment.camera(camera) for camera in views], alignment.points(xyz)
-    _write(args.out, kind, views, (xyz, dataset.rgb))
-    return views
-
-
-def _write(out: Path, kind: str, views: list[Camera], points: tuple[Any, Any]) -> None:
-    """Write cameras and points of the scene or of the message."""
-    folder = out if kind == "scene" else out / kind
-    write_cameras(folder / "cameras.json", [replace(c, image=out / kind / f"{c.name}.png") for c in views])
-    write_point_ply(folder / "points3D.ply", *points)
-
-
-def _alignment(views: list[Camera], message: Path) -> Similarity:
-    """Return the similarity from the scene's world to the message's: by the cameras of both, if the message has any."""
-    if message.is_dir() and (message / "cameras.json").is_file():
-        alignment = aligning(views, read_cameras(message / "cameras.json"))
-        say(f"message aligned with the scene, scaled by {alignment.inverse.scale:.3g}")
-        return alignment
-    return Similarity(1.0, np.eye(3), np.zeros(3))
-
-
-def _points(model: Gaussians, seed: int) -> tuple[Any, Any]:
+def _points(model: Gaussians, seed: int) -> tuple[Float64, UInt8]:
     """Return centres [P,3] and 8-bit colours [P,3] of opaque Gaussians, in place of points."""
     opaque = np.flatnonzero(model.opacities >= OPAQUE)
     rows = np.sort(np.random.default_rng(seed).choice(opaque, min(MESSAGE_POINTS, len(opaque)), replace=False))
     colours = (0.5 + SH_DC * model.columns("f_dc_0", "f_dc_1", "f_dc_2")[rows]).clip(0, 1)
     return model.means[rows].astype(np.float64), np.round(255 * colours).astype(np.uint8)
+
+
+def _write(out: Path, kind: str, views: Sequence[Camera], xyz: Float64, rgb: UInt8) -> None:
+    """Write cameras and points of the scene or of the message."""
+    folder = out if kind == "scene" else out / kind
+    write_cameras(folder / "cameras.json", [replace(c, image=out / kind / f"{c.name}.png") for c in views])
+    write_point_ply(folder / "points3D.ply", xyz, rgb)
