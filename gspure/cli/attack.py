@@ -9,13 +9,13 @@ import numpy as np
 from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.attacks.strength import Damage, Match, scene_damage
-from gspure.cameras import Camera, split
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import require_writable
+from gspure.opencl.device import Device
 from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model
@@ -63,15 +63,19 @@ def run(args: Arguments) -> None:
     attack = find_attack(args.name)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
+    learns, searches = "cameras" in attack.parameters, args.damage is not None
+    if (learns or searches) and not args.cameras:
+        raise InputError("attack", "--cameras", expected="public views, which the attack renders", found="none")
     public = read_public_model(args.model, args.scheme).drawable(args.model)
     given = {name: file for name in sorted(attack.needs & _MEASUREMENTS.keys()) if (file := getattr(args, name))}
     measurements = Measurements.read(public, given)
-    views = _read_training_views(args) if "cameras" in attack.parameters else []
-    device = options.read_device(args) if views else None
+    device = options.read_device(args) if learns or searches else None
+    views = options.read_views(args, "train") if learns else []
     known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
     search = None
-    if args.damage is not None:
-        search = attack.matching(public, measurements, args.damage, _read_damage(args, public), **known, **settings)
+    if searches:
+        damage = _read_damage(args, public, device)
+        search = attack.matching(public, measurements, args.damage, damage, **known, **settings)
         settings[search.setting] = search.value
     attacked = attack.apply(public, measurements, **known, **settings)
     if search:
@@ -100,25 +104,10 @@ def _print_damage(args: Arguments, search: Match) -> None:
         print(f"{args.name}: {drop}")
 
 
-def _read_training_views(args: Arguments) -> list[Camera]:
-    """Read the training views of ``--cameras``, for attacks that render."""
-    if not args.cameras:
-        raise InputError("attack", "--cameras", expected="public views to learn from", found="none")
-    train, test = split(options.read_source(args.cameras, args.model, up=args.up))
-    return train or test
-
-
-def _read_damage(args: Arguments, public: PublicModel) -> Damage:
+def _read_damage(args: Arguments, public: PublicModel, device: Device | None) -> Damage:
     """Return the function that measures the damage to the scene in the views of ``--cameras``."""
-    if not args.cameras:
-        raise InputError("attack", "--damage", expected="--cameras", found="none")
-    views = options.read_views(args)
-    photographs = None
+    views, photographs = options.read_views(args, args.split), None
     if args.photographs:
-        files = [args.photographs / f"{view.name}.png" for view in views]
-        photographs = [read_image(file, background=public.model.background) for file in files]
-        for file, image, view in zip(files, photographs, views, strict=True):
-            if (found := image.shape[1::-1]) != (view.width, view.height):
-                expected = f"{view.width}x{view.height}, as its view"
-                raise InputError(file, "size", expected=expected, found="{}x{}".format(*found))
-    return scene_damage(public, views, photographs, options.read_device(args))
+        files = {args.photographs / f"{view.name}.png": (view.width, view.height) for view in views}
+        photographs = [read_image(file, size, public.model.background) for file, size in files.items()]
+    return scene_damage(public, views, photographs, device)

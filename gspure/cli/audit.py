@@ -1,6 +1,5 @@
 """``gspure audit``: the workflow on the user's models, from a checkout or an installed package, and its answer."""
 
-import argparse
 import fcntl
 import json
 import os
@@ -60,9 +59,9 @@ def add_run_options(parser: Parser) -> None:
     """Add the options of `audited`."""
     parser.flag("--json", "print the answer as JSON")
     meaning = "exit with status 1 if an attack removes the message with less damage to the scene, in dB of PSNR"
-    parser.text("--fail-under", "DB", meaning, type=_decibels)
+    parser.text("--fail-under", "DB", meaning, type=decibels)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
-    parser.number(("-c", "--cores"), "N", "number of cores (default: all)", CORES)
+    parser.number("-c --cores", "N", "number of cores (default: all)", CORES)
     parser.flag(*QUIET)
     parser.flag("-v", "--verbose", "print Snakemake's output instead of one line per job; implied by options after --")
     parser.set_defaults(passed_on=[])  # what follows `--`
@@ -218,9 +217,6 @@ def _asset(args: Arguments, model: Path) -> dict[str, Any]:
     return asset | {"generated": {"up": args.up}} if args.up else asset
 
 
-def _decibels(text: str) -> float:
+def decibels(text: str) -> float:
     """Return a number with or without its unit; an argument type."""
-    try:
-        return float(text.removesuffix("dB"))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected a number of dB, found {text!r}") from None
+    return float(text.removesuffix("dB"))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 
 from gspure.cameras import Camera, scaled, split, write_cameras
@@ -13,6 +12,7 @@ from gspure.cameras.undistortion import undistort
 from gspure.cli.options import QUIET, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.evaluation.csv_tables import grouped
 from gspure.files import filling
 from gspure.model.ply import write_point_ply
 from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
@@ -92,14 +92,10 @@ def _table(cameras: Sequence[Camera]) -> Iterable[str]:
     """Yield a heading and one line per image size and focal length."""
     tests = {camera.name for camera in split(cameras)[1]}
     yield f"{'views':>6}{'train':>7}{'test':>6}  {'size':<11}{'focal':>8}{'fov':>7}{'photographs':>13}"
-    for (width, height, focal), group in groupby(sorted(cameras, key=_optics), key=_optics):
-        views = list(group)
+    alike = grouped(cameras, lambda camera: (camera.width, camera.height, float(camera.K[0, 0])))
+    for (width, height, focal), views in sorted(alike.items()):
         test = sum(view.name in tests for view in views)
         fov = math.degrees(2 * math.atan(width / 2 / focal))
         photographs = len(views) - len(missing_photographs(views))
         numbers = f"{len(views):>6}{len(views) - test:>7}{test:>6}"
         yield f"{numbers}  {f'{width}x{height}':<11}{focal:>8.1f}{fov:>6.1f}°{photographs:>13}"
-
-
-def _optics(camera: Camera) -> tuple[int, int, float]:
-    return camera.width, camera.height, float(camera.K[0, 0])

@@ -38,20 +38,18 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
-    readings = _read_bits(args) if args.key else read_marks(args.command, args.images, args.message, args.timeout)
+    if args.key:
+        if not args.scheme:
+            raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
+        key = options.read_key(args, run_of(args.images))
+        readings = read_bits(key.read_bits, key.bits, args.images)
+    else:
+        readings = read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     options.record_command(args, args.out.parent)
     mean = f"{np.mean([reading.level for reading in readings]):.4g}"
     found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
     print(f"{found} over {len(readings)} images")
-
-
-def _read_bits(args: Arguments) -> list[Reading]:
-    """Return what the key reads from every image."""
-    if not args.scheme:
-        raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
-    key = options.read_key(args, run_of(args.images))
-    return read_bits(key.read_bits, key.bits, args.images)
 
 
 def _bits(text: str) -> str:

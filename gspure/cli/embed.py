@@ -4,7 +4,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.cli.options import FORCE, add_device, list_choices, read_device, record_command, require_own_folder
+from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.outcomes import BITS
 from gspure.files import file_digest, filling, write_json, write_provenance
@@ -27,27 +27,27 @@ gs_hider, secure_gs and keyss need PyTorch: pip install gspure[torch].
 
 def add_arguments(parser: Parser) -> None:
     parser.text("scheme", "SCHEME", "one of the schemes below, or of an installed plug-in")
-    list_choices(parser, "schemes", BUILT_IN)
+    options.list_choices(parser, "schemes", BUILT_IN)
     parser.reads("pair", "PAIR", "output folder of `gspure pair`")
     parser.writes("--out", "DIR", "folder for public/ and key/")
     parser.pairs("--set", "NAME=VALUE", "a setting of the scheme")
     meaning = "initial points: of scene and message, or of the scene alone"
     parser.choice("--initialization", INITIALIZATIONS, meaning, "both")
     parser.number("--seed", "N", "random seed", SEED, 0)
-    parser.flag(*FORCE)
-    add_device(parser)
+    parser.flag(*options.FORCE)
+    options.add_device(parser)
 
 
 def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
-    require_own_folder(args)
+    options.require_own_folder(args)
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, dict(args.set))
     pair = read_pair(args.pair, initialization=args.initialization)
     poses = "the same poses" if pair.shares_poses else "poses of its own"
     say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
     began = time.monotonic()
-    device = read_device(args)
+    device = options.read_device(args)
     model = Path("public", "point_cloud.ply")
     args.set = scheme.settings | settings
     with filling(args.out) as folder:
@@ -60,20 +60,13 @@ def run(args: Arguments) -> None:
         run = file_digest(public.write(folder / model)[0])[:16]
         # Without settings, since the seed may give the key away.
         write_provenance(folder / "public", "embed", inputs={}, settings={"scheme": scheme.name}, run=run)
-        record_command(args, folder, run)
+        options.record_command(args, folder, run)
         if key is not None:
             key.write(folder / "key")
-            record_command(args, folder / "key", run)
+            options.record_command(args, folder / "key", run)
         if check:
             write_json(folder / "key" / "readability.json", asdict(check) | {"readable": check.readable})
-        _remove_older(args.out)
+        options.remove_older(args.out, "public/*", "key/*")  # perhaps of another scheme
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
-
-
-def _remove_older(folder: Path) -> None:
-    """Remove what an earlier run, perhaps of another scheme, wrote."""
-    for path in (*folder.glob("public/*"), *folder.glob("key/*")):
-        if path.is_file():
-            path.unlink()

@@ -51,7 +51,7 @@ def run(args: Arguments) -> None:
     """Extract every view."""
     args.scheme = args.scheme or made_by(args.key)[0]
     args.cameras = args.cameras or message_folder(made_by(args.key)[1])
-    scheme, views = find_scheme(args.scheme), options.read_views(args, args.transform)
+    scheme, views = find_scheme(args.scheme), options.read_views(args, args.split, args.transform)
     public = scheme.read_public(args.model).drawn(args.model)
     key = options.read_key(args, run_of(model_file(args.model)))
     args.extraction = args.extraction or next(iter(scheme.extractions))

@@ -131,12 +131,12 @@ def add_views(parser: Parser, split: str, **cameras: Any) -> None:
     parser.reads("--transform", "NPY", meaning, required=False)
 
 
-def read_views(args: Arguments, transform: Path | None = None) -> list[Camera]:
-    """Read the views that ``--cameras`` and ``--split`` name, moved by the rigid transform of a file."""
+def read_views(args: Arguments, split: str, transform: Path | None = None) -> list[Camera]:
+    """Read the views of a split that ``--cameras`` names, moved by the rigid transform of a file."""
     from gspure.cameras.reading import read_transform
     from gspure.workflow.step import of_split
 
-    views = of_split(read_source(args.cameras, args.model, up=args.up), args.split, args.cameras)
+    views = of_split(read_source(args.cameras, args.model, up=args.up), split, args.cameras)
     moves = read_transform(transform) if transform else None
     return views if moves is None else [view.moved(moves) for view in views]
 
@@ -176,6 +176,13 @@ def require_own_folder(args: Arguments) -> None:
     if not (isinstance(record, dict) and record.get("command") == args.verb):
         expected, hint = f"an empty folder or results of `gspure {args.verb}`", "name another folder, or use --force"
         raise InputError(args.out, "--out", expected=expected, found="other files", hint=hint)
+
+
+def remove_older(folder: Path, *patterns: str) -> None:
+    """Remove files of an earlier run that the next one may lack."""
+    for pattern in patterns:
+        for path in filter(Path.is_file, folder.glob(pattern)):
+            path.unlink()
 
 
 def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme]) -> None:

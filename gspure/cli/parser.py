@@ -1,8 +1,7 @@
 """The parser of commands: their kinds of arguments, and refusals in one line."""
 
 import argparse
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
@@ -12,6 +11,7 @@ from gspure.errors import printable
 from gspure.settings import Range
 
 Arguments = argparse.Namespace
+Metavar = str | tuple[str, ...]
 _DEFAULT = " (default: %(default)s)"
 
 
@@ -20,7 +20,6 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self._words: list[str] = []
         for kind in (None, Path):
             self.register("type", kind, partial(filled, kind or str))
 
@@ -42,22 +41,13 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(name, metavar=metavar, help=meaning + _DEFAULT * bool(default), default=default, **settings)
 
     def number(
-        self,
-        name: str | tuple[str, ...],
-        metavar: str | tuple[str, ...],
-        meaning: str,
-        limits: Range,
-        default: float | None = None,
-        *,
-        group: argparse._ArgumentGroup | None = None,
-        **settings: Any,
+        self, name: str, metavar: Metavar, meaning: str, limits: Range, default: float | None = None, **settings: Any
     ) -> None:
-        """Add a number within `limits`, perhaps to a group of options."""
-        known = "" if default is None else _DEFAULT
+        """Add a number within `limits`, perhaps to a `group` of options; `name` may hold a short name, too."""
         useful = f"; {limits}" if limits.most <= 1000 else ""  # larger bounds are far above what is useful
-        settings |= {"metavar": metavar, "help": f"{meaning}{useful}{known}", "default": default}
-        names = (name,) if isinstance(name, str) else name
-        (group or self).add_argument(*names, type=partial(_number, limits), **settings)
+        meaning += useful + ("" if default is None else _DEFAULT)
+        settings |= {"metavar": metavar, "help": meaning, "default": default, "type": partial(_number, limits)}
+        settings.pop("group", self).add_argument(*name.split(), **settings)
 
     def choice(self, name: str, choices: Iterable[str], meaning: str, default: str | None = None) -> None:
         """Add one of some texts."""
@@ -73,24 +63,28 @@ class Parser(argparse.ArgumentParser):
         """Add a repeatable option ``NAME=VALUE``: a list of pairs."""
         self.add_argument(name, action="append", type=_pair, metavar=metavar, help=f"{meaning}; repeatable", default=[])
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse all words; those after ``--`` are passed on by a command that has `passed_on`."""
-        words = [*args]
+    def parse_args(self, words: Sequence[str]) -> Arguments:  # type: ignore[override]
+        """Parse all words; those after ``--`` are passed on by a command that has `passed_on`.
+
+        A misspelt option is refused first, as it is the reason why others are missing.
+        """
         end = words.index("--") if "--" in words and "passed_on" in self._defaults else len(words)
-        self._words = words[:end]
-        parsed, unknown = super().parse_known_args(self._words, namespace)
+        known = self._option_string_actions
+        for option in (word.partition("=")[0] for word in words[:end] if word.startswith("--")):
+            if not any(name.startswith(option) for name in known):
+                self.error(f"no option {option}{suggestion(option, known)}")
+        parsed = super().parse_args(words[:end])
         if end < len(words):
-            parsed.passed_on = words[end + 1 :]
-        return parsed, unknown
+            parsed.passed_on = [*words[end + 1 :]]
+        return parsed
 
     def error(self, message: str) -> NoReturn:
-        """Print the reason, and exit with status 2; a misspelt option is the reason why others are missing."""
-        known = self._option_string_actions
-        options = (word.partition("=")[0] for word in self._words if word.startswith("--"))
-        unknown = [option for option in options if not any(name.startswith(option) for name in known)]
-        if unknown and re.search("required|unrecognized", message):
-            message = f"no option {unknown[0]}{suggestion(unknown[0], known)}"
-        self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+        """Print the reason, and exit with status 2."""
+        self.exit(
+            2,
+            f"{self.prog}: {printable(message)}; see `{self.prog} --help`\
+",
+        )
 
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:

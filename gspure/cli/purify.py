@@ -111,7 +111,8 @@ def run(args: Arguments) -> None:
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
         options.record_command(args, folder)
-        _remove_older(args.out)
+        patterns = (f"renders/{title}/*.png" for title in _RENDERS)
+        options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *patterns)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
     captions = [] if args.no_figures else _draw(args, public, purification, cameras, models, device)
@@ -136,9 +137,6 @@ def _models(
     public: PublicModel, purification: Purification, views: Sequence[Camera], repair: int | None, device: Device
 ) -> dict[str, PublicModel]:
     """Return the models by title of their renders; with `repair`, train the rest on renders of the public model."""
-    if not len(purification.model):
-        hint = "larger tau_c and tau_n prune less"
-        raise InputError("purify", "rows", expected="some to remain", found=f"0 of {len(public.model)}", hint=hint)
     pruned = public.with_model(purification.model)
     if not repair:
         return {"unattacked": public, "purified": pruned}
@@ -174,13 +172,6 @@ def _with_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> dict[s
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
             diagnosis[key] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
     return diagnosis | {"warnings": diagnosis["warnings"] + comparison.far_below(rows)}
-
-
-def _remove_older(folder: Path) -> None:
-    """Remove what the next run may lack: without colour, of other views, or killed while it draws."""
-    for pattern in ("metrics.csv", "figures/*.png", "figures/*.svg", *(f"renders/{title}/*.png" for title in _RENDERS)):
-        for path in folder.glob(pattern):
-            path.unlink()
 
 
 def _draw(

@@ -28,7 +28,7 @@ def run(args: Arguments) -> None:
     from gspure.images import is_flat, write_image
     from gspure.schemes.registry import read_public_model
 
-    views = options.read_views(args, args.transform)
+    views = options.read_views(args, args.split, args.transform)
     public = read_public_model(args.model, args.scheme).drawable(args.model)
     mention_unseen(public.model, views)
     args.background = tuple(args.background or public.model.background)
