@@ -7,13 +7,13 @@ https://colmap.github.io/cameras.html.
 """
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
-from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, located, view_names
 from gspure.errors import InputError, reading
@@ -22,7 +22,7 @@ from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices
 from gspure.progress import warn
 
-Record = TypeVar("Record")
+Record = tuple[Any, ...]
 
 _SUFFIXES: Final = (".bin", ".txt")
 
@@ -37,16 +37,7 @@ _PARAMETERS: Final = {
 }
 """Parameters of the camera models, in the order of their numbers in binary files; fisheye lenses are not read."""
 
-_HINT: Final = (
-    "undistort first: colmap image_undistorter --image_path PHOTOS --input_path SPARSE --output_path UNDISTORTED"
-)
-
-
-class Points(NamedTuple):
-    """The sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
-
-    xyz: Float64
-    rgb: UInt8
+_HINT: Final = "undistort first: colmap image_undistorter --image_path DIR --input_path SPARSE --output_path OUT"
 
 
 def find_sparse(folder: Path) -> Path | None:
@@ -63,17 +54,13 @@ def read_colmap(folder: Path) -> list[Camera]:
     camera has a fisheye lens.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
-    optics: dict[int, dict[str, Any]] = {}
     with reading(cameras_file, "cameras of a COLMAP sparse model"):
-        for number, lens in _lenses(cameras_file):
-            if number in optics:
-                raise InputError(cameras_file, lens.where, expected="one of this number", found="a second one")
-            optics[number] = _optics(lens)
+        optics = dict(_optics(cameras_file))
+    with reading(images_file, "images of a COLMAP sparse model"):
+        poses = [_pose(images_file, *image) for image in _images(images_file)]
+    _mention_larger(images_file)
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
-    with reading(images_file, "images of a COLMAP sparse model"):
-        poses = [*_poses(images_file)]
-    _mention_larger(images_file)
     files, names = [pose.text("name") for pose in poses], view_names(poses, "name")
     images = located(files, [photographs and photographs / file for file in files], images_file.parent)
     views = zip(poses, names, images, strict=True)
@@ -89,14 +76,14 @@ def _mention_larger(images_file: Path) -> None:
         warn(f"{sparse}: {larger.parent} holds a larger model: name that folder to read it instead")
 
 
-def read_points(folder: Path) -> Points:
-    """Read the sparse point cloud, without errors and tracks."""
+def read_points(folder: Path) -> tuple[Float64, UInt8]:
+    """Read the sparse point cloud: positions [P,3] in world units and 8-bit colours [P,3]."""
     path = _file(folder, "points3D")
     with reading(path, "points of a COLMAP sparse model"):
         points = [*_points(path)]
     xyz = np.array([point[:3] for point in points], np.float64).reshape(-1, 3)
     require_coordinates(path, xyz)
-    return Points(xyz, np.array([point[3:] for point in points], np.uint8).reshape(-1, 3))
+    return xyz, np.array([point[3:] for point in points], np.uint8).reshape(-1, 3)
 
 
 def _file(folder: Path, stem: str) -> Path:
@@ -107,12 +94,10 @@ def _file(folder: Path, stem: str) -> Path:
     raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")
 
 
-def _optics(lens: Entry) -> dict[str, Any]:
-    """Return the fields of a `Camera` that a lens determines."""
-    fx, fy = (lens.positive("f" if "f" in lens else key) for key in ("fx", "fy"))
-    K = intrinsics(fx, fy, lens.number("cx"), lens.number("cy"))
-    size = {"width": lens.pixels("width"), "height": lens.pixels("height")}
-    return {**size, "K": K, "distortion": lens.distortion(COEFFICIENTS)}
+def _pose(path: Path, number: int, *values: Any) -> Entry:
+    *pose, camera, name = values
+    content = {"quat": pose[:4], "translation": pose[4:], "camera_id": camera, "name": name}
+    return Entry(path, f"image {number}", content)
 
 
 def _camera(pose: Entry, optics: dict[int, dict[str, Any]], name: str, image: Path | None) -> Camera:
@@ -126,90 +111,75 @@ def _camera(pose: Entry, optics: dict[int, dict[str, Any]], name: str, image: Pa
     return Camera(name=name, viewmat=viewmat, image=image, **optics[number])
 
 
-def _lenses(path: Path) -> Iterator[tuple[int, Entry]]:
-    """Yield number and values of each camera of cameras.bin or cameras.txt."""
-
-    def lens(camera_id: int, model: str, width: int, height: int, numbers: Iterable[float]) -> tuple[int, Entry]:
-        parameters = dict(zip(_parameters(path, camera_id, model), numbers, strict=True))
-        return camera_id, Entry(path, f"camera {camera_id}", {"width": width, "height": height, **parameters})
-
-    def from_text(line: str) -> tuple[int, Entry]:
-        camera_id, model, width, height, *numbers = line.split()
-        return lens(int(camera_id), model, int(width), int(height), map(float, numbers))
-
-    if path.suffix == ".txt":
-        yield from _from_lines(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", from_text)
-        return
-    for records in _records(path):
-        camera_id, number, width, height = records.take("<iiQQ")
-        model = dict(enumerate(_PARAMETERS)).get(number, f"model {number}")
-        count = len(_parameters(path, camera_id, model))
-        yield lens(camera_id, model, width, height, records.take(f"<{count}d"))
+def _optics(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Yield the number of each camera of a file, and the fields of a `Camera` that it determines."""
+    for number, model, width, height, *values in _lenses(path):
+        if not (names := _PARAMETERS.get(model)):
+            expected = f"one of {', '.join(name for name, names in _PARAMETERS.items() if names)}"
+            raise InputError(path, f"camera {number}.model", expected=expected, found=model, hint=_HINT)
+        parameters = dict(zip(names, values, strict=True))
+        lens = Entry(path, f"camera {number}", {"width": width, "height": height, **parameters})
+        fx, fy = (lens.positive("f" if "f" in lens else key) for key in ("fx", "fy"))
+        K = intrinsics(fx, fy, lens.number("cx"), lens.number("cy"))
+        size = {"width": lens.pixels("width"), "height": lens.pixels("height")}
+        yield number, {**size, "K": K, "distortion": lens.distortion()}
 
 
-def _poses(path: Path) -> Iterator[Entry]:
-    """Yield the values of each image of images.bin or images.txt, without the 2-D points."""
+def _lenses(path: Path) -> Iterator[Record]:
+    """Yield number, model, width, height and parameters of each camera; no parameters of a model that is not read."""
 
-    def pose(image_id: int, numbers: Sequence[float], camera_id: int, name: str) -> Entry:
-        values = {"quat": numbers[:4], "translation": numbers[4:], "camera_id": camera_id, "name": name}
-        return Entry(path, f"image {image_id}", values)
-
-    def from_text(line: str) -> Entry:
-        image_id, *numbers, camera_id, name = line.split(maxsplit=9)
-        return pose(int(image_id), [*map(float, numbers)], int(camera_id), name)
+    def parsed(line: str) -> Record:
+        number, model, width, height, *values = line.split()
+        return int(number), model, int(width), int(height), *map(float, values)
 
     if path.suffix == ".txt":
-        lines = _lines(path)
-        for number, line in lines:
-            if line:
-                yield _parsed(path, number, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", from_text)
-                below = next(lines, (number + 1, ""))
-                _parsed(path, *below, "the 2-D points as X Y POINT3D_ID (the line may be empty)", _points_2d)
+        yield from _from_text(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", parsed)
         return
-    for records in _records(path):
-        image_id, *numbers, camera_id = records.take("<i7di")
-        name = records.text()
-        (points,) = records.take("<Q")
-        records.at += 24 * points  # x, y, point id of a 2-D point each
-        yield pose(image_id, numbers, camera_id, name)
+    for data in _records(path):
+        number, model_id, width, height = data.take("<iiQQ")
+        model = dict(enumerate(_PARAMETERS)).get(model_id, f"model {model_id}")
+        yield number, model, width, height, *data.take(f"<{len(_PARAMETERS.get(model, ()))}d")
 
 
-def _points_2d(line: str) -> None:
-    if len(line.split()) % 3:
-        raise ValueError
+def _images(path: Path) -> Iterator[Record]:
+    """Yield number, quaternion, translation, camera and name of each image, without its 2-D points."""
+
+    def parsed(line: str) -> Record:
+        number, *values, camera, name = line.split(maxsplit=9)
+        return int(number), *map(float, values), int(camera), name
+
+    if path.suffix == ".txt":
+        yield from _from_text(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", parsed, has_points=True)
+        return
+    for data in _records(path):
+        pose, name, (points,) = data.take("<i7di"), data.text(), data.take("<Q")
+        data.at += 24 * points  # x, y, point id of a 2-D point each
+        yield *pose, name
 
 
-def _points(path: Path) -> Iterator[tuple[float, ...]]:
-    """Read x, y, z, r, g, b of points3D.bin or points3D.txt."""
+def _points(path: Path) -> Iterator[Record]:
+    """Yield x, y, z, r, g, b of each point."""
 
-    def point(line: str) -> tuple[float, ...]:
+    def parsed(line: str) -> Record:
         _, x, y, z, r, g, b, _, *_ = line.split()
         return float(x), float(y), float(z), *bytes(map(int, (r, g, b)))
 
     if path.suffix == ".txt":
-        yield from _from_lines(path, "POINT3D_ID X Y Z R G B ERROR TRACK[]", point)
+        yield from _from_text(path, "POINT3D_ID X Y Z R G B ERROR TRACK[]", parsed)
         return
-    for records in _records(path):
-        _, *values, _, track = records.take("<Q3d3BdQ")
-        records.at += 8 * track  # of image id and index of the 2-D point each
-        yield tuple(values)
+    for data in _records(path):
+        _, *point, _, track = data.take("<Q3d3BdQ")
+        data.at += 8 * track  # of image id and index of the 2-D point each
+        yield tuple(point)
 
 
-def _parameters(path: Path, camera_id: object, model: str) -> tuple[str, ...]:
-    """Return the names of a camera model's parameters; a fisheye model is refused."""
-    if names := _PARAMETERS.get(model):
-        return names
-    expected = f"one of {', '.join(name for name, names in _PARAMETERS.items() if names)}"
-    raise InputError(path, f"camera {camera_id}.model", expected=expected, found=model, hint=_HINT)
-
-
-class _Records:
+class _Data:
     """A binary file's bytes and a position in them."""
 
     def __init__(self, data: bytes) -> None:
         self.data, self.at = data, 0
 
-    def take(self, layout: str) -> tuple[Any, ...]:
+    def take(self, layout: str) -> Record:
         values = struct.unpack_from(layout, self.data, self.at)
         self.at += struct.calcsize(layout)
         return values
@@ -220,30 +190,28 @@ class _Records:
         return self.data[start : self.at - 1].decode(errors="replace")
 
 
-def _records(path: Path) -> Iterator[_Records]:
+def _records(path: Path) -> Iterator[_Data]:
     """Yield a binary file as often as it has records, each time at the next one; the file must end after the last."""
-    records = _Records(path.read_bytes())
-    for _ in range(records.take("<Q")[0]):
-        yield records
-    if records.at != len(records.data):
-        raise ValueError(f"{len(records.data)} bytes, not {records.at}")
+    data = _Data(path.read_bytes())
+    for _ in range(data.take("<Q")[0]):
+        yield data
+    if data.at != len(data.data):
+        raise ValueError(f"{len(data.data)} bytes, not {data.at}")
 
 
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Return (line number, stripped line) of all lines but comments."""
-    lines = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
-    return ((number, line) for number, line in lines if not line.startswith("#"))
-
-
-def _from_lines(path: Path, expected: str, parse: Callable[[str], Record]) -> Iterator[Record]:
-    return (_parsed(path, number, line, expected, parse) for number, line in _lines(path) if line)
-
-
-def _parsed(path: Path, number: int, line: str, expected: str, parse: Callable[[str], Record]) -> Record:
-    """Return the record of a line; refuse a line whose fields are not as expected."""
-    try:
-        return parse(line)
-    except InputError:
-        raise
-    except ValueError:
-        raise InputError(path, f"line {number}", expected=expected, found=line[:60] or "nothing") from None
+def _from_text(
+    path: Path, expected: str, parse: Callable[[str], Record], *, has_points: bool = False
+) -> Iterator[Record]:
+    """Yield the record of each line but comments, each of which has 2-D points in the line below if `has_points`."""
+    numbered = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
+    lines = ((number, line) for number, line in numbered if not line.startswith("#"))
+    for number, line in lines:
+        if not line:
+            continue
+        try:
+            yield parse(line)
+        except ValueError:
+            raise InputError(path, f"line {number}", expected=expected, found=line[:60]) from None
+        if has_points and len((below := next(lines, (0, ""))[1]).split()) % 3:
+            expected = "the 2-D points as X Y POINT3D_ID (the line may be empty)"
+            raise InputError(path, f"line {number + 1}", expected=expected, found=below[:60])

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import require_rigid
+from gspure.cameras.camera import COEFFICIENTS, require_rigid
 from gspure.constants import LARGEST
 from gspure.errors import InputError
 from gspure.files import Float64
@@ -19,21 +19,19 @@ from gspure.settings import SIDE
 
 @dataclass(frozen=True)
 class Entry:
-    """One object of a camera file: every reader method returns a checked value or raises `InputError` naming it.
+    """One object of a camera file; the constructor and every reader raise `InputError` for a value of another type.
 
     `where` is the place of the object in the `source`, such as ``[3]`` or ``camera 1``; empty for the whole file.
     """
 
     source: Path | str
     where: str
-    values: Mapping[str, Any]
+    values: Any  # a mapping, or refused
 
-    @staticmethod
-    def of(source: Path | str, where: str, value: Any) -> Entry:
-        """Return `value` as an entry, if it is an object at all."""
-        if not isinstance(value, Mapping):
-            raise InputError(source, where or "file", expected="an object", found=reprlib.repr(value))
-        return Entry(source, where, value)
+    def __post_init__(self) -> None:
+        if not isinstance(self.values, Mapping):
+            found = reprlib.repr(self.values)
+            raise InputError(self.source, self.where or "file", expected="an object", found=found)
 
     def refusal(self, key: str, *, expected: str, found: str, hint: str | None = None) -> InputError:
         """Return the error that names one key of this entry."""
@@ -70,16 +68,14 @@ class Entry:
 
     def pixels(self, key: str) -> int:
         """Return the length of an image's side."""
-        return int(self.value(key, f"a whole number of pixels from {SIDE}", _is_side))
+        expected = f"a whole number of pixels from {SIDE}"
+        return int(self.value(key, expected, lambda value: _is_finite(value) and value % 1 == 0 and int(value) in SIDE))
 
-    def distortion(self, names: Sequence[str]) -> tuple[float, ...]:
-        """Return the coefficients of a lens, 0 where missing; nothing if all are 0. Lists of them are refused."""
-        for key in ("distortion", "distortion_params"):
-            if key in self:
-                self.value(
-                    key, f"a key for each of {', '.join(names)}", lambda value: not np.array(value, object).any()
-                )
-        values = tuple(self.number(name, 0.0) for name in names)
+    def distortion(self) -> tuple[float, ...]:
+        """Return the `COEFFICIENTS` of a lens, 0 where missing; nothing if all are 0. Lists of them are refused."""
+        for key in {"distortion", "distortion_params"} & self.values.keys():
+            self.value(key, f"a key for each of {', '.join(COEFFICIENTS)}", lambda value: not np.any(value))
+        values = tuple(self.number(name, 0.0) for name in COEFFICIENTS)
         return values if any(values) else ()
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
@@ -102,7 +98,3 @@ class Entry:
 def _is_finite(value: Any) -> bool:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     return number and -LARGEST <= value <= LARGEST
-
-
-def _is_side(value: Any) -> bool:
-    return _is_finite(value) and value == int(value) and int(value) in SIDE

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, view_names
 from gspure.files import write_text
@@ -27,7 +27,7 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, or a
     rotation not rigid.
     """
-    entries = [Entry.of(source, f"[{i}]", value) for i, value in enumerate(content)]
+    entries = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
     names = view_names(entries, "img_name")
     return distinct([_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)], source)
 
@@ -51,7 +51,7 @@ def _camera(entry: Entry, name: str, folder: Path) -> Camera:
     centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
     K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
     image = folder / entry.text("image") if "image" in entry else None
-    return Camera(name, width, height, K, viewmat, image, entry.distortion(COEFFICIENTS))
+    return Camera(name, width, height, K, viewmat, image, entry.distortion())
 
 
 def _values(index: int, camera: Camera, place: Path) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import distinct, located, photograph_size, safe_name, view_names
 from gspure.errors import InputError
-from gspure.files import Float64, read_json
+from gspure.files import read_json
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
@@ -41,7 +41,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     """
     frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
-    entries = [_completed(Entry.of(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
+    entries = [_completed(Entry(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
     names = view_names(entries, "file_path")
     files = [entry.text("file_path") for entry in entries]
     named = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]  # Blender scenes omit it
@@ -56,14 +56,14 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
     Their optics are those of the transforms.json beside the file or above the photographs. Raise `InputError` if there
     is none, or as `parse` does.
     """
-    poses = [Entry.of(source, f"[{i}]", pose) for i, pose in enumerate(content)]
+    poses = [Entry(source, f"[{i}]", pose) for i, pose in enumerate(content)]
     folders = [Path(), *Path(poses[0].text("file_path")).parents]
     captures = (source.parent / folder / "transforms.json" for folder in folders)
     capture = next((path for path in captures if path.is_file()), None)
     if capture is None:
         hint = "copy the transforms.json of the capture there"
         raise InputError(source, "optics", expected="a transforms.json beside the file", found="none", hint=hint)
-    scene = Entry.of(capture, "", read_json(capture))
+    scene = Entry(capture, "", read_json(capture))
     stored = scene.value("frames", "a list of objects", lambda value: all(isinstance(frame, dict) for frame in value))
     optics = {safe_name(str(frame.get("file_path"))): frame for frame in stored}
     frames = []
@@ -91,7 +91,10 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
     K = intrinsics(fx, fy, entry.number("cx", width / 2), entry.number("cy", height / 2))
-    return Camera(name, width, height, K, _viewmat(entry), image, entry.distortion(COEFFICIENTS[:5]))
+    pose, viewmat = entry.rigid("transform_matrix", (4, 4), (3, 4)), np.eye(4)
+    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ pose[:3, :3].T
+    viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
+    return Camera(name, width, height, K, viewmat, image, entry.distortion())
 
 
 def _require_opengl_pinhole(entry: Entry) -> None:
@@ -111,11 +114,3 @@ def _focal(entry: Entry, axis: str, length: int) -> float:
     if angle >= math.pi:
         raise entry.refusal(f"camera_angle_{axis}", expected="less than pi radians", found=str(angle))
     return length / 2 / math.tan(angle / 2)
-
-
-def _viewmat(entry: Entry) -> Float64:
-    pose = entry.rigid("transform_matrix", (4, 4), (3, 4))
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ pose[:3, :3].T
-    viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
-    return viewmat

@@ -55,7 +55,7 @@ def read_lenses(path: str | Path) -> list[Camera]:
     """
     path = Path(path)
     place = camera_place(path)
-    if path.is_dir() and not _place_in(path):
+    if path.is_dir() and not place_in(path):
         say(f"{path}: reading {place}")
     cameras = read_colmap(place) if place.is_dir() else _read_file(place)
     if odd := [camera.name for camera in cameras if not _fits(camera)]:
@@ -93,11 +93,6 @@ def camera_object(source: Path) -> Entry | None:
     return Entry(path, "", content) if isinstance(content, dict) else None
 
 
-def has_cameras(folder: Path) -> bool:
-    """Return whether a folder itself holds cameras."""
-    return _place_in(folder) is not None
-
-
 def read_transform(path: Path) -> Float64:
     """Read the rigid transform [4,4] of ``gspure attack --transform``.
 
@@ -130,12 +125,13 @@ def camera_places(folder: Path) -> list[Path]:
     """Return the camera file or sparse model of a folder, or else those of its subfolders, up to two levels deeper."""
     for pattern in ("", "*", "*/*"):
         folders = sorted(path for path in folder.glob(pattern) if path.is_dir()) if pattern else [folder]
-        places = {place: None for path in folders if (place := _place_in(path))}
+        places = {place: None for path in folders if (place := place_in(path))}
         if places:
             return [*places]
     return []
 
 
-def _place_in(folder: Path) -> Path | None:
+def place_in(folder: Path) -> Path | None:
+    """Return the camera file or sparse model of a folder itself, if it has one."""
     files = (folder / name for name in IN_FOLDER)
     return find_sparse(folder) or next((file for file in files if file.is_file()), None)

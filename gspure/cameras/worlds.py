@@ -49,7 +49,7 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
         folders = (path if path.is_dir() else path.parent for path in (model, source, place))
         if file := next((path for folder in folders if (path := folder / NORMALIZED).is_file()), None):
             say(f"{source}: views moved to the world of the model by {file}")
-            cameras = _normalized(cameras, Entry.of(file, "", read_json(file)), scene)
+            cameras = _normalized(cameras, Entry(file, "", read_json(file)), scene)
         elif any(_NERFSTUDIO.search(comment) for comment in comments):
             warn(f"{model}: nerfstudio normalizes poses by default: its {NORMALIZED}, put beside, would move {source}")
     centre = np.mean([camera.centre for camera in cameras], axis=0)

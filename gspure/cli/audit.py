@@ -202,14 +202,14 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
 def _asset(args: Arguments, model: Path) -> dict[str, Any]:
     """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
-    from gspure.cameras.reading import has_cameras
+    from gspure.cameras.reading import place_in
     from gspure.schemes.pair import message_folder
     from gspure.schemes.registry import made_by
 
     run = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
     pairs = [made_by(args.key)[1]] if args.key else []
-    message = args.message or next(filter(has_cameras, map(message_folder, pairs)), None)
-    cameras = args.cameras or next(filter(has_cameras, [*pairs, model.parent, run]), "orbit")
+    message = args.message or next(filter(place_in, map(message_folder, pairs)), None)
+    cameras = args.cameras or next(filter(place_in, [*pairs, model.parent, run]), "orbit")
     owned = f", key {args.key}, message {message or 'as before the attacks'}" if args.key else ""
     say(f"{model}: views {cameras}{owned}")
     paths = {"model": model, "cameras": cameras, "key": args.key, "message": message}
