@@ -1,10 +1,9 @@
-"""Reading Markdown: its code blocks, its diagrams, and the example of a package."""
+"""Reading Markdown: its code blocks, and the example of a package."""
 
 import re
 import subprocess
 import sys
 import tomllib
-from itertools import pairwise
 from pathlib import Path
 
 from tests.plugin_path import write_info
@@ -24,13 +23,6 @@ def install_example(folder):
     project = tomllib.loads(metadata)["project"]
     (folder / f"{project['name']}.py").write_text(module)
     write_info(project, folder)
-
-
-def edges(diagram):
-    """Return the arrows of a Mermaid flowchart, as pairs of its nodes' names."""
-    plain = re.sub(r'\["[^"]*"\]', "", diagram)
-    chains = ([name.strip() for name in line.split("-->")] for line in plain.splitlines() if "-->" in line)
-    return {pair for chain in chains for pair in pairwise(chain)}
 
 
 def workflow_edges(folder):
