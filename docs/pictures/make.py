@@ -1,26 +1,24 @@
-"""Draw the pictures of the README from the results of `make demo`, or of docs/results.md from config/six_pairs.yaml.
+"""Draw the pictures of the documentation from results.
 
-``python docs/pictures/make.py demo|poses [RESULTS]``, in a checkout.
+``python docs/pictures/make.py demo|poses|robot [RESULTS]``, in a checkout: of `make demo`, config/six_pairs.yaml, or of
+
+    gspure pair snowmiku_plush robot.ply --resolution 640px --out pair     # the robot stands where the figure does
+    gspure embed splats_in_splats pair --out marked --set iterations=7000 --set max_gaussians=120000
+    gspure purify marked/public --cameras pair/cameras.json --out purified
+
+with renders of the test views (`gspure render`) and messages (`gspure extract`) of both models in scene, message,
+scene_after and message_after.
 """
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from PIL import Image
 
-from gspure.figures.panels import common_views, write_panels
+from gspure.figures.panels import Tile, write_tiles
 from gspure.images import read_image
 
 HERE = Path(__file__).parent
-
-
-def draw(name: str, folders: Mapping[str, Path]) -> None:
-    """Draw the first view of each folder of ``VIEW.png``, by title."""
-    view = common_views(folders.values())[0]
-    columns = {title: {view: read_image(folder / f"{view}.png")} for title, folder in folders.items()}
-    write_panels(HERE / f"{name}.png", columns, [view], difference=False)
-    shrink(HERE / f"{name}.png", name)
 
 
 def shrink(source: Path, name: str) -> None:
@@ -32,16 +30,26 @@ def shrink(source: Path, name: str) -> None:
     picture.save(HERE / f"{name}.png", optimize=True)
 
 
+def side_by_side(name: str, files: list[Path]) -> None:
+    """Write pictures in one row, 400 pixels wide each."""
+    row = Image.new("RGB", (404 * len(files) - 4, 300), "white")
+    for index, file in enumerate(files):
+        tile = Image.open(file).convert("RGB").resize((400, 300), Image.Resampling.LANCZOS)
+        row.paste(tile, (404 * index, 0))
+    row.save(HERE / f"{name}.jpg", quality=88)
+
+
 what, results = sys.argv[1], Path(*sys.argv[2:] or ["results"])
 if what == "demo":
-    model = results / "splats_in_splats" / "room"
-    for target in ("scene", "message"):
-        attacks = {"unattacked": "unattacked", "after GSPure": "gspure", "as many removed at random": "random_matched"}
-        renders = {title: model / variant / "renders" / target for title, variant in attacks.items()}
-        draw(target, {"photograph": results / "pairs" / "room" / target} | renders)
-    shrink(model / "figures" / "model" / "purification.png", "purification")
+    shrink(results / "splats_in_splats" / "room" / "figures" / "model" / "purification.png", "purification")
+elif what == "robot":
+    folders = ("scene", "message", "scene_after", "message_after")
+    side_by_side("robot", [results / folder / "20240212_003956.png" for folder in folders])
 else:
     model = results / "gs_hider" / "rooms_own"
     attacks = {"unattacked": "unattacked", "after GSPure": "gspure", "clean model": "clean"}
-    renders = {title: model / variant / "renders" / "message" for title, variant in attacks.items()}
-    draw("poses", {"photograph": results / "pairs" / "rooms_own" / "message"} | renders)
+    folders = {title: model / variant / "renders" / "message" for title, variant in attacks.items()}
+    folders = {"photograph": results / "pairs" / "rooms_own" / "message"} | folders
+    view = min(folders["unattacked"].glob("*.png")).name
+    write_tiles(HERE / "poses.png", [*folders], [[Tile(read_image(folder / view)) for folder in folders.values()]])
+    shrink(HERE / "poses.png", "poses")
