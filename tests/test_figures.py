@@ -59,7 +59,7 @@ def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     monkeypatch.setattr(gallery, "opengl_renderer", lambda: None)
     assert [*draw_model(tmp_path, model)] == ["weights.png"]
     assert capsys.readouterr().err.count("warning: point clouds are not drawn: OpenGL does not work") == 1
-    monkeypatch.setattr(gallery, "write_weight_histogram", lambda *_, **__: 1 / 0)
+    monkeypatch.setattr(gallery, "draw_weights", lambda *_, **__: 1 / 0)
     assert draw_model(tmp_path, model, viewer=False) == {}
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
 
@@ -68,8 +68,8 @@ def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: P
     for folder, names, value in (("truth", "abcd", 0.0), ("gspure", "bcde", 0.1)):
         for name in names:
             write_image(tmp_path / folder / f"{name}.png", np.full((8, 10, 3), value, np.float32))
-    caption = draw_before_after(tmp_path / "panels.png", {name: tmp_path / name for name in ("truth", "gspure")}, 2)
-    assert caption.startswith("2 of 3 views, with their PSNR against truth")
+    caption = draw_before_after(tmp_path / "panels.png", {name: tmp_path / name for name in ("truth", "gspure")})
+    assert caption.startswith("3 of 3 views, with their PSNR against truth")
     assert (tmp_path / "panels.png").read_bytes()[:4] == b"\x89PNG"
 
 

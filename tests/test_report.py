@@ -86,7 +86,7 @@ def test_means_over_scenes_follow_from_the_results(run: Path) -> None:
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
     for name in (NAME, "sis/vault"):
         drawn = {path.name for path in (run / name / "figures").glob("*.*")}
-        assert drawn == {"outcomes.png", "outcomes.svg", "attacks.png", "scene.png", "message.png"}
+        assert drawn == {"attacks.png"}
     assert {path.name for path in (run / "figures" / "sis-shared-both").iterdir()} == {
         *(f"{name}.{suffix}" for name in ("tradeoff", "sweep") for suffix in ("png", "svg"))
     }

@@ -1,4 +1,4 @@
-"""Charts: the weights with their thresholds, the PSNR of all variants, and PSNR against the pruning factors."""
+"""Charts: the weights with their thresholds, and PSNR against the pruning factors."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gspure.evaluation.intervals import Interval
-from gspure.evaluation.matched import reached_names
 from gspure.evaluation.names import extraction_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, is_picture
 from gspure.evaluation.summary import summarize
 from gspure.figures import style
 from gspure.figures.clouds import Purified
-from gspure.files import Float64
 from gspure.method.pruning import mean_weight
-from gspure.progress import UNKNOWN, decimal, percent, signed
+from gspure.progress import percent
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -32,21 +30,24 @@ _FACTORS: Final = (r"noise pruning factor $\tau_n$", r"cluster pruning factor $\
 _TAIL: Final = 5e-4  # share of the weights below the axis, which are drawn in its lowest bin
 
 
-def write_weight_histogram(path: Path, model: Purified, *, vector: bool = True) -> None:
-    """Write a histogram of the weights, with a separate bar for zero and thresholds at mean / tau.
+def draw_weights(path: Path, model: Purified) -> str:
+    """Draw a histogram of the weights as PNG and SVG, and return the caption.
 
-    It is a PNG and, with `vector`, also an SVG. The share of the pruned rows in every bar is coloured.
+    It has a separate bar for zero and lines at the thresholds. The share of the pruned rows in every bar is coloured.
     """
     weights, zero = model.weights, model.weights == 0
     decades = np.log10(weights, where=~zero, out=np.zeros(len(weights)))
-    low, high = _range(decades[~zero])
+    low, high = -3.0, 0.0
+    if not zero.all():
+        high = float(decades.max(where=~zero, initial=-np.inf)) + 0.05
+        low = max(float(np.quantile(decades[~zero], _TAIL)) - 0.05, high - _DECADES)
     edges, step = np.linspace(low, high, _BINS + 1, retstep=True)
     powers = np.arange(np.ceil(low), high)[:: 1 + int(high - low > 6)]
     ticks = {float(power): f"$10^{{{int(power)}}}$" for power in powers}
     if zero.any():
         ticks[low - 3 * step] = "0"
 
-    with style.page(path, style.COLUMN, 2.0, vector=vector) as figure:
+    with style.page(path, style.COLUMN, 2.0, vector=True) as figure:
         axes = figure.add_subplot()
         keys: list[Artist] = []
         below, below_zero = np.zeros(_BINS), 0.0
@@ -66,14 +67,11 @@ def write_weight_histogram(path: Path, model: Purified, *, vector: bool = True) 
         axes.set_ylabel(f"{model.rows} (%)")
         for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():
             text.set_parse_math(True)
-
-
-def _range(decades: Float64) -> tuple[float, float]:
-    """Return the lowest and highest decade of the axis, without a share of `_TAIL` of the smallest weights."""
-    if not len(decades):
-        return -3.0, 0.0
-    high = float(decades.max()) + 0.05
-    return max(float(np.quantile(decades, _TAIL)) - 0.05, high - _DECADES), high
+    return (
+        f"Histogram of the weights ω, with mean ω̄. {percent(float(zero.mean()))} are 0: these {model.rows} contribute "
+        f"to no pixel. GSPure prunes clusters if their mean weight is below ω̄/{model.tau_c:g}, and {model.rows} in no "
+        f"cluster if their weight is below ω̄/{model.tau_n:g}."
+    )
 
 
 def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> list[Artist]:
@@ -86,47 +84,6 @@ def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> lis
         marks.append((r"$\bar\omega/\tau_n$", mean / tau_n, ":"))
     look: dict[str, Any] = {"color": style.INK, "linewidth": 0.8}
     return [axes.axvline(float(np.log10(value)), linestyle=dash, label=label, **look) for label, value, dash in marks]
-
-
-def draw_outcomes(path: Path, outcomes: Sequence[Outcome]) -> str:
-    """Draw scene and message PSNR of every variant of one model as bars, as PNG and SVG, and return the caption.
-
-    Beside them is the Score or, of a model without a message, the share of the rows that the attack removed.
-    """
-    shown = [o for o in outcomes if o.targets.keys() & {SCENE, MESSAGE}]
-    targets = [t for t in (SCENE, MESSAGE) if any(t in o.targets for o in shown)]
-    thickness = 0.72 / len(targets) if targets else 0
-    rows, names = np.arange(len(shown)), reached_names(shown)
-    if MESSAGE in targets:
-        title, note, beside = "Score", "its Score, dB", [signed(o.score).strip(UNKNOWN) for o in shown]
-    else:
-        title, note = "rows removed", "the share of the rows that it removed"
-        beside = [percent(o.pruned_share).strip(UNKNOWN) for o in shown]
-    truth = all(o.against_truth for o in shown)
-    with style.page(path, style.COLUMN, 0.6 + 0.27 * len(shown), vector=True) as figure:
-        axes = figure.add_subplot()
-        for i, target in enumerate(targets):
-            values = np.array([o.targets[target].psnr if target in o.targets else np.nan for o in shown])
-            widths, y = np.where(np.isfinite(values), values, 0), rows + (i - (len(targets) - 1) / 2) * thickness
-            bars = axes.barh(y, widths, thickness, label=target, color=_COLOURS[target])
-            axes.bar_label(bars, [_decibels(value) for value in values], padding=1.5, fontsize=5.5)
-        place: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "textcoords": "offset points"}
-        for row, text in [(-0.9, title * any(beside)), *enumerate(beside)]:
-            axes.annotate(text, (1, row), (30, 0), va="center", ha="right", **place)
-        axes.set_yticks(rows, [names[o.variant] for o in shown])
-        axes.tick_params(axis="y", length=0)
-        axes.spines["left"].set_visible(False)
-        axes.set_ylim(len(shown) - 0.4, -0.6)
-        axes.set_xlim(0, axes.get_xlim()[1] * 1.08)
-        axes.set_xlabel("PSNR (dB)" if truth else "PSNR against renders before the attack (dB)", x=1, ha="right")
-        if len(targets) > 1:
-            figure.legend(loc="outside upper center", ncols=2)
-    against = "photographs" if truth else "renders of the unattacked model"
-    return f"PSNR of every variant against {against}{f', and {note}' * any(beside)}; mean over the views."
-
-
-def _decibels(value: float) -> str:
-    return "" if np.isnan(value) else "identical" if value == np.inf else decimal(value, 1)
 
 
 Factors = tuple[float, float]

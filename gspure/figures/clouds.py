@@ -68,8 +68,16 @@ class Purified:
 
     @cached_property
     def ranks(self) -> Float64:
-        """The ranks [K] by which GSPure prunes."""
-        return ranks(self.labels, self.weights, self.tau_c, self.tau_n)
+        """The rank [K] of the weight that decides about each row, times its factor: GSPure prunes low ranks.
+
+        The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n`
+        outside. The rank is the share of rows with a lower product, from 0 to 1; equal ones share their mean rank.
+        """
+        factors = np.where(self.labels != NOISE_LABEL, self.tau_c, self.tau_n)
+        deciding = deciding_weights(self.labels, self.weights) * factors
+        _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
+        first = np.cumsum(count) - count
+        return np.asarray((first + (count - 1) / 2)[tie] / max(len(deciding) - 1, 1))
 
     @cached_property
     def colourings(self) -> dict[str, Colouring]:
@@ -81,18 +89,6 @@ class Purified:
             "pruned": by_decision(self.pruned),
         }
         return colourings if self.hidden is None else {**colourings, "message": by_share(self.weights, self.hidden)}
-
-
-def ranks(labels: Int32, weights: Float32, tau_c: float = 1.0, tau_n: float = 1.0) -> Float64:
-    """Return the rank [K] of the weight that decides about each Gaussian, times its factor: GSPure prunes low ranks.
-
-    The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n` outside.
-    The rank is the share of Gaussians with a lower product, from 0 to 1; equal ones share their mean rank.
-    """
-    deciding = deciding_weights(labels, weights) * np.where(labels != NOISE_LABEL, tau_c, tau_n)
-    _, tie, count = np.unique(deciding, return_inverse=True, return_counts=True)
-    first = np.cumsum(count) - count
-    return np.asarray((first + (count - 1) / 2)[tie] / max(len(labels) - 1, 1))
 
 
 def by_harmonics(sh_dc: Float32) -> Colouring:

@@ -10,13 +10,13 @@ from numpy.lib.recfunctions import repack_fields
 
 from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
-from gspure.figures.charts import write_weight_histogram
+from gspure.figures.charts import draw_weights
 from gspure.figures.clouds import Colouring, Purified
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import choose, fitted, world_axes
-from gspure.files import Bools, Float32, Int32, UInt8, filling, write_json
+from gspure.files import Float32, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
@@ -43,21 +43,16 @@ Draw = Callable[[Path], str]
 
 
 def draw_model(
-    folder: Path,
-    model: Purified,
-    cameras: Sequence[Camera] = (),
-    device: Device | None = None,
-    *,
-    viewer: bool = True,
+    folder: Path, model: Purified, cameras: Sequence[Camera] = (), device: Device | None = None, *, viewer: bool = True
 ) -> dict[str, str]:
     """Draw all figures of a model, and return the caption of each by the name of its file.
 
     These are ``splats``, if the model has colours and views; ``weights``; and the clouds ``clusters``, ``ranks`` and
     ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their captions stand in
-    `CAPTIONS`. For a report, there are also the data of its 3-D `viewer` in ``viewer.json``, and ``weights.svg``. What
-    cannot be drawn is left out with a warning.
+    `CAPTIONS`, and the data of a report's 3-D `viewer` in ``viewer.json``. What cannot be drawn is left out with a
+    warning.
     """
-    drawings: dict[str, Draw] = {"weights": partial(_draw_weights, model, vector=viewer)}
+    drawings: dict[str, Draw] = {"weights": partial(draw_weights, model=model)}
     if cameras and model.public.visible:
         drawings = {"splats": partial(_draw_splats, model, cameras, device), **drawings}
     if opengl_renderer():
@@ -103,16 +98,13 @@ def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -
             row.insert(0, as_bytes(model.public.scene(device, _WHITE)(camera)))
             keys.insert(0, Colouring(np.empty((0, 3), np.uint8)))
         write_plate(path, row, keys, _PLATE[-len(row) :])
-        removed = (percent(_share(values, model.pruned)) for values in (hidden, model.weights))
+        weights = [values.astype(np.float64) for values in (hidden, model.weights)]
+        removed = (percent(float(w[~kept].sum() / (w.sum() or 1))) for w in weights)
         pruning = "Pruning removes {} of the weight in the message and {} of that in the scene.".format(*removed)
         return f"{shown['hidden'][1]} {_RANKS} {pruning}"
 
     drawings: dict[str, Draw] = {name: partial(draw_cloud, *facts) for name, facts in shown.items()}
     return drawings if model.hidden is None else {**drawings, "purification": partial(draw_purification, model.hidden)}
-
-
-def _share(values: Float32, rows: Bools) -> float:
-    return float(values[rows].sum(dtype=np.float64)) / (float(values.sum(dtype=np.float64)) or 1)
 
 
 def _captions(model: Purified) -> dict[str, tuple[str, str]]:
@@ -132,15 +124,6 @@ def _captions(model: Purified) -> dict[str, tuple[str, str]]:
         shared = " Both are equal everywhere: message and scene share all rows."
         captions["hidden"] = ("message", of_message + shared * np.allclose(model.hidden, model.weights))
     return captions
-
-
-def _draw_weights(model: Purified, path: Path, *, vector: bool) -> str:
-    write_weight_histogram(path, model, vector=vector)
-    return (
-        f"Histogram of the weights ω, with mean ω̄. {percent(float(np.mean(model.weights == 0)))} are 0: these "
-        f"{model.rows} contribute to no pixel. GSPure prunes clusters if their mean weight is below ω̄/{model.tau_c:g}, "
-        f"and {model.rows} in no cluster if their weight is below ω̄/{model.tau_n:g}."
-    )
 
 
 def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | None, path: Path) -> str:

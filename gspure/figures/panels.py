@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.evaluation.matched import reached_damage, reached_name
+from gspure.evaluation.matched import Sweeps, reached_damage, reached_name
 from gspure.evaluation.metrics import METRICS, psnr
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
@@ -19,8 +19,6 @@ from gspure.figures import style
 from gspure.files import Float32, UInt8
 from gspure.images import read_image
 from gspure.progress import decimal
-
-Image = Float32
 
 _COLUMNS: Final = 6  # at most in a block, so that their titles are legible on a page
 _GAIN: Final = 5  # factor of the displayed differences
@@ -30,16 +28,13 @@ _LABEL: Final = 0.15  # height of a tile's label
 _NAMES: Final = 0.16  # breadth of the rows' names
 _PADDING: Final = 0.04  # beside each tile
 _GAP: Final = 0.15  # between blocks
-_WORDS: Final = 30  # letters in a line of a reason
-_LINES: Final = 6  # and its lines
 
 
 class Tile(NamedTuple):
-    """An image [H,W,3] with a label below, and small print in place of its contents."""
+    """An image [H,W,3] with a label below."""
 
-    image: Image
+    image: Float32
     label: str = ""
-    text: str = ""
 
 
 def write_tiles(path: Path, titles: Sequence[str], rows: Sequence[Sequence[Tile]], names: Sequence[str] = ()) -> None:
@@ -68,24 +63,22 @@ def write_tiles(path: Path, titles: Sequence[str], rows: Sequence[Sequence[Tile]
                     axes.set_yticks([])
                     axes.spines[:].set_visible(False)
                     axes.set_xlabel(tile.label, labelpad=2)
-                    place = {"transform": axes.transAxes, "ha": "center", "va": "center"}
-                    axes.text(0.5, 0.5, tile.text, fontsize=4.5, color=style.INK, **place)
             for row, name in zip(grid, names, strict=False):
                 row[0].set_ylabel(name, labelpad=2)
 
 
-def as_bytes(image: Image) -> UInt8:
+def as_bytes(image: Float32) -> UInt8:
     """Return an image as uint8."""
     return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
-def draw_before_after(path: Path, folders: Mapping[str, Path], rows: int = 3) -> str:
-    """Draw some views of folders of ``VIEW.png`` by title as a PNG, and return the caption.
+def draw_before_after(path: Path, folders: Mapping[str, Path]) -> str:
+    """Draw three views of folders of ``VIEW.png`` by title as a PNG, and return the caption.
 
     The first folder is the reference of the PSNR. A last column shows the difference between the last and the first.
     """
     views = _common_views(folders.values())
-    chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, rows).round().astype(int))]
+    chosen = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, 3).round().astype(int))]
     tiles = []
     for view in chosen:
         reference, *others = (read_image(folder / f"{view}.png") for folder in folders.values())
@@ -108,14 +101,7 @@ def _common_views(folders: Iterable[Path]) -> list[str]:
     return views
 
 
-class Attacks(NamedTuple):
-    """The figure of all attacks: its caption, and the view that it shows of every target."""
-
-    caption: str
-    views: dict[str, str]
-
-
-def chosen(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> list[Outcome]:
+def chosen(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Outcome]:
     """Return one variant of each attack, in the order of `outcomes`.
 
     Of the variants of one attack at several strengths (`sweeps`), it is the one with the highest Score, or the first
@@ -125,26 +111,19 @@ def chosen(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> 
     passed = set()
     for names in sweeps.values():
         known = [by_name[name] for name in names if name in by_name]
-        if known:
-            passed |= {outcome.variant for outcome in known} - {max(known, key=_merit).variant}
-    return [outcome for outcome in outcomes if outcome.variant not in passed and not outcome.is_control]
-
-
-def _merit(outcome: Outcome) -> tuple[bool, float]:
-    return outcome.variant == GSPURE, outcome.score if isfinite(outcome.score) else -np.inf
+        known.sort(key=lambda o: (o.variant == GSPURE, o.score if isfinite(o.score) else -np.inf), reverse=True)
+        passed |= {o.variant for o in known[1:]}
+    return [o for o in outcomes if o.variant not in passed and not o.is_control]
 
 
 def draw_attacks(
-    path: Path,
-    folder: Path,
-    outcomes: Sequence[Outcome],
-    sweeps: Mapping[str, Sequence[str]],
-    photographs: Path | None = None,
-) -> Attacks | None:
-    """Draw one view of scene and message after every attack; None if the unattacked model has no renders.
+    path: Path, folder: Path, outcomes: Sequence[Outcome], sweeps: Sweeps, photographs: Path | None = None
+) -> tuple[str, dict[str, str]] | None:
+    """Draw one view of scene and message after every attack, and return the caption and the view of each target.
 
-    `outcomes` are those of one model, whose renders lie in ``folder/VARIANT/renders/TARGET``. The reference are the
-    `photographs` or, without these, the renders of the unattacked model.
+    None if the unattacked model has no renders. `outcomes` are those of one model, whose renders lie in
+    ``folder/VARIANT/renders/TARGET``. The reference are the `photographs` or, without these, the renders of the
+    unattacked model.
     """
     targets = ordered({target for o in outcomes for target in o.targets if not o.is_control})
     unattacked = next((o for o in outcomes if o.variant == UNATTACKED), None)
@@ -175,7 +154,7 @@ def draw_attacks(
         caption += " † The attack changed nothing that this extraction reads."
     if len(shown) < len(folders):
         caption += " Attacks with several strengths are shown at the one with the highest Score, GSPure at its default."
-    return Attacks(caption, views)
+    return caption, views
 
 
 def _typical(reference: Path, renders: Path, target: str) -> tuple[str, int]:
@@ -191,11 +170,10 @@ def _target_folder(folder: Path, target: str) -> Path:
     return next((p for p in (folder / target, folder / target.partition("_")[0]) if p.is_dir()), folder / target)
 
 
-def _tile(o: Outcome, target: str, file: Path, reference: Image) -> Tile:
-    """Return the view of a target after an attack with its PSNR, or the reason why there is none."""
+def _tile(o: Outcome, target: str, file: Path, reference: Float32) -> Tile:
+    """Return the view of a target after an attack with its PSNR."""
     if target not in o.targets:
-        reason = fill(o.failure, _WORDS, max_lines=_LINES, placeholder=" …")
-        return Tile(np.full_like(reference, 0.94), "failed", reason)
+        return Tile(np.full_like(reference, 0.94), "failed")
     image = read_image(file)
     missed = " †" * (o.variant != UNATTACKED and o.reaches(target) is False)
     return Tile(image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{missed}")

@@ -14,9 +14,9 @@ from gspure.evaluation.names import GSPURE, model_name
 from gspure.evaluation.outcomes import Condition, Outcome, by_model
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
-from gspure.figures.charts import draw_factors, draw_outcomes
+from gspure.figures.charts import draw_factors
 from gspure.figures.gallery import CAPTIONS
-from gspure.figures.panels import Attacks, chosen, draw_attacks, draw_before_after
+from gspure.figures.panels import chosen, draw_attacks
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
 from gspure.progress import track, warn
@@ -94,23 +94,15 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
 def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, audit: Audit) -> Model:
     """Draw the figures of a model, and return it as the page shows it."""
     folder, settings = results / key[0] / key[1], plan.models["/".join(key)]
-    figures, drawn = folder / "figures", folder / "figures" / "model"
-    captions = {figures / "outcomes.png": _drawn(draw_outcomes, figures / "outcomes.png", variants)}
-    path = figures / "attacks.png"
-    attacks: Attacks | None = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
-    captions[path] = attacks and attacks.caption
-    for target in settings.targets:
-        columns = _columns(folder, target, settings.photographs)
-        if len(columns) > 1:
-            captions[figures / f"{target}.png"] = _drawn(draw_before_after, figures / f"{target}.png", columns)
-    captions |= {drawn / name: caption for name, caption in _parts(drawn / CAPTIONS).items()}
+    path, drawn = folder / "figures" / "attacks.png", folder / "figures" / "model"
+    attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
+    caption, views = attacks or ("", {})
+    captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
     pictures = {path.stem: picture(path, text, results) for path, text in captions.items() if text}
     attack = audit.strongest.variant if audit.strongest else GSPURE
     compared = [*(o.variant for o in chosen(variants, plan.sweeps) if o.targets), attack]
-    views = attacks.views if attacks else {}
     images, viewer = renders(folder, compared, views), _parts(drawn / "viewer.json")
-    replaced = {"attacks", *settings.targets} if images else set()
-    replaced |= {*_CLOUDS} if viewer else set()
+    replaced = {*["attacks"] * bool(images), *_CLOUDS * bool(viewer)}
     return Model(
         *key,
         outcomes=variants,
@@ -130,13 +122,6 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
 def _parts(file: Path) -> dict[str, Any]:
     """Return the entries of a JSON file; none if it does not exist."""
     return dict(read_json(file)) if file.is_file() else {}
-
-
-def _columns(folder: Path, target: str, photographs: Path | None) -> dict[str, Path]:
-    """Return the folders of images of a target by title: photographs, before GSPure, and after it."""
-    truth = {"truth": photographs / target.partition("_")[0]} if photographs else {}
-    renders = {name: folder / name / "renders" / target for name in ("unattacked", GSPURE)}
-    return truth | {name: path for name, path in renders.items() if path.is_dir()}
 
 
 def _condition_pictures(
