@@ -17,7 +17,8 @@ def corrupt(tmp_path):
     """A file of 6 Gaussians: rows 1 and 4 hold no numbers, row 2 no rotation, row 5 stands where row 3 does."""
     table = blobs(6).table
     table["x"][[1, 4]] = np.nan
-    table["opacity"][4] = np.inf
+    table["opacity"][4] = np.nan
+    table["opacity"][5:7], table["scale_0"][7] = (-np.inf, np.inf), -np.inf  # opacities of 0 and 1, a size of 0
     for i in range(4):
         table[f"rot_{i}"][2] = 0
     for name in "xyz":

@@ -148,7 +148,7 @@ BUDGETS = {
     "evaluation": (2400, 16),
     "figures": (1303, 10),
     "method": (1115, 10),
-    "model": (1873, 15),
+    "model": (1779, 15),
     "opencl": (2330, 20),
     "report": (1769, 14),
     "scenes": (950, 8),

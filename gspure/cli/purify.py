@@ -24,7 +24,7 @@ from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
-from gspure.model.summary import suspicious_lines, suspicious_rows, to_json
+from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
@@ -107,7 +107,7 @@ def run(args: Arguments) -> None:
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
         rows = _compare(folder, models, test, device) if public.visible else []
-        suspicions = {"suspicious": to_json(suspects)}
+        suspicions = {"suspicious": {reason: rows.tolist() for reason, rows in suspects.items()}}
         diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
         write_json(folder / "diagnosis.json", diagnosis)
         options.record_command(args, folder)

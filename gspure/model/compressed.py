@@ -49,7 +49,9 @@ def read_splat(path: Path) -> Gaussians:
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
             raise ValueError("rotations that are no unit quaternions")
         rgba = rows["rgba"]
-        return from_bytes(rows["mean"], quats, _log(rows["scale"]), rgba[:, 3], _colour_coeffs(rgba[:, :3] / 255))
+        least = np.finfo(np.float32).tiny  # for scales of 0; those below have no logarithm
+        scales = np.where(rows["scale"] < 0, np.float32(np.nan), np.maximum(rows["scale"], least))
+        return from_bytes(rows["mean"], quats, np.log(scales), rgba[:, 3], (rgba[:, :3] / 255 - 0.5) / SH_DC)
 
 
 def is_packed(header: Header) -> bool:
@@ -73,7 +75,7 @@ def read_packed(path: Path, file: Header) -> Gaussians:
             smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
             _placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
             (packed["packed_color"] & 255).astype(np.uint8),
-            _colour_coeffs(colours),
+            (colours - 0.5) / SH_DC,
             _harmonics(tables["sh"]) if "sh" in tables else None,
         )
         return Gaussians(model.table, file.comments)
@@ -88,11 +90,6 @@ def require_room(path: Path, size: int, rows: int, coefficients: int = 0) -> Non
         raise InputError(path, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
 
 
-def _colour_coeffs(colours: NDArray[Any]) -> Float32:
-    """Return the zeroth coefficients of colours, 0 to 1."""
-    return np.asarray((colours - 0.5) / SH_DC, np.float32)
-
-
 def from_bytes(
     means: Any, quats: Any, log_scales: Any, opacities: UInt8, colours: Any, harmonics: Float32 | None = None
 ) -> Gaussians:
@@ -105,12 +102,6 @@ def from_bytes(
         opacity_logits=logit(opacities / 255, LEAST_OPACITY),
         sh_coeffs=colours if harmonics is None else np.concatenate([colours, harmonics], 1),
     )
-
-
-def _log(scales: NDArray[Any]) -> Float32:
-    """Return the logarithms of scales: of the least normal float32 if they are 0, not-a-number if negative."""
-    least = np.finfo(np.float32).tiny
-    return np.log(np.where(scales < 0, np.nan, np.maximum(scales.astype(np.float32), least)), dtype=np.float32)
 
 
 def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:

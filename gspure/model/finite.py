@@ -23,14 +23,15 @@ _LISTED: Final = 10
 
 
 def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices]:
-    """Return the rows with an infinity or a not-a-number, for each of the named columns that has any."""
+    """Return the rows with a not-a-number or an infinity without a meaning, for each of the named columns with any."""
     parts_by_name: dict[str, list[Indices]] = {name: [] for name in names}
     for rows, block in model.blocks():
         for name, parts in parts_by_name.items():
-            finite = np.isfinite(block[name])
-            if not finite.all():
+            if not (finite := np.isfinite(block[name])).all():
+                finite |= np.isin(block[name], _MEANINGFUL.get(name, ()))
                 parts.append(rows.start + np.flatnonzero(~finite))
-    return {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
+    rows_by_name = {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
+    return {name: rows for name, rows in rows_by_name.items() if len(rows)}
 
 
 def undrawable_rows(model: Gaussians) -> Indices:
@@ -69,7 +70,7 @@ def require_finite(model: Gaussians, source: str | Path) -> None:
 
     Raise `InputError` with the first property that is not, its number of such rows, and the first of them (from 0).
     """
-    for name, rows in _meaningless(model).items():
+    for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
         _refuse(model, source, name, rows)
 
 
@@ -93,18 +94,9 @@ def _drawn_columns(model: Gaussians) -> list[str]:
     return [*CORE, *(name for name in (*colours, FILTER) if name in model.names)]
 
 
-def _meaningless(model: Gaussians) -> dict[str, Indices]:
-    """Return the rows with not-a-numbers, or infinities without a meaning, for each column with any."""
-    by_name = non_finite_rows(model, _drawn_columns(model))
-    meaningless = {
-        name: rows[~np.isin(model.table[name][rows], _MEANINGFUL.get(name, ()))] for name, rows in by_name.items()
-    }
-    return {name: rows for name, rows in meaningless.items() if len(rows)}
-
-
 def _undrawable(model: Gaussians) -> dict[str, Indices]:
     """Return the rows that cannot be drawn, for each column that prevents it."""
-    undrawable = _meaningless(model)
+    undrawable = non_finite_rows(model, _drawn_columns(model))
     for name in SCALES:
         column = model.columns(name)[:, 0]
         if len(rows := np.flatnonzero(~(column <= _LARGEST_LOG_SCALE))):

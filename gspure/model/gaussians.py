@@ -20,28 +20,16 @@ Table = NDArray[np.void]
 Values = NDArray[Any]
 
 SCALES = ("scale_0", "scale_1", "scale_2")
-
-CORE = ("x", "y", "z", "opacity", *SCALES, "rot_0", "rot_1", "rot_2", "rot_3")
-"""Columns of every model."""
-
-COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")
-"""Columns of the zeroth spherical harmonic, absent from models whose colours come from a network."""
-
-NORMALS = ("nx", "ny", "nz")
-"""Columns that trainers write, with zeros, and nobody uses."""
-
+CORE = ("x", "y", "z", "opacity", *SCALES, "rot_0", "rot_1", "rot_2", "rot_3")  # of every model
+COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")  # the zeroth spherical harmonic; not where a network computes colours
+NORMALS = ("nx", "ny", "nz")  # zeros that trainers write and nobody uses
 COEFFICIENTS = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
-
 _COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
 
-_BACKGROUND = re.compile("gspure background" + 3 * r" (0\.\d+|1\.0+)")
-"""The comment that names the colour behind a model."""
-
+_BACKGROUND = re.compile("gspure background" + 3 * r" (0\.\d+|1\.0+)")  # comment on the colour behind a model
 RENDER_MODE = "SplatRenderMode: "
-_RENDER_MODE = re.compile(
-    r"splatrendermode:? *(default|mip|2dgs)|(postshot\.anti_aliasing=|antialiased )[01]", re.IGNORECASE
-)
-"""Comments of Brush, Postshot and PlayCanvas that name how a model is to be rendered."""
+_RENDER_MODE = re.compile(r"splatrendermode:? *(default|mip|2dgs)|(postshot\.anti_aliasing=|antialiased )[01]")
+"""Comments of Brush, Postshot and PlayCanvas that name how a model is to be rendered, in lower case."""
 
 _BLOCK_ROWS = 4096
 
@@ -202,8 +190,8 @@ class Gaussians(Described):
     @property
     def render_mode(self) -> str:
         """The render mode that comments name: mip (antialiased), 2dgs, or none; the last comment applies."""
-        named = [comment.strip().lower() for comment in self.comments if _RENDER_MODE.fullmatch(comment.strip())]
-        last = named[-1] if named else ""
+        named = (comment.strip().lower() for comment in reversed(self.comments))
+        last = next(filter(_RENDER_MODE.fullmatch, named), "")
         return "2dgs" if last.endswith("2dgs") else "mip" if last.endswith(("mip", "1")) else ""
 
     def with_background(self, background: Sequence[float]) -> Gaussians:
@@ -213,21 +201,18 @@ class Gaussians(Described):
         return self.with_comment("gspure background " + " ".join(f"{channel:.4f}" for channel in background))
 
     @staticmethod
-    def from_parameters(
-        *, means: Values, quats: Values, scales: Values, opacities: Values, sh_coeffs: Values
-    ) -> Gaussians:
-        """Build a vanilla table from activated parameters [K,...] (the shapes and units of the properties above).
-
-        `scales` are above 0, `opacities` between 0 and 1; `sh_coeffs` [K,S,3] have 1, 4, 9 or 16 bands S.
-        """
-        stored = {"log_scales": np.log(np.asarray(scales)), "opacity_logits": logit(opacities)}
-        return Gaussians.from_stored(means=means, quats=quats, sh_coeffs=sh_coeffs, **stored)
+    def from_parameters(*, scales: Values, opacities: Values, **parameters: Values) -> Gaussians:
+        """Build a vanilla table like `from_stored`, but from scales above 0 and opacities between 0 and 1."""
+        return Gaussians.from_stored(log_scales=np.log(scales), opacity_logits=logit(opacities), **parameters)
 
     @staticmethod
     def from_stored(
         *, means: Values, quats: Values, log_scales: Values, opacity_logits: Values, sh_coeffs: Values
     ) -> Gaussians:
-        """Build a vanilla table like `from_parameters`, but from raw scales and opacities."""
+        """Build a vanilla table from parameters [K,...] of the shapes and units of the properties above.
+
+        `sh_coeffs` [K,S,3] have 1, 4, 9 or 16 bands S.
+        """
         columns: dict[str, Values] = dict(zip("xyz", np.asarray(means).T, strict=True))
         columns |= {name: np.zeros(len(means)) for name in NORMALS}
         columns |= _colour_columns(np.asarray(sh_coeffs))

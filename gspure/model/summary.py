@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.files import Float32, Float64, Indices
 from gspure.model.filtered import FILTER, filtered
@@ -20,7 +21,7 @@ FAR: Final = 1e3  # largest distance of a centre from the median centre, as a mu
 PILE: Final = 10  # least number of rows with the same centre that are a pile
 BULK: Final = (0.05, 0.95)  # the extent is the diagonal of the box between these quantiles of the centres
 
-REASONS: Final = {
+REASONS: Final = {  # why rows are suspicious
     "undrawable": "infinity or not-a-number, or a scale that overflows; not drawn",
     "needle": f"longest axis more than {NEEDLE_ASPECT:,.0f} times the second longest",
     "oversized": "scale larger than the extent of the scene",
@@ -28,16 +29,13 @@ REASONS: Final = {
     "duplicate": "exact copy of an earlier row",
     "pile": f"{PILE} or more rows with the same centre",
 }
-"""Why rows are suspicious."""
 
-
-_KINDS: Final = {
+_KINDS: Final = {  # by the first of these columns that is present
     "f_anchor_feat_0": "Scaffold-GS or SecureGS (rows are anchors)",
     "semantic_0": "GS-Hider",
     FILTER: "GOF or Mip-Splatting (3-D filter)",
     "f_dc_0": "vanilla 3DGS (Splats in Splats looks the same)",
 }
-"""Kinds of models by their characteristic column; the first one that is present applies."""
 _NEAR_ZERO: Final = 1 / 7  # of the median scale, or of 1, is above the smallest scale, if these are linear; ours
 _LARGE: Final = 1 / 10  # of the extent is below the median Gaussian, if scales are linear; ours
 _COARSE: Final = (1 / 20, 1 / 5000)  # largest step of coordinates: of the median Gaussian, and of the extent; ours
@@ -50,7 +48,7 @@ class Summary:
     kind: str
     further_columns: tuple[str, ...]  # that vanilla models do not have
     quantiles: dict[str, tuple[float, ...]]  # of finite values at `LEVELS`, world units; empty without one
-    non_finite_rows: int  # with an infinity or a not-a-number in any column
+    non_finite_rows: int  # with a not-a-number, or an infinity without a meaning, in any column
     non_finite_columns: dict[str, tuple[int, int]]  # the number of such rows, and the first of them
     zero_quaternion_rows: int
     repeated_position_rows: int  # with exactly the centre of an earlier row
@@ -67,9 +65,7 @@ def summarize(model: Gaussians) -> Summary:
         "largest_scale": model.scales.max(axis=1),
         "smallest_scale": model.scales.min(axis=1),
     }
-    finite = model.means[np.isfinite(model.means).all(axis=1)] + np.float32(
-        0
-    )  # -0 becomes 0: equal numbers, equal bits
+    finite = model.means[np.isfinite(model.means).all(axis=1)]
     return Summary(
         kind=kind(model),
         further_columns=tuple(name for name in model.names if name not in vanilla),
@@ -77,7 +73,7 @@ def summarize(model: Gaussians) -> Summary:
         non_finite_rows=len(set().union(*(rows.tolist() for rows in non_finite.values()))),
         non_finite_columns={name: (len(rows), int(rows[0])) for name, rows in non_finite.items()},
         zero_quaternion_rows=int(np.count_nonzero(~model.quats.any(axis=1))),
-        repeated_position_rows=len(finite) - len(np.unique(finite.view("V12"))),
+        repeated_position_rows=len(finite) - len(np.unique(_bits(finite))),
         suspicious=suspicious_rows(model),
     )
 
@@ -104,7 +100,8 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     means = model.means[rows].astype(np.float64)
     scales = np.sort(filtered(model).scales[rows].astype(np.float64), axis=1)
     extent, distances = extent_and_distances(means)
-    sharing = _sharing(model.means[rows])
+    _, place, sizes = np.unique(_bits(model.means[rows]), return_inverse=True, return_counts=True)
+    sharing = sizes[place]
     by_reason = {
         "undrawable": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
@@ -128,19 +125,9 @@ def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]
     return [f"suspicious rows   {count:,} of {total:,}", *lines]
 
 
-def to_json(suspicious: Mapping[str, Indices]) -> dict[str, list[int]]:
-    """Return all suspicious rows by reason, as plain numbers."""
-    return {reason: rows.tolist() for reason, rows in suspicious.items()}
-
-
-def _sharing(means: Float32) -> Indices:
-    """Return, for finite centres [K,3], the number of rows [K] with the same centre."""
-    order = np.lexsort(means.T)
-    ordered, sharing = means[order], np.empty(len(means), np.intp)
-    starts = np.flatnonzero(np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1)))[: len(means)]
-    sizes = np.diff(np.append(starts, len(means)))
-    sharing[order] = np.repeat(sizes, sizes)
-    return sharing
+def _bits(means: Float32) -> NDArray[np.void]:
+    """Return finite centres [K,3] as one value each [K], equal where they are."""
+    return (means + np.float32(0)).view("V12").ravel()  # -0 becomes 0
 
 
 def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tuple[float, Float64]:

@@ -11,7 +11,7 @@ from gspure.method.diagnosis import diagnose
 from gspure.method.pruning import prune_mask
 from gspure.method.tree import coincident_points, read_tree
 from gspure.model import read_model
-from gspure.model.summary import suspicious_rows, to_json
+from gspure.model.summary import suspicious_rows
 from gspure.workflow.step import run
 
 
@@ -23,7 +23,8 @@ def decide(model: Path, tree: Path, weights: Path, clusters: Path, mask: Path, d
     omega = load_array(weights, dtype=np.float32, shape=(len(found.labels),), least=0)
     save_array(mask, prune_mask(found.labels, omega, **factors))
     diagnosed = diagnose(found.labels, omega, **factors, coincident=found.coincident, quantity=weights.stem)
-    write_json(diagnosis, diagnosed.to_json() | {"suspicious": to_json(suspicious_rows(read_model(model)))})
+    suspicious = {reason: rows.tolist() for reason, rows in suspicious_rows(read_model(model)).items()}
+    write_json(diagnosis, diagnosed.to_json() | {"suspicious": suspicious})
     inputs = {"model": model, "tree": tree, "weights": weights}
     write_provenance(mask.parent, "decision", inputs=inputs, settings=how | factors)
 
