@@ -6,6 +6,7 @@ import html
 import os
 import posixpath
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,16 @@ def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
         yield from _settings(schema["additionalProperties"], f"{prefix}NAME.")
 
 
+def leaderboard_page() -> str:
+    """Return the leaderboard, of the committed results."""
+    sys.path.insert(0, str(ROOT / "setup"))
+    import leaderboard
+
+    return leaderboard.leaderboard_page()
+
+
 REFERENCE = {
+    "leaderboard.md": leaderboard_page,
     "reference/python.md": python_page,
     "reference/commands.md": commands_page,
     "reference/settings.md": settings_page,

@@ -13,6 +13,8 @@ import yaml
 from gspure import constants
 from gspure.attacks import Measurements, attacks
 from gspure.attacks.registry import BUILT_IN
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.survival import Survival
 from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges
 from tests.models import blobs
 from tests.workflow_cases import settled
@@ -103,3 +105,14 @@ def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> Non
     assert rows
     assert {len(row) for row in rows} == {len(header)}
     assert f"`{table.stem.partition('-')[0]}`" in (DOCS / "tables" / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_leaderboard_shows_the_least_damage_at_which_each_message_is_lost(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "setup"))
+    leaderboard = importlib.import_module("leaderboard")
+    rows = read_table(DOCS / "results" / "six_pairs" / "survival.csv", Survival)
+    of_owner = [r for r in rows if r.condition == ("gs_hider", "own", "both") and r.extraction == "message"]
+    lost = min(row.scene_drop.mean for row in of_owner if not row.survived)
+    (row,) = re.findall(r"<tr><td>GS-Hider, own poses</td>.*?</tr>", leaderboard.leaderboard_page())
+    assert re.findall(r'data-sort="([^"]+)">', row)[0] == f"{lost:.3f}"
+    assert len(re.findall("<td", row)) == len(re.findall("<th>", leaderboard.table(rows)))

@@ -1,0 +1,105 @@
+"""The leaderboard of the documentation site: which attack removes which message, and at which damage to the scene.
+
+Written from every ``docs/results/RUN/survival.csv``, a copy of ``results/tables/survival.csv`` of a run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from html import escape
+from math import inf
+from pathlib import Path
+
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, wanted_damage
+from gspure.evaluation.survival import Survival
+
+RESULTS = Path(__file__).parents[1] / "docs" / "results"
+OTHERS = {"objects", "readings"}  # runs that vary GSPure and the scene, not the attack
+EQUAL = {
+    "gspure_equal": "gspure",
+    "gof_equal": "gof",
+    "random_equal": "random_pruning",
+    "noise_equal": "gaussian_noise",
+}
+BANDS = (0.3, 1.0, 2.0)  # damage in dB: at most 1 dB is broken, at most 2 dB weak
+
+PAGE = """\
+---
+hide: [toc]
+---
+
+# Leaderboard
+
+The damage to the scene, in dB of PSNR, at which a message is lost: after the attack, it is above its controls in no
+scene. A cell has the least such damage over all strengths of the attack that were tried; `>` means that the message
+survives all of them, up to this damage. In small print: how far the message is above its control level, in dB,
+after the attack at 1 dB of damage. The message is extracted as published, by an *adaptive* owner, or by an *oracle*
+([schemes](schemes.md)). Click on a title to sort. [Tables](tables/README.md) lists the commands; the models are
+small.
+
+{tables}
+
+## Add a scheme
+
+1. Register the scheme as a [plug-in](extending.md), or your decoder as a [detector](configuration.md#detectors).
+2. Copy `config/six_pairs.yaml` to `config/NAME.yaml`, and list your scheme under `schemes:`.
+3. Run `gspure audit config/NAME.yaml`.
+4. Copy `results/tables/survival.csv` to `docs/results/NAME/survival.csv`.
+5. Add a line to `docs/tables/README.md`: command, setting, CPU time.
+6. `make docs`, look at this page, and open a pull request.
+"""
+
+
+def leaderboard_page() -> str:
+    """Return the page as Markdown with tables in HTML."""
+    runs = {path.parent.name: read_table(path, Survival) for path in sorted(RESULTS.glob("*/survival.csv"))}
+    largest_first = sorted(runs.keys() - OTHERS, key=lambda name: -len(runs[name]))
+    return PAGE.format(tables="\n\n".join(f"## {name}\n\n{table(runs[name])}" for name in largest_first))
+
+
+def table(rows: Iterable[Survival]) -> str:
+    """Return the table of one run: a row for each condition and owner whose message is present before attacks."""
+    owners: dict[tuple[str, str], list[Survival]] = {}
+    for row in rows:
+        if row.present:
+            owners.setdefault((condition_name(*row.condition), extraction_name(row.extraction)), []).append(row)
+    attacks = dict.fromkeys(
+        base(row.variant) for found in owners.values() for row in found if row.variant != UNATTACKED
+    )
+    titles = ["scheme", "extraction", "least", *map(display_name, attacks)]
+    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+    body = "".join(f"<tr>{''.join(cells(*owner, found, attacks))}</tr>" for owner, found in owners.items())
+    return f'<table class="leaderboard"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
+
+
+def base(variant: str) -> str:
+    """Return the attack of a variant, without the damage that was searched for."""
+    name = variant.partition("@")[0]
+    return EQUAL.get(name, name)
+
+
+def cells(condition: str, extraction: str, rows: list[Survival], attacks: Iterable[str]) -> Iterator[str]:
+    """Yield the cells of one owner: names, the least damage of all attacks, and that of each."""
+    yield f"<td>{escape(condition)}</td><td>{escape(extraction)}</td>"
+    yield cell([row for row in rows if row.variant != UNATTACKED], left=False)
+    for attack in attacks:
+        yield cell([row for row in rows if base(row.variant) == attack])
+
+
+def cell(rows: list[Survival], *, left: bool = True) -> str:
+    """Return the cell of one attack at all its strengths: colour, damage, and what is left at 1 dB."""
+    known = {row: found.mean for row in rows if (found := row.scene_drop or row.damage)}
+    if not known:
+        return '<td data-sort="-1"></td>'
+    lost, tried = min((damage for row, damage in known.items() if not row.survived), default=inf), max(known.values())
+    text = f"{lost:z.1f}" if lost < inf else f"&gt; {tried:z.1f}"
+    margins = (row.above_floor.mean for row in rows if left and row.above_floor and at_1_db(row))
+    text += "".join(f"<small>{margin:+.1f}</small>" for margin in margins)
+    band = f"band{sum(lost > damage for damage in BANDS)}" if lost < inf or tried > BANDS[-1] - 0.1 else ""
+    return f'<td class="{band}" data-sort="{min(lost, 1e3):.3f}">{text}</td>'
+
+
+def at_1_db(row: Survival) -> bool:
+    """Return whether the strength was searched for 1 dB of damage."""
+    return wanted_damage(row.variant) == 1.0
