@@ -23,7 +23,6 @@ _FRAMED = 0.995  # share in view, unless that needs `_WIDER` views than the bulk
 _WIDER = 1.3
 _ELEVATIONS: Final = (15.0, 45.0, -20.0)  # degrees above the horizon of the rings
 _RADII: Final = (0.6, 1.0, 1.6)  # radii of the shells, as multiples of the distance at which the model fills a view
-
 _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 
 _COLMAP = np.array([0.0, -1.0, 0.0])  # y points down, and 3DGS models use COLMAP's world
@@ -71,9 +70,8 @@ def shell_cameras(model: Gaussians, *, count: int = 48, **framing: Any) -> list[
     """
     VIEWS.require("shell views", "count", count)
     sines = ((2 * i + 1) / count - 1 for i in range(count))
-    placements = [
-        (math.degrees(math.asin(sine)), i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, sine in enumerate(sines)
-    ]
+    elevations = (math.degrees(math.asin(sine)) for sine in sines)
+    placements = [(elevation, i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, elevation in enumerate(elevations)]
     return _views("shell", model, placements, **framing)
 
 
@@ -132,11 +130,8 @@ def _views(
     filling = radius / math.sin(math.atan(min(width, height) / 2 / focal))
     nearest = 1.25 * radius + NEAR_PLANE  # keeps the sphere of a small model, and a margin, beyond the near plane
     digits = max(3, len(str(len(placements) - 1)))
-    cameras = []
-    for i, (elevation, azimuth, shell) in enumerate(placements):
-        viewmat = _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
-        cameras.append(Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat))
-    return cameras
+    poses = (_looking_at(centre, frame, e, a, max(filling * shell, nearest)) for e, a, shell in placements)
+    return [Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat) for i, viewmat in enumerate(poses)]
 
 
 def _guess(model: Gaussians, centre: Float64, radius: float) -> list[float]:

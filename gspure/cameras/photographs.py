@@ -19,10 +19,7 @@ from gspure.progress import say
 Named = TypeVar("Named", Path, Path | None)
 
 TRAINING_RULE: Final = "1600px"  # the default size of training in 3DGS
-
-LONGEST_NAME: Final = 120
-"""Bytes of a name in UTF-8. File systems take 255 (some 143); cached views add a key, temporary files a number."""
-
+LONGEST_NAME: Final = 120  # bytes in UTF-8; file systems take 143 or 255, and files of results add to the name
 _DIGEST: Final = 16
 _PHOTO_SUFFIXES = re.compile(f"( *({'|'.join(map(re.escape, chain(*FORMATS.values())))}))+$", re.IGNORECASE)
 _PHOTO_FOLDER = re.compile(r"images(_\d+)?")
@@ -34,11 +31,11 @@ _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-
 
 def view_names(entries: Sequence[Entry], key: str) -> list[str]:
     """Return the names of views: the `safe_name` of the file under `key`, which must not be empty, `kept_apart`."""
+    for entry in entries:
+        if not safe_name(entry.text(key)):
+            raise entry.refusal(key, expected="a file name", found=repr(entry.text(key)))
     files = [entry.text(key) for entry in entries]
-    for entry, file in zip(entries, files, strict=True):
-        if not safe_name(file):
-            raise entry.refusal(key, expected="a file name", found=repr(file))
-    return kept_apart([safe_name(file) for file in files], files, entries[0].source if entries else "")
+    return kept_apart([*map(safe_name, files)], files, entries[0].source if entries else "")
 
 
 def kept_apart(names: list[str], files: Sequence[str], source: Path | str) -> list[str]:
@@ -162,8 +159,7 @@ def photograph(camera: Camera) -> Path:
 
 def missing_photographs(cameras: Sequence[Camera]) -> list[str]:
     """Return the photographs that do not exist, in the order of views; for a view without photograph, its name."""
-    missing = (camera for camera in cameras if camera.image is None or not camera.image.is_file())
-    return [str(camera.image or f"view {camera.name}") for camera in missing]
+    return [str(c.image or f"view {c.name}") for c in cameras if c.image is None or not c.image.is_file()]
 
 
 def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | None = None) -> None:
@@ -199,8 +195,7 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
 
     Raise `InputError` for another rule, and for a photograph that is needed, but missing or unreadable.
     """
-    parsed = _RULE.fullmatch(rule)
-    if parsed is None:
+    if not (parsed := _RULE.fullmatch(rule)):
         expected = "native, photographs, 1/N or Wpx (such as 1600px)"
         raise InputError("resolution", "value", expected=expected, found=repr(rule))
     factor, most = (int(parsed[name] or 0) for name in ("factor", "width"))

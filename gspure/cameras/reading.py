@@ -15,14 +15,12 @@ from gspure.files import Float64, load_array, read_json
 from gspure.progress import say, warn
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
+COLMAP_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
+CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)  # that cameras are read from, of all formats
 
 _LISTED: Final = 8  # most folders that an error names
 _MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
 _LEAST_FOCAL: Final = 0.004  # share of the width: a field of view of 179 degrees, the widest of generated views
-
-COLMAP_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
-CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)
-"""Names of the files that cameras are read from, of all formats."""
 
 
 def read_cameras(path: str | Path) -> list[Camera]:

@@ -18,6 +18,7 @@ from gspure.files import Float32, Float64
 from gspure.images import read_image, write_image
 from gspure.progress import track
 
+_ZEROS: Final = (0.0,) * len(COEFFICIENTS)  # of a pinhole
 _MOST_ZOOM: Final = 8.0
 _STEPS: Final = 40  # of the search for the zoom, each of which halves its range
 _RADII: Final = 1000  # number of radii at which the distortion is compared
@@ -78,20 +79,16 @@ def _directions(pinhole: Camera, points: Float64) -> Float64:
     return np.asarray((points - pinhole.K[:2, 2]) / pinhole.K[[0, 1], [0, 1]]).T
 
 
-def _coefficients(camera: Camera) -> tuple[float, ...]:
-    return *camera.distortion, *[0.0] * (len(COEFFICIENTS) - len(camera.distortion))
-
-
 def _radial(camera: Camera, r2: Float64) -> Float64:
     """Return the factors by which the lens moves points away from the centre, at squared distances [N]."""
-    k1, k2, _, _, k3, k4, k5, k6 = _coefficients(camera)
+    k1, k2, _, _, k3, k4, k5, k6 = *camera.distortion, *_ZEROS[len(camera.distortion) :]
     return (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
 
 
 def _distorted(camera: Camera, pinhole: Camera, points: Float64) -> Float64:
     """Return where the lens of `camera` shows what `pinhole` has at these points [N,2], in pixels."""
     x, y = _directions(pinhole, points)
-    _, _, p1, p2, *_ = _coefficients(camera)
+    _, _, p1, p2, *_ = *camera.distortion, *_ZEROS[len(camera.distortion) :]
     r2 = x * x + y * y
     tangential = np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x * x), p1 * (r2 + 2 * y * y) + 2 * p2 * x * y], 1)
     lens = np.stack([x, y], 1) * _radial(camera, r2)[:, None] + tangential
@@ -108,7 +105,6 @@ def _resampled(camera: Camera, pinhole: Camera) -> Float32:
     pixels = np.stack([columns.ravel(), rows.ravel()], 1).astype(np.float64)
     points = _distorted(camera, pinhole, pixels + 0.5) - 0.5
     places = points[:, ::-1].T.reshape(2, *image.shape[:2])
-    channels = [map_coordinates(channel, places, order=3, mode="nearest") for channel in np.moveaxis(image, 2, 0)]
-    taken = np.stack(channels, 2)
-    taken[..., :3] /= np.maximum(taken[..., 3:], 1 / 255) if len(channels) == 4 else 1
+    taken = np.stack([map_coordinates(c, places, order=3, mode="nearest") for c in np.moveaxis(image, 2, 0)], 2)
+    taken[..., :3] /= np.maximum(taken[..., 3:], 1 / 255) if image.shape[2] == 4 else 1
     return taken

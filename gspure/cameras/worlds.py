@@ -63,8 +63,8 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
 def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
     """Return the cameras moved by `offset` [3]."""
     move = np.eye(4)
-    move[:3, 3] = -offset
-    return [replace(camera, viewmat=camera.viewmat @ move) for camera in cameras]
+    move[:3, 3] = offset
+    return [camera.moved(move) for camera in cameras]
 
 
 def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | None) -> list[Camera]:
@@ -78,10 +78,8 @@ def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | 
     if scene and "applied_scale" in scene:
         scale /= scene.positive("applied_scale")
     back = before @ np.linalg.inv(move)
-    normalized = [camera.viewmat @ back for camera in cameras]
-    for viewmat in normalized:
-        viewmat[:3, 3] *= scale
-    return [replace(camera, viewmat=viewmat) for camera, viewmat in zip(cameras, normalized, strict=True)]
+    to_scale = np.array([[1, 1, 1, scale]] * 3 + [[1] * 4])
+    return [replace(camera, viewmat=camera.viewmat @ back * to_scale) for camera in cameras]
 
 
 def mention_unseen(model: Gaussians, cameras: Sequence[Camera]) -> None:

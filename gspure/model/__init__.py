@@ -19,8 +19,6 @@ __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_w
 _READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog, STREAMED: read_streamed}
 """By suffix, or by name; all others are PLY files, of which compressed ones are recognized by their header."""
 
-_NOT_READ = {".ksplat": "convert it with splat-transform"}
-
 
 def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
@@ -30,7 +28,8 @@ def read_model(path: str | Path) -> Gaussians:
     model.
     """
     file = model_file(Path(path))
-    if hint := _NOT_READ.get(file.suffix.lower()):
+    if file.suffix.lower() == ".ksplat":
+        hint = "convert it with splat-transform"
         raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=file.name, hint=hint)
     read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
     try:

@@ -25,7 +25,6 @@ from gspure.model.header import Header, require_size
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
 _COLUMNS: Final = 17  # columns of a model without spherical harmonics beyond the zeroth
-
 _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 CHUNK: Final = 256  # rows that share a range of values

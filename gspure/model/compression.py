@@ -63,7 +63,12 @@ def writer(path: Path) -> Callable[[Path, Gaussians], None]:
 
 def _write_packed_ply(gsply: Any, path: Path, model: Gaussians) -> None:
     _warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
-    _warn_of_coarse_chunks(model)
+    size, starts = float(np.median(model.scales.max(axis=1))), np.arange(0, len(model), CHUNK)
+    spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
+    steps = (spans / _CHUNK_STEPS).max(axis=1)
+    if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
+        larger = f"steps of up to {steps.max():.3g}, larger than the median Gaussian ({size:.3g})"
+        warn(f"positions of {rows} of {len(model)} rows are rounded to {larger}: {CHUNK} consecutive rows share a box")
     data = gsply.compress_to_bytes(_parts(gsply, model, model.means, model.quats, model.sh_coeffs))
     path.write_bytes(header.with_comments(data, model.comments))
 
@@ -84,16 +89,6 @@ def _warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
         if rows := int(((values < least) | (values > largest)).any(axis=1).sum()):
             limits = f"{least:.3g} to {largest:.3g}"
             warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the range of the format, {limits}")
-
-
-def _warn_of_coarse_chunks(model: Gaussians) -> None:
-    """Warn of rows whose chunk of a compressed PLY spans so much that its positions are coarser than the Gaussians."""
-    size, starts = float(np.median(model.scales.max(axis=1))), np.arange(0, len(model), CHUNK)
-    spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
-    steps = (spans / _CHUNK_STEPS).max(axis=1)
-    if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
-        larger = f"steps of up to {steps.max():.3g}, larger than the median Gaussian ({size:.3g})"
-        warn(f"positions of {rows} of {len(model)} rows are rounded to {larger}: {CHUNK} consecutive rows share a box")
 
 
 def _fraction_bits(path: Path, model: Gaussians) -> int:

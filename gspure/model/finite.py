@@ -18,7 +18,6 @@ from gspure.progress import warn
 
 _LARGEST_LOG_SCALE: Final = float(np.log(np.finfo(np.float32).max))
 _MEANINGFUL: Final = {"opacity": (-np.inf, np.inf)} | dict.fromkeys(SCALES, (-np.inf,))
-
 _LISTED: Final = 10
 
 

@@ -23,9 +23,8 @@ from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 from gspure.model.header import decoded
 
 TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
-TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs by which this multiplies (w, x, y, z)
+TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs of (w, x, y, z), and of degrees 1 to 3
 TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
-"""The signs by which this multiplies rotations (w, x, y, z), and harmonics of degree 1 to 3."""
 
 _GZIP: Final = b"\x1f\x8b"
 _GZIP_HEADER: Final = 10  # size
@@ -83,7 +82,9 @@ def read_spz(path: Path) -> Gaussians:
         if header.flags & _EXTENDED:
             _require_usual_values(extensions)
         model = _model(header, np.frombuffer(body, np.uint8))
-        commented = Gaussians(model.table, _comments(data) if gzipped else ())
+        end = data.index(b"\0", _GZIP_HEADER) if gzipped and data[_FLAGS] == _COMMENTED else None
+        lines = data[_GZIP_HEADER:end].split(b"\n") if end else ()
+        commented = Gaussians(model.table, tuple(map(decoded, lines)))
         return commented.with_comment(RENDER_MODE + "mip") if header.flags & _ANTIALIASED else commented
 
 
@@ -92,13 +93,6 @@ def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
     comment = b"\n".join(comments).replace(b"\0", b" ") + b"\0" if comments else b""
     flags = bytes([_COMMENTED if comments else 0])
     return data[:_FLAGS] + flags + bytes(4) + data[_FLAGS + 5 : _GZIP_HEADER] + comment + data[_GZIP_HEADER:]
-
-
-def _comments(data: bytes) -> tuple[str, ...]:
-    """Return the lines of the comment of a gzip header; none if it has other fields."""
-    if data[_FLAGS] != _COMMENTED:
-        return ()
-    return tuple(map(decoded, data[_GZIP_HEADER : data.index(b"\0", _GZIP_HEADER)].split(b"\n")))
 
 
 def _require_usual_values(extensions: bytes) -> None:
