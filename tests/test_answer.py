@@ -49,3 +49,11 @@ def test_without_a_key_nothing_is_said_about_a_message():
     assert (first, header.split()) == ("sis", ["attack", "damage", "dB", "scene", "dB"])
     assert row.split() == ["GSPure", "0.0", "30.0"]
     assert verdict.startswith("No verdict: only the owner's key can tell")
+
+
+def test_the_tiles_hold_the_numbers_of_the_verdict():
+    answer = answer_of(benchmark({"room": {"noise": (0.9, 2.0), "gof": (0.4, 20.0)}}))
+    assert [number for number, _ in answer.tiles()] == ["0.4 dB", "28.0 → 8.0 dB", "7.0 dB", "1 scene, 1 seed"]
+    assert answer.pictured({"noise", "gof", "unattacked"}) == ["unattacked", "gof", "noise"]
+    held = answer_of(benchmark({"room": {"noise": (0.9, 2.0)}}))
+    assert [number for number, _ in held.tiles()][:2] == ["none", "28.0 → 26.0 dB"]

@@ -41,7 +41,9 @@ def run(tmp_path_factory) -> Path:
     points = {"sis": {"gspure": (4.0, 4.0), "noise": (2.0, 4.0)}}
     config = results / "configuration.json"
     write_json(config, {})
-    write_report(results, ReportPlan(plans, {"noise": ["noise", "noise_2"]}, points, [config]))
+    write_report(
+        results, ReportPlan(plans, {"noise": ["noise", "noise_2"]}, points, [config], {"gspure": "What it does."})
+    )
     patch.undo()
     return results
 
@@ -94,14 +96,15 @@ def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
 
 def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
     text = text_of(page)
-    assert text.index("sis, shared poses. BROKEN: the message is lost at ") < 200
+    assert text.index("BROKEN: the message is lost at ") < 200
+    assert text.index("evidence: ") < text.index("scene, published") < text.index("message left") < 1500
+    assert "What it does." in text
     assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
     assert "<b>no memory" not in page
     assert "kept.png" in text
-    for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "view_"):
+    for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "Colour by"):
         assert words in text, words
     assert "Survival of the message" in text
-    assert "The model in 3-D" in text
 
 
 def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> None:

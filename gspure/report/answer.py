@@ -1,17 +1,25 @@
 """The answer in a terminal or as JSON: for every condition the attacks by damage, the controls, and the verdict."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any, Literal, NamedTuple
 
-from gspure.evaluation.intervals import Interval
+from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.matched import reached_damage
-from gspure.evaluation.names import CONTROLS, UNATTACKED, condition_name, display_name, extraction_name
+from gspure.evaluation.names import (
+    CONTROLS,
+    GSPURE,
+    UNATTACKED,
+    WRONG_KEY,
+    condition_name,
+    display_name,
+    extraction_name,
+)
 from gspure.evaluation.outcomes import SCENE, Outcome, is_picture, mean_of
-from gspure.evaluation.survival import Survival
-from gspure.progress import decimal, percent, significant
-from gspure.report.audit import Audit, audits
+from gspure.evaluation.survival import MARGIN, Survival
+from gspure.progress import UNKNOWN, decimal, percent, significant
+from gspure.report.audit import NO_VERDICT, Audit, Loss, audits
 
 Left = Literal["present", "in part", "traces", "lost", "unknown"]
 
@@ -19,7 +27,8 @@ Left = Literal["present", "in part", "traces", "lost", "unknown"]
 class Attacked(NamedTuple):
     """One attack, mean over scenes; NaN is unknown."""
 
-    attack: str
+    variant: str
+    attack: str  # its display name
     damage: float  # drop of the scene's PSNR, dB
     level: float  # the message's PSNR, dB, or mean reading of a mark; the scene's PSNR, if there is neither
     share: float  # left of the message's level above the controls
@@ -34,17 +43,68 @@ class Answer:
     attacks: Sequence[Attacked]
     controls: Mapping[str, float]
     has_message: bool
+    before: Interval | None  # the message's level before any attack
+    seeds: int
+
+    @property
+    def unit(self) -> str:
+        """The unit of the message's level: none for readings of a detector."""
+        return " dB" * (not self.has_message or is_picture(self.audit.extraction))
+
+    def level(self, value: float) -> str:
+        """Return a level of the message as text, without its unit."""
+        return decimal(value, 1) if self.unit else significant(value)
+
+    @property
+    def cheapest(self) -> Attacked | None:
+        """The successful attack that does the least damage."""
+        name = self.audit.lost.get(self.audit.extraction, Loss()).attack
+        return next((row for row in self.attacks if row.attack == name), None)
+
+    def pictured(self, known: Container[str]) -> list[str]:
+        """Return three of the `known` variants: the unattacked model, the cheapest successful attack and GSPure."""
+        first = [self.cheapest.variant] if self.cheapest else []
+        wanted = dict.fromkeys([UNATTACKED, *first, GSPURE, *(row.variant for row in self.attacks)])
+        return [variant for variant in wanted if variant in known][:3]
+
+    def tiles(self) -> Iterator[tuple[str, str]]:
+        """Yield the four key numbers of a condition with a message, each with its meaning."""
+        message, strongest = extraction_name(self.audit.extraction), self.audit.strongest
+        after = self.cheapest or next((row for row in self.attacks if strongest and row.attack == strongest.name), None)
+        before = self.level(self.before.mean if self.before else nan)
+        if self.cheapest:
+            yield (
+                f"{decimal(self.cheapest.damage, 1)} dB",
+                f"damage of the cheapest successful attack, {self.cheapest.attack}",
+            )
+        elif self.audit.verdict in NO_VERDICT:
+            yield UNKNOWN, "no verdict on the attacks"
+        else:
+            yield "none", "no tested attack removes the message from all scenes"
+        if after:
+            yield f"{before} → {self.level(after.level)}{self.unit}", f"{message} before and after {after.attack}"
+        else:
+            yield f"{before}{self.unit}", f"{message} before any attack"
+        levels = {name: level for name, level in self.controls.items() if name != display_name(WRONG_KEY)}
+        wrong, floor = self.controls.get(display_name(WRONG_KEY), nan), max(levels.values(), default=nan)
+        shows = "a part of it shows without the key" if wrong - floor >= MARGIN else "it does not show"
+        meaning = f"{message} with a wrong key: {shows} (other controls: at most {self.level(floor)})"
+        yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
+        scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
+        counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"
+        yield (
+            counts,
+            "evidence: " + ("means with 95% intervals" if level >= LEVEL else "too few for an interval; add pairs"),
+        )
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of a terminal."""
-        extraction = self.audit.extraction if self.has_message else SCENE
-        in_decibels = extraction == SCENE or is_picture(extraction)
-        name = "scene" if extraction == SCENE else extraction_name(extraction)
+        name = extraction_name(self.audit.extraction) if self.has_message else SCENE
         columns = 5 if self.has_message else 3
-        rows = [("attack", "damage dB", f"{name}{' dB' * in_decibels}", "left", "verdict")[:columns]]
+        rows = [("attack", "damage dB", f"{name}{self.unit}", "left", "verdict")[:columns]]
         for row in self.attacks:
-            level = decimal(row.level, 1) if in_decibels else significant(row.level)
-            rows.append((row.attack, decimal(row.damage, 1), level, percent(row.share, 0), row.left)[:columns])
+            damage, level, share = decimal(row.damage, 1), self.level(row.level), percent(row.share, 0)
+            rows.append((row.attack, damage, level, share, row.left)[:columns])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         yield condition_name(*self.audit.condition)
         for first, *numbers in rows:
@@ -73,7 +133,8 @@ def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[
         attacks = sorted(_attacked(alike, known, audit.extraction), key=lambda row: (row.damage, row.attack))
         levels = {name: _mean(alike, name, audit.extraction) for name in CONTROLS}
         controls = {display_name(name): level.mean for name, level in levels.items() if level}
-        found.append(Answer(audit, attacks, controls if known else {}, bool(known)))
+        before, seeds = _mean(alike, UNATTACKED, audit.extraction), len({o.seed for o in alike})
+        found.append(Answer(audit, attacks, controls if known else {}, bool(known), before, seeds))
     return found
 
 
@@ -84,7 +145,7 @@ def _attacked(alike: Sequence[Outcome], rows: Sequence[Survival], extraction: st
         damage = mean_of([o for o in alike if o.variant == variant], reached_damage)
         share = row.share_left.mean if row and row.share_left else nan
         name = row.name if row else display_name(variant)
-        yield Attacked(name, damage.mean if damage else nan, level.mean if level else nan, share, _left(row))
+        yield Attacked(variant, name, damage.mean if damage else nan, level.mean if level else nan, share, _left(row))
 
 
 def _mean(alike: Sequence[Outcome], variant: str, target: str) -> Interval | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from math import inf, isnan, nan
 from typing import Final
 
@@ -49,13 +50,13 @@ def conditions_markdown(survivals: Sequence[Survival], contests: Sequence[Contes
     """Return the tables of every condition over all of its scenes."""
     rows = (survivals, contests, matched)
     conditions = dict.fromkeys([*(row.condition for row in survivals), *(row.condition for row in matched)])
-    tables = {condition_name(*known): condition_tables(known, *rows) for known in conditions}
+    tables = {condition_name(*known): [*chain(*condition_tables(known, *rows).values())] for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
 
 def condition_tables(
     condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
-) -> list[Table]:
+) -> dict[str, list[Table]]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
     names = {row.variant: row.name for row in survivals if row.condition == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
@@ -66,12 +67,12 @@ def condition_tables(
     ]
     alike = [(kind, [row for row in rows if row.condition == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
-    return [
-        kind(chosen)
+    return {
+        extraction: [
+            kind(chosen) for kind, rows in alike if (chosen := [r for r in rows if r.extraction == extraction])
+        ]
         for extraction in extractions
-        for kind, rows in alike
-        if (chosen := [row for row in rows if row.extraction == extraction])
-    ]
+    }
 
 
 def survival_table(attacks: Sequence[Survival]) -> Table:

@@ -7,18 +7,19 @@ import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.survival import MARGIN
 from gspure.figures import style
 from gspure.files import write_text
 from gspure.images import opened
-from gspure.progress import percent
-from gspure.report.audit import ALLOWED, Audit
+from gspure.progress import decimal, percent
+from gspure.report.answer import Answer
+from gspure.report.audit import ALLOWED, BROKEN
 from gspure.report.table import Table
 
 if TYPE_CHECKING:
@@ -57,14 +58,10 @@ class Model:
     scheme: str
     folder: str
     outcomes: Sequence[Outcome]
-    names: Mapping[str, str]  # of the variants, with the damage that the search for their strength reached
-    attack: str  # the variant that pictures compare with the unattacked model
     table: Table
     failures: Sequence[str]
     pictures: Sequence[Picture]
-    files: Sequence[Link]  # figures that renders or viewer replace on the page
-    view: str
-    images: Mapping[str, Mapping[str, str]]  # this view by variant and target, as data URIs
+    images: Mapping[str, Mapping[str, str]]  # one view by variant and target, as data URIs
     viewer: Mapping[str, Any]
     diagnosis: Mapping[str, Any]
 
@@ -72,10 +69,11 @@ class Model:
 class Comparison(NamedTuple):
     """One condition over all of its scenes."""
 
-    audit: Audit
+    answer: Answer
     models: Sequence[Model]
-    tables: Sequence[Table]
+    tables: Mapping[str, Sequence[Table]]  # by extraction
     pictures: Sequence[Picture]
+    meanings: Mapping[str, str]  # of the attacks, by display name
 
 
 def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence[Path]) -> None:
@@ -84,7 +82,8 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
 
     linked = [_link(file, results) for file in links]
     page = environment().get_template("page.html.j2")
-    text = page.render(version=__version__, comparisons=comparisons, links=linked, allowed=ALLOWED)
+    thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
+    text = page.render(version=__version__, comparisons=comparisons, links=linked, **thresholds)
     write_text(results / "report.html", text)
 
 
@@ -133,7 +132,7 @@ def environment() -> Environment:
         "extraction_name": extraction_name,
         "condition_name": lambda condition: condition_name(*condition),
         "model_name": lambda model: model_name(*model),
-        "psnr": METRICS["psnr"].text,
+        "decimal": partial(decimal, decimals=1),
         "percent": percent,
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }

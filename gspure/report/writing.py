@@ -3,15 +3,15 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from gspure.errors import InputError
 from gspure.evaluation.collecting import ModelPlan, collect, write_results
 from gspure.evaluation.contest import Contest, contest
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.matched import Matched, Sweeps, match, reached_names
-from gspure.evaluation.names import GSPURE, model_name
-from gspure.evaluation.outcomes import Condition, Outcome, by_model
+from gspure.evaluation.matched import Matched, Sweeps, match
+from gspure.evaluation.names import model_name
+from gspure.evaluation.outcomes import SCENE, Condition, Outcome, by_model
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
@@ -20,14 +20,12 @@ from gspure.figures.panels import chosen, draw_attacks
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
 from gspure.progress import track, warn
+from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown
-from gspure.report.audit import Audit, audits
 from gspure.report.page import Comparison, Model, Picture, picture, renders, write_page
 from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
-
-_CLOUDS: Final = ("clusters", "ranks", "kept", "hidden")  # what the viewer shows
 
 
 @dataclass(frozen=True)
@@ -36,13 +34,14 @@ class ReportPlan:
 
     `models` are by ``SCHEME/SCENE``. `sweeps` name the variants that are one attack at several strengths, `points` for
     each scheme the tau_n and tau_c of variants that differ from GSPure in these alone, its own first. `links` are
-    further files to link on the page.
+    further files to link on the page, `meanings` say by variant what its attack does.
     """
 
     models: Mapping[str, ModelPlan]
     sweeps: Sweeps = field(default_factory=dict)
     points: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     links: Sequence[Path] = ()
+    meanings: Mapping[str, str] = field(default_factory=dict)
 
 
 def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
@@ -65,12 +64,14 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     _warn(outcomes)
     models = {(o.scheme, o.folder): variants for (scheme, folder), variants in by_model(outcomes) for o in variants[:1]}
     comparisons = []
-    for audit in audits(outcomes, survivals):
-        alike = {key: variants for key, variants in models.items() if variants[0].condition == audit.condition}
-        shown = [_model(results, key, alike[key], plan, audit) for key in track([*alike], "figures")]
-        compared = condition_tables(audit.condition, survivals, contests, matched)
-        pictures = _condition_pictures(results, audit.condition, [o for v in alike.values() for o in v], plan)
-        comparisons.append(Comparison(audit, shown, compared, pictures))
+    for answer in answers(outcomes, survivals):
+        condition = answer.audit.condition
+        alike = {key: variants for key, variants in models.items() if variants[0].condition == condition}
+        shown = [_model(results, key, alike[key], plan, answer) for key in track([*alike], "figures")]
+        compared = condition_tables(condition, survivals, contests, matched)
+        pictures = _condition_pictures(results, condition, [o for v in alike.values() for o in v], plan)
+        meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
+        comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
     names = ("results", "summary", "survival", "contest", "matched")
     write_page(results, comparisons, [*(tables / f"{name}.csv" for name in names), *plan.links])
     return outcomes
@@ -91,30 +92,23 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
         )
 
 
-def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, audit: Audit) -> Model:
+def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, answer: Answer) -> Model:
     """Draw the figures of a model, and return it as the page shows it."""
     folder, settings = results / key[0] / key[1], plan.models["/".join(key)]
     path, drawn = folder / "figures" / "attacks.png", folder / "figures" / "model"
     attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
     caption, views = attacks or ("", {})
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
-    pictures = {path.stem: picture(path, text, results) for path, text in captions.items() if text}
-    attack = audit.strongest.variant if audit.strongest else GSPURE
-    compared = [*(o.variant for o in chosen(variants, plan.sweeps) if o.targets), attack]
-    images, viewer = renders(folder, compared, views), _parts(drawn / "viewer.json")
-    replaced = {*["attacks"] * bool(images), *_CLOUDS * bool(viewer)}
+    shown = [o.variant for o in chosen(variants, plan.sweeps) if o.targets]
+    targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
     return Model(
         *key,
         outcomes=variants,
-        names=reached_names(variants),
-        attack=attack,
         table=model_table(variants),
         failures=failures(variants),
-        pictures=[shown for name, shown in pictures.items() if name not in replaced],
-        files=[file for name, shown in pictures.items() if name in replaced for file in shown.files],
-        view=next(iter(views.values()), ""),
-        images=images,
-        viewer=viewer,
+        pictures=[picture(path, text, results) for path, text in captions.items() if text],
+        images=renders(folder, [*answer.pictured({o.variant for o in variants}), *shown], targets),
+        viewer=_parts(drawn / "viewer.json"),
         diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )
 

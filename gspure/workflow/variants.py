@@ -1,5 +1,6 @@
 """The variants and negative controls of a model: what each job attacks, renders, reads and compares."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -172,6 +173,11 @@ def reported(model: Model) -> ModelPlan:
     )
 
 
+def _meaning(attack: Attack) -> str:
+    """Return what an attack does: the first line of its docstring, without marks of code and references."""
+    return re.sub(r" \((paper,|`gspure)[^)]*\)|`", "", (attack.function.__doc__ or "").partition("\n")[0])
+
+
 def report_plan(plan: Plan) -> ReportPlan:
     """Return what the report shows."""
     variants = plan.config["variants"]
@@ -181,4 +187,5 @@ def report_plan(plan: Plan) -> ReportPlan:
         sweeps(variants, plan.decisions[VANILLA]),
         {scheme: points for scheme, points in factors.items() if points},
         [Path("results/configuration.json"), Path("results/logs")],
+        {name: _meaning(find_attack(settings["attack"])) for name, settings in variants.items()},
     )

@@ -1,17 +1,17 @@
 "use strict";
 
-// Open the sections around the target of a link, before the browser scrolls to it.
-function reveal(hash) {
-  const target = document.getElementById(decodeURIComponent(hash.slice(1)));
+// Show the part of the page to which the address leads, or the first.
+const panels = [...document.querySelectorAll(".panel")];
+function reveal() {
+  const target = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  const shown = target?.closest(".panel") ?? panels[0];
+  for (const panel of panels) panel.hidden = panel !== shown;
   for (let part = target; part; part = part.parentElement) if (part.localName === "details") part.open = true;
-  return target;
+  (target === shown ? document.body : target)?.scrollIntoView();
+  dispatchEvent(new Event("resize"));  // for the 3-D view
 }
-addEventListener("click", event => {
-  const link = event.target.closest('a[href^="#"]');
-  if (link) reveal(link.hash);
-});
-addEventListener("hashchange", () => reveal(location.hash)?.scrollIntoView());
-reveal(location.hash)?.scrollIntoView();
+addEventListener("hashchange", reveal);
+addEventListener("DOMContentLoaded", reveal);
 
 // Print everything but the 3-D view, which browsers print blank.
 addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details")) part.open = true; });
@@ -31,16 +31,15 @@ function sort(heading) {
   for (const other of heading.parentElement.cells) other.ariaSort = null;
   heading.ariaSort = descending ? "descending" : "ascending";
 }
-for (const button of document.querySelectorAll("th button")) button.onclick = () => sort(button.parentElement);
+for (const button of document.querySelectorAll("th[scope=col] button")) button.onclick = () => sort(button.parentElement);
 
-// Swipe between pictures; choose the attack to show.
-for (const slider of document.querySelectorAll(".swipe input"))
-  slider.oninput = () => slider.parentElement.style.setProperty("--at", slider.value + "%");
-for (const tile of document.querySelectorAll(".tile"))
-  tile.onclick = () => {
-    const lineup = tile.closest(".lineup");
-    for (const other of lineup.querySelectorAll(".tile")) other.ariaPressed = String(other === tile);
-    for (const label of lineup.querySelectorAll(".variant")) label.textContent = tile.dataset.variant;
-    for (const image of lineup.querySelectorAll(".after"))
-      image.src = tile.querySelector(`[data-target="${image.dataset.target}"]`).src;
+// Show the pictures of the attack whose name is clicked, in place of the last ones.
+for (const button of document.querySelectorAll(".attacks button"))
+  button.onclick = () => {
+    const columns = [...button.closest(".panel").querySelector(".pictures").children];
+    const wanted = columns.find(column => column.dataset.variant === button.dataset.variant);
+    if (!wanted.hidden) return;
+    const last = columns.find(column => column.className === "chosen");
+    if (last) [last.hidden, last.className] = [true, ""];
+    [wanted.hidden, wanted.className] = [false, "chosen"];
   };
