@@ -63,8 +63,9 @@ def test_a_wrong_command_line_is_refused_in_one_line_with_status_2(line, expecte
     with pytest.raises(SystemExit) as leaving:
         main(shlex.split(line))
     assert leaving.value.code == 2
-    (reason,) = capsys.readouterr().err.splitlines()
+    reason = capsys.readouterr().err
     assert expected in reason
+    assert reason.index("\n") == len(reason) - 1
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gspure.cameras import read_cameras
 from gspure.cli import main
+from gspure.files import read_json
 from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.ply import read_point_ply
@@ -85,6 +87,18 @@ def test_photographs_of_both_keep_their_poses(photographed, tmp_path):
     for first, second in zip(scene, message, strict=True):  # a capture aligned with itself stays where it is
         np.testing.assert_allclose(first.viewmat, second.viewmat, atol=1e-6)
         assert second.image == out / "message" / f"{second.name}.png"
+
+
+@pytest.mark.parametrize("protocol", ["own", "shared"])
+def test_embedding_two_captures_makes_their_pair_on_the_way(photographed, tmp_path, monkeypatch, protocol):
+    monkeypatch.chdir(tmp_path)
+    project, model = map(str, photographed)
+    words = ["embed", "planted", "--scene", project, "--message", project if protocol == "own" else model]
+    assert main([*words, "--out", "marked", "--resolution", "native", "--set", "gaussians=300"]) == 0
+    assert read_json(Path("marked/pair/provenance.json"))["settings"]["protocol"] == protocol
+    assert read_json(Path("marked/key/provenance.json"))["inputs"]["pair"]["path"] == "marked/pair"
+    assert main(["extract", "marked/public", "--key", "marked/key", "--split", "test", "--out", "message"]) == 0
+    assert main([*words, "marked/pair", "--out", "again"]) == 2
 
 
 def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_path, capsys):

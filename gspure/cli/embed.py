@@ -4,20 +4,24 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.cli import options
+from gspure.cli import options, parser_of
 from gspure.cli.parser import Arguments, Parser
+from gspure.errors import InputError
 from gspure.evaluation.outcomes import BITS
 from gspure.files import file_digest, filling, write_json, write_provenance
 from gspure.progress import say
+from gspure.scenes.procedural import scene_builder
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
 from gspure.settings import SEED, parsed_settings
+from gspure.workflow.inputs import is_model
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
+  gspure embed splats_in_splats --scene photos/garden --message photos/desk --out marked   # the pair: marked/pair
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
 negative controls in a few training views. A warning is printed if the message does not stand out from them.
@@ -28,7 +32,11 @@ gs_hider, secure_gs and keyss need PyTorch: pip install gspure[torch].
 def add_arguments(parser: Parser) -> None:
     parser.text("scheme", "SCHEME", "one of the schemes below, or of an installed plug-in")
     options.list_choices(parser, "schemes", BUILT_IN)
-    parser.reads("pair", "PAIR", "output folder of `gspure pair`")
+    parser.reads("pair", "PAIR", "output folder of `gspure pair`; or --scene and --message", nargs="?")
+    parser.text("--scene", "SCENE", "the visible scene, as for `gspure pair`: it makes the pair first, in DIR/pair")
+    meaning = "the hidden scene: photographs, at poses of their own, or what `gspure pair` takes"
+    parser.text("--message", "MESSAGE", meaning)
+    parser.text("--resolution", "RULE", "with --scene: photographs' size, as for `train`", "320px")
     parser.writes("--out", "DIR", "folder for public/ and key/")
     parser.pairs("--set", "NAME=VALUE", "a setting of the scheme")
     meaning = "initial points: of scene and message, or of the scene alone"
@@ -43,14 +51,17 @@ def run(args: Arguments) -> None:
     options.require_own_folder(args)
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, dict(args.set))
-    pair = read_pair(args.pair, initialization=args.initialization)
-    poses = "the same poses" if pair.shares_poses else "poses of its own"
-    say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
-    began = time.monotonic()
-    device = options.read_device(args)
-    model = Path("public", "point_cloud.ply")
+    if not (bool(args.pair) != bool(args.scene) == bool(args.message)):
+        raise InputError("embed", "PAIR", expected="a pair, or --scene and --message", found="neither or both")
     args.set = scheme.settings | settings
+    model = Path("public", "point_cloud.ply")
     with filling(args.out) as folder:
+        pair = read_pair(args.pair or _made_pair(args, folder / "pair"), args.initialization)
+        args.pair = args.pair or args.out / "pair"
+        poses = "the same poses" if pair.shares_poses else "poses of its own"
+        say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
+        began = time.monotonic()
+        device = options.read_device(args)
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
         check: Readability | None = None
         if key is not None and BITS in scheme.extractions:
@@ -66,7 +77,20 @@ def run(args: Arguments) -> None:
             options.record_command(args, folder / "key", run)
         if check:
             write_json(folder / "key" / "readability.json", asdict(check) | {"readable": check.readable})
-        options.remove_older(args.out, "public/*", "key/*")  # perhaps of another scheme
+        options.remove_older(
+            args.out, "public/*", "key/*", *["pair/**/*"] * bool(args.scene)
+        )  # perhaps of another scheme
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
+
+
+def _made_pair(args: Arguments, folder: Path) -> Path:
+    """Make a pair in a folder as `gspure pair` does; photographs of the message keep their poses."""
+    has_poses = not (scene_builder(args.message) or is_model(args.message))
+    words = [args.scene, args.message, "--protocol", "own" if has_poses else "shared", "--out", str(folder)]
+    words += ["--resolution", args.resolution, "--seed", str(args.seed)]
+    making = parser_of("pair").parse_args(words)
+    making.device = args.device
+    making.run(making)
+    return folder

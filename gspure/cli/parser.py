@@ -73,18 +73,14 @@ class Parser(argparse.ArgumentParser):
         for option in (word.partition("=")[0] for word in words[:end] if word.startswith("--")):
             if not any(name.startswith(option) for name in known):
                 self.error(f"no option {option}{suggestion(option, known)}")
-        parsed = super().parse_args(words[:end])
+        parsed = super().parse_intermixed_args(words[:end])  # PAIR of `embed` may follow options
         if end < len(words):
             parsed.passed_on = [*words[end + 1 :]]
         return parsed
 
     def error(self, message: str) -> NoReturn:
         """Print the reason, and exit with status 2."""
-        self.exit(
-            2,
-            f"{self.prog}: {printable(message)}; see `{self.prog} --help`\
-",
-        )
+        self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
 
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:

@@ -1,12 +1,12 @@
 """The configuration of the workflow, after its check against the schema: names known, files found, sweeps listed."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
 from typing import Any, Final
 
-from gspure.attacks import attacks, find_attack
+from gspure.attacks import attacks
 from gspure.cameras import GENERATED, read_cameras
 from gspure.cameras.photographs import missing_photographs, require_present
 from gspure.datasets import SCENES
@@ -14,12 +14,13 @@ from gspure.errors import InputError
 from gspure.evaluation.detection import words_of
 from gspure.evaluation.names import CONTROLS, variant_at
 from gspure.evaluation.outcomes import BITS, SCENE, is_picture
-from gspure.model.inria import point_cloud, saved_iterations
+from gspure.model.inria import point_cloud
 from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.schemes.registry import made_by, schemes
 from gspure.settings import require_settings
 from gspure.training.dataset import read_views
 from gspure.workflow.decisions import METHOD
+from gspure.workflow.inputs import is_model
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
@@ -46,9 +47,11 @@ def resolve(config: Mapping[str, Any], source: str) -> dict[str, Any]:
             raise InputError(source, f"detectors.{name}", expected="a name of no target", found=name)
     if METHOD in settled["decisions"]:
         raise InputError(source, f"decisions.{METHOD}", expected="another name than that of the method", found=METHOD)
+    variants: dict[str, dict[str, Any]] = {}
     for variant, settings in settled["variants"].items():
         _settle_variant(variant, settings, settled["decisions"], source)
-    settled["variants"] = _at_damages(settled["variants"])
+        variants |= _at_damages(variant, settings)
+    settled["variants"] = variants
     _check_schemes(settled, source)
     return settled
 
@@ -84,10 +87,9 @@ def _settle_pair(pair: dict[str, Any], source: str, place: str) -> None:
     for field in ("scene", "message"):
         _require_path(pair[field], source, f"{place}.{field}")
     pair["photographs"] = _photographs(pair["scene"])
-    message = Path(pair["message"])
     if pair["protocol"] == "own":
         pair["own_photographs"] = _photographs(pair["message"])
-    elif message.suffix != ".ply" and not saved_iterations(message) and not (message / "point_cloud.ply").is_file():
+    elif not is_model(pair["message"]):
         pair["message_photographs"] = _photographs(pair["message"])
 
 
@@ -113,54 +115,43 @@ def _require(found: Any, known: list[Any], source: str, place: str) -> None:
 
 def _settle_variant(variant: str, settings: dict[str, Any], decisions: Mapping[str, Any], source: str) -> None:
     """Name the attack of a variant; check its name, its settings, its decision and its damage."""
-    place = f"variants.{variant}"
+    place, known = f"variants.{variant}", attacks()
     if variant in {*CONTROLS, *_FOLDERS}:
         raise InputError(source, place, expected="a name of no control and no folder of a model", found=variant)
-    attack = settings.setdefault("attack", variant)
-    if variant in attacks() and attack != variant:
-        hint = "a variant with the name of an attack must be that attack; rename it"
-        raise InputError(source, f"{place}.attack", expected=variant, found=repr(attack), hint=hint)
-    _check_settings(settings, attack, {name: each.function for name, each in attacks().items()}, source, place)
-    strength, needs = find_attack(attack).strength, find_attack(attack).needs
+    name = settings.setdefault("attack", variant)
+    _require(name, [variant] if variant in known else [*known], source, place)
+    attack = known[name]
+    require_settings(source, attack.function, _of_function(settings), f"{place}.")
     if "decision" in settings:
         _require(settings["decision"], [*decisions], source, f"{place}.decision")
-        if not needs & {"weights", "prune_mask"}:
-            expected = f"no entry, since {attack} uses no decision"
+        if not attack.needs & {"weights", "prune_mask"}:
+            expected = f"no entry, since {name} uses no decision"
             raise InputError(source, f"{place}.decision", expected=expected, found=repr(settings["decision"]))
-    if "damage" in settings and strength is None:
-        raise InputError(source, f"{place}.damage", expected="an attack with a strength", found=attack)
-    if "damage" in settings and strength and strength.setting in settings:
-        field = f"{place}.{strength.setting}"
-        raise InputError(source, field, expected="nothing beside damage", found=repr(settings[strength.setting]))
+    if "damage" in settings and attack.strength is None:
+        raise InputError(source, f"{place}.damage", expected="an attack with a strength", found=name)
+    if "damage" in settings and attack.strength and (given := settings.get(attack.strength.setting)) is not None:
+        field = f"{place}.{attack.strength.setting}"
+        raise InputError(source, field, expected="nothing beside damage", found=repr(given))
 
 
-def _check_settings(
-    settings: Mapping[str, Any], name: str, known: Mapping[str, Callable[..., Any]], source: str, place: str
-) -> None:
-    """Refuse an unknown attack or scheme, and settings that its function refuses."""
-    _require(name, [*known], source, place)
-    own = {key: value for key, value in settings.items() if key not in {"attack", "damage", "decision", "seed"}}
-    require_settings(source, known[name], own, f"{place}.")
+def _of_function(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in settings.items() if name not in {"attack", "damage", "decision", "seed"}}
 
 
-def _at_damages(variants: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the variants, with one for each damage in place of those that list several."""
-    expanded: dict[str, dict[str, Any]] = {}
-    for name, settings in variants.items():
-        if "damage" not in settings:
-            expanded[name] = dict(settings)
-            continue
-        damages = settings["damage"] if isinstance(settings["damage"], list) else [settings["damage"]]
-        expanded |= {variant_at(name, damage): {**settings, "damage": damage} for damage in damages}
-    return expanded
+def _at_damages(name: str, settings: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return a variant, or one for each of its damages."""
+    if "damage" not in settings:
+        return {name: settings}
+    damages = settings["damage"] if isinstance(settings["damage"], list) else [settings["damage"]]
+    return {variant_at(name, damage): {**settings, "damage": damage} for damage in damages}
 
 
 def _check_schemes(config: Mapping[str, Any], source: str) -> None:
     """Refuse unknown schemes, settings and extractions."""
     known = schemes() if config["schemes"] else {}
     for name, settings in config["schemes"].items():
-        place = f"schemes.{name}"
-        _check_settings(settings, name, {each: scheme.embed for each, scheme in known.items()}, source, place)
+        _require(name, [*known], source, f"schemes.{name}")
+        require_settings(source, known[name].embed, _of_function(settings), f"schemes.{name}.")
     extractions = sorted({extraction for scheme in config["schemes"] for extraction in known[scheme].extractions})
     for name in config["extractions"] or ():
         _require(name, extractions, source, "extractions")
