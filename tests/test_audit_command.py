@@ -83,6 +83,17 @@ def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, mon
     assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
 
 
+def test_a_failed_variant_leaves_the_answer_but_an_older_report_does_not(folder, words, monkeypatch):
+    answered = []
+    monkeypatch.setattr(audit, "_answer", lambda _: answered.append(True) or 0)
+    monkeypatch.setattr(audit, "_shown", lambda _: 1)
+    write_json(Path("results/report.html"), "of an earlier run")
+    os.utime("results/report.html", (0, 0))
+    assert (main(["audit", "my model.ply"]), answered) == (1, [])
+    monkeypatch.setattr(audit, "_shown", lambda _: Path("results/report.html").touch() or 1)
+    assert (main(["audit", "my model.ply"]), answered) == (1, [True])
+
+
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):
     Path("mine.yaml").write_text("{}")
     assert main(["audit", "mine.yaml", "--cameras", "orbit"]) == 2

@@ -44,14 +44,10 @@ def add_arguments(parser: Parser) -> None:
     meaning = "file of a 3DGS model, or folder of a training run; or a configuration of the workflow, .yaml"
     parser.reads("source", "MODEL|CONFIG", meaning)
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`, to extract the message", required=False)
-    meaning = (
-        "photographs of the message, with cameras, to compare with (default: the key's pair's, or the extraction "
-        "before any attack)"
-    )
+    meaning = "photographs of the message, with cameras (default: the key's pair's, or the extraction before attacks)"
     parser.reads("--message", "DIR", meaning, required=False)
-    add_cameras(
-        parser, "views of MODEL", more=" (default: those of the key's pair, or beside MODEL, or orbit)", required=False
-    )
+    default = " (default: those of the key's pair, or beside MODEL, or orbit)"
+    add_cameras(parser, "views of MODEL", more=default, required=False)
     add_run_options(parser)
 
 
@@ -85,9 +81,10 @@ def audited(args: Arguments, configuration: Path) -> int:
         _require_no_other_run()
         subprocess.run(_command(args, configuration, "--unlock"), check=True, capture_output=True)
         say("an earlier run was killed: what it left undone is done now")
-    began, page = time.time(), _RESULTS / "report.html"
+    page = _RESULTS / "report.html"
+    earlier = page.stat().st_mtime_ns if page.is_file() else 0
     status = (subprocess.call if args.verbose else _shown)(_command(args, configuration))
-    if status and not (page.is_file() and page.stat().st_mtime >= began):
+    if status and not (page.is_file() and page.stat().st_mtime_ns > earlier):
         return status
     return _answer(args) or status
 
