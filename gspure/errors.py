@@ -70,7 +70,8 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            _refuse_special(Path(path))
+            if Path(path).exists() and not Path(path).is_file():  # a pipe may never end
+                raise ValueError("a folder, a pipe or a device")  # noqa: TRY301
             yield
     except InputError:
         raise
@@ -79,9 +80,3 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         found = " ".join(reason.split()) or type(error).__name__
         raise kind(path, field, expected=content, found=found) from error
-
-
-def _refuse_special(path: Path) -> None:
-    """Refuse what is there but no file: a pipe may never end, and a device holds any number of bytes."""
-    if path.exists() and not path.is_file():
-        raise ValueError("a folder, a pipe or a device")

@@ -39,6 +39,7 @@ _RAW: Final = (".3fr", ".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", "
 """Suffixes of raw photographs, most of which pose as TIFF."""
 
 _ORIENTATION: Final = 0x0112  # tag of EXIF: 1 if the pixels are stored upright
+_NOT_APPLIED: Final = "ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` applies it"
 
 
 @contextmanager
@@ -135,11 +136,8 @@ def turn(path: Path) -> str | None:
 
     with reading(path, "an image"), Image.open(str(path), formats=(*FORMATS,)) as image:
         orientation = 1 if image.format == "PNG" else image.getexif().get(_ORIENTATION, 1)
-    if orientation in (0, 1):
-        return None
-    if image.format == "TIFF":
-        return f"EXIF orientation {orientation} is applied, as by 3DGS; COLMAP ignores it"
-    return f"EXIF orientation {orientation} is ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` applies it"
+        applied = "applied, as by 3DGS; COLMAP ignores it" if image.format == "TIFF" else _NOT_APPLIED
+    return None if orientation in (0, 1) else f"EXIF orientation {orientation} is {applied}"
 
 
 def _is_deep(codec: str, args: object) -> bool:

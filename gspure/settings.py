@@ -48,9 +48,7 @@ class Range(NamedTuple):
             raise InputError(source, field, expected=self.expected, found=found)
 
     def parse(self, text: str) -> float | None:
-        """Return the number in the range that a text of ASCII characters spells; None if it spells none."""
-        if not text.isascii() or {*text} & {*"_ \t\r\n\v\f"}:
-            return None
+        """Return the number in the range that a text spells; None if it spells none."""
         try:
             value = self.kind(text)
         except ValueError:  # no number, or too many digits

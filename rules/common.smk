@@ -160,7 +160,7 @@ def get_public_model(wildcards):
 
 
 def get_scheme(wildcards):
-    return get_model(wildcards).named_scheme
+    return wildcards.scheme if get_model(wildcards).is_watermarked else None
 
 
 def get_decision(wildcards):

@@ -61,20 +61,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output (`| head`) has gone
         progress.silence(sys.stdout)
         return 1
-    except InputError as error:
-        if isinstance(file := getattr(args, error.source, None), Path):  # the source may be the name of an argument
-            error.source = str(file)
-        return _refuse(argv[0], error)
-    except (MemoryError, OSError) as error:
-        if isinstance(error, OSError) and error.errno == errno.ENOSPC and not error.filename:  # our files have names
+    except (InputError, MemoryError, OSError) as error:
+        if isinstance(error, InputError):
+            if isinstance(file := getattr(args, error.source, None), Path):  # the source may be the name of an argument
+                error.source = str(file)
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC and not error.filename:  # our files have names
             progress.silence(sys.stdout)
             error.filename = "standard output"
-        return _refuse(argv[0], error)
-
-
-def _refuse(command: str, error: InputError | MemoryError | OSError) -> int:
-    progress.tell(f"gspure {command}: {refusal(error)}")
-    return 2
+        progress.tell(f"gspure {argv[0]}: {refusal(error)}")
+        return 2
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.attacks.registry import BUILT_IN
-from gspure.attacks.strength import Damage, Match, scene_damage
+from gspure.attacks.strength import Damage, scene_damage
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
@@ -80,7 +80,12 @@ def run(args: Arguments) -> None:
     attacked = attack.apply(public, measurements, **known, **settings)
     if search:
         attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
-        _print_damage(args, search)
+        estimated = "" if args.photographs else "an estimated "
+        drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
+        if search.misses(args.damage):
+            warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
+        else:
+            print(f"{args.name}: {drop}")
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
         raise NotApplicable(attack.name, f"none of {count} rows would remain")
@@ -92,16 +97,6 @@ def run(args: Arguments) -> None:
     args.set = {**attack.settings, **settings}
     options.record_command(args, args.out.parent)
     print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
-
-
-def _print_damage(args: Arguments, search: Match) -> None:
-    """Print strength and damage, as a warning where the damage misses the target."""
-    estimated = "" if args.photographs else "an estimated "
-    drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
-    if search.misses(args.damage):
-        warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
-    else:
-        print(f"{args.name}: {drop}")
 
 
 def _read_damage(args: Arguments, public: PublicModel, device: Device | None) -> Damage:

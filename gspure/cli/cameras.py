@@ -54,37 +54,30 @@ def run(args: Arguments) -> None:
     if args.model and not generated:
         raise InputError(args.source, "source", expected="orbit or shells", found="a camera file and --model")
     if args.undistort:
-        cameras = _distorted(args)
+        cameras = _undistorted(args)
     else:
         cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
-    cameras = scaled(cameras, args.resolution or ("native" if generated else TRAINING_RULE))
-    if args.undistort:
-        cameras = _undistorted(args, cameras)
+        cameras = scaled(cameras, args.resolution or ("native" if generated else TRAINING_RULE))
     write_cameras(args.out, cameras)
     record_command(args, args.out.parent)
     print("\n".join(_table(cameras)))
 
 
-def _distorted(args: Arguments) -> list[Camera]:
-    """Read cameras of any lens, of a capture elsewhere than the results."""
-    if isinstance(args.source, str):
-        raise InputError(args.source, "--undistort", expected="cameras with photographs", found="generated views")
-    cameras, folder = read_lenses(args.source), args.out.parent.resolve()
-    capture = (args.source if args.source.is_dir() else args.source.parent).resolve()
+def _undistorted(args: Arguments) -> list[Camera]:
+    """Write photographs and points of a capture without lens distortion beside ``--out``; return their cameras."""
+    source, place, images = args.source, args.out.parent, Path("images")
+    if isinstance(source, str):
+        raise InputError(source, "--undistort", expected="cameras with photographs", found="generated views")
+    cameras, folder = read_lenses(source), place.resolve()
+    capture = (source if source.is_dir() else source.parent).resolve()
     photographs = {parent for camera in cameras if camera.image for parent in camera.image.resolve().parents}
-    if folder == capture or folder / "images" in photographs:
+    if folder == capture or folder / images in photographs:
         raise InputError(args.out, "--undistort", expected="a folder apart from the capture", found=str(folder))
-    return cameras
-
-
-def _undistorted(args: Arguments, cameras: Sequence[Camera]) -> list[Camera]:
-    """Write photographs and points beside ``--out``; return the cameras of the photographs."""
-    xyz, rgb = stored_points(args.source)
-    place, images = args.out.parent, Path("images")
-    with filling(place) as folder:
+    xyz, rgb = stored_points(source)
+    with filling(place) as temporary:
         if len(xyz):
-            write_point_ply(folder / "points3D.ply", xyz, rgb)
-        cameras = undistort(cameras, folder / images, args.source)
+            write_point_ply(temporary / "points3D.ply", xyz, rgb)
+        cameras = undistort(scaled(cameras, args.resolution or TRAINING_RULE), temporary / images, source)
     return [replace(camera, image=place / images / f"{camera.name}.png") for camera in cameras]
 
 

@@ -17,17 +17,12 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
+    """Print the script of one parser of all commands, in which arguments that name files are completed by files."""
+    from gspure.cli import COMMANDS, parser_of
     from gspure.plugins import require_packages
 
     require_packages({"shtab": "gspure[completion]"}, "completion")
     import shtab
-
-    print(shtab.complete(_all_commands(shtab.FILE), args.shell))
-
-
-def _all_commands(files: object) -> argparse.ArgumentParser:
-    """Return one parser of all commands, in which arguments that name files are completed by `files`."""
-    from gspure.cli import COMMANDS, parser_of
 
     whole = argparse.ArgumentParser(prog="gspure")
     commands = whole.add_subparsers()
@@ -35,6 +30,6 @@ def _all_commands(files: object) -> argparse.ArgumentParser:
         parser = parser_of(name)
         for action in parser._actions:  # noqa: SLF001 (argparse lists them nowhere else)
             if action.type in {Path, camera_source} or action.dest in (parser.get_default("outputs") or ()):
-                vars(action)["complete"] = files
+                vars(action)["complete"] = shtab.FILE
         commands.add_parser(name, help=parser.description, parents=[parser], add_help=False)
-    return whole
+    print(shtab.complete(whole, args.shell))

@@ -7,10 +7,10 @@ import numpy as np
 
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
-from gspure.errors import InputError
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import Reading, read_bits, read_marks
 from gspure.files import run_of
+from gspure.schemes.registry import made_by
 from gspure.settings import SECONDS
 
 EXAMPLES = """\
@@ -29,7 +29,7 @@ def add_arguments(parser: Parser) -> None:
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
     source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key of a scheme that hides bits")
-    parser.text("--scheme", "NAME", "the scheme of the key")
+    parser.text("--scheme", "NAME", "the watermarking scheme (default: that of the key)")
     options.add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
     parser.number("--timeout", "S", "stop the detector after this many seconds", SECONDS, 600.0)
@@ -39,8 +39,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
     if args.key:
-        if not args.scheme:
-            raise InputError("detect", "--scheme", expected="the scheme of the key", found="none")
+        args.scheme = args.scheme or made_by(args.key)[0]
         key = options.read_key(args, run_of(args.images))
         readings = read_bits(key.read_bits, key.bits, args.images)
     else:

@@ -32,11 +32,8 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the model's file, or its folder")
     parser.text("--scheme", "NAME", "the watermarking scheme (default: that of the key)")
     parser.reads("--key", "DIR", "the owner's key, from `gspure embed`")
-    parser.text(
-        "--extraction",
-        "NAME",
-        "message (as published; the default), message_adaptive (adapted to the attack), or another of the scheme",
-    )
+    meaning = "message (as published; the default), message_adaptive (adapted to the attack), or another of the scheme"
+    parser.text("--extraction", "NAME", meaning)
     options.add_control_keys(parser)
     meaning = "photographs of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and keyss"
     parser.reads("--photographs", "DIR", meaning, required=False)

@@ -107,26 +107,26 @@ def run(args: Arguments) -> None:
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
         rows = _compare(folder, models, test, device) if public.visible else []
-        suspicions = {"suspicious": {reason: rows.tolist() for reason, rows in suspects.items()}}
-        diagnosis = _with_psnr(purification.diagnosis.to_json() | suspicions, rows)
+        suspicions = {reason: rows.tolist() for reason, rows in suspects.items()}
+        diagnosis = purification.diagnosis.to_json() | {"suspicious": suspicions}
+        _add_psnr(diagnosis, rows)
         write_json(folder / "diagnosis.json", diagnosis)
         options.record_command(args, folder)
         patterns = (f"renders/{title}/*.png" for title in _RENDERS)
         options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *patterns)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
-    captions = [] if args.no_figures else _draw(args, public, purification, cameras, models, device)
-    print("\n".join([*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]))
-    measures_rays = args.energy == "ray" and public.rows_are_gaussians
-    if measures_rays and (small := subpixel_rows(public.model, purification.weights, train)):
-        print(small.line(len(public.model), cameras[0].width))
-    near = near_lines(public.model, purification.weights, train) if public.rows_are_gaussians else []
-    repaired = []
+    captions = [] if args.no_figures else _draw(args, public, purification, cameras, [*models], device)
+    lines = [*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]
+    if public.rows_are_gaussians:
+        subpixel = subpixel_rows(public.model, purification.weights, train) if args.energy == "ray" else None
+        lines += [subpixel.line(len(public.model), cameras[0].width)] if subpixel else []
+        lines += near_lines(public.model, purification.weights, train)
     if {"psnr_before_repair", "psnr"} <= diagnosis.keys():
         before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
-        repaired = [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
-    place, table = f"results in {args.out}", comparison.as_text(rows, per_view=args.per_view) if rows else []
-    print("\n".join([*near, *repaired, place, *table, *captions]))
+        lines.append(f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after")
+    table = comparison.as_text(rows, per_view=args.per_view) if rows else []
+    print("\n".join([*lines, f"results in {args.out}", *table, *captions]))
     for low in comparison.worst([row for row in rows if row.target == "scene"]):
         if low.psnr < _VISIBLE:
             level = f"{low.view} has {low.psnr:.1f} dB, so visible detail is lost"
@@ -165,13 +165,13 @@ def _compare(
     return rows
 
 
-def _with_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> dict[str, Any]:
+def _add_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> None:
     """Add the mean PSNR of the held-out views, and the worst of them with its warning; nothing if all are identical."""
     for mean, low in zip(comparison.means(rows), comparison.worst(rows), strict=True):
         if math.isfinite(low.psnr):
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
             diagnosis[key] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
-    return diagnosis | {"warnings": diagnosis["warnings"] + comparison.far_below(rows)}
+    diagnosis["warnings"] += comparison.far_below(rows)
 
 
 def _draw(
@@ -179,7 +179,7 @@ def _draw(
     public: PublicModel,
     purification: Purification,
     cameras: Sequence[Camera],
-    titles: Mapping[str, PublicModel],
+    titles: Sequence[str],
     device: Device,
 ) -> list[str]:
     """Draw some of the compared views before and after, and the model; return a line for each that succeeds."""

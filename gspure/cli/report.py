@@ -1,7 +1,6 @@
 """``gspure report``: tables, figures and one page about all models of a run."""
 
 from gspure.cli.parser import Arguments, Parser
-from gspure.errors import InputError
 from gspure.evaluation.names import display_name, model_name
 from gspure.files import read_json
 from gspure.progress import tell
@@ -19,10 +18,8 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    file = args.results / "configuration.json"
-    if not file.is_file():
-        raise InputError(args.results, file.name, expected="the configuration of a run", found="no such file")
-    for outcome in write_report(args.results, report_plan(Plan(read_json(file)))):
+    plan = report_plan(Plan(read_json(args.results / "configuration.json")))
+    for outcome in write_report(args.results, plan):
         if outcome.failure:
             name = model_name(outcome.scheme, outcome.folder)
             tell(f"gspure: {name}, {display_name(outcome.variant)}: no results: {outcome.failure}")

@@ -118,11 +118,6 @@ class Model:
         return self.plan.schemes[self.scheme].module if self.is_watermarked else "gspure.public_model"
 
     @property
-    def named_scheme(self) -> str | None:
-        """Its scheme; None for the user's own models, whose scheme is recognized by the columns."""
-        return self.scheme if self.is_watermarked else None
-
-    @property
     def public(self) -> str:
         """The public model: the user's file in place, or the one trained here."""
         return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))

@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Iterable, Iterator
 from functools import cache
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Final
 
@@ -54,8 +54,7 @@ def _named(source: bytes, parents: list[str]) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            above = parents[: len(parents) + 1 - node.level] if node.level else []
-            module = ".".join([*above, *([node.module] if node.module else [])])
+            module = resolve_name("." * node.level + (node.module or ""), ".".join(parents))
             yield from (module, *(f"{module}.{alias.name}" for alias in node.names))
 
 

@@ -148,7 +148,7 @@ def evaluation(model: Model, names: Sequence[str]) -> dict[str, Any]:
     return {
         "cameras": f"{model.folder}/cameras.json",
         **(model.owned if model.is_watermarked else {}),
-        "scheme": model.named_scheme,
+        "scheme": model.scheme if model.is_watermarked else None,  # else it is recognized by the columns
         "split": model.plan.config["views"]["evaluate"],
         "photographed": model.photographed,
         "unattacked": f"{model.folder}/{UNATTACKED}/renders",
