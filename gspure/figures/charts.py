@@ -60,7 +60,14 @@ def draw_weights(path: Path, model: Purified) -> str:
             axes.bar(low - 3 * step, share_zero, 2 * step, below_zero, color=colour)
             below, below_zero = below + share, below_zero + share_zero
         if mean := mean_weight(weights):
-            keys += _mark_thresholds(axes, mean, model.tau_c, model.tau_n)
+            marks = [(r"mean $\bar\omega$", mean, "-"), (r"$\bar\omega/\tau_c$", mean / model.tau_c, "--")]
+            marks.append((r"$\bar\omega/\tau_n$", mean / model.tau_n, ":"))
+            if model.tau_c == model.tau_n:
+                marks[1:] = [(rf"$\bar\omega/{model.tau_c:g}$", mean / model.tau_c, "--")]
+            look: dict[str, Any] = {"color": style.INK, "linewidth": 0.8}
+            keys += [
+                axes.axvline(float(np.log10(at)), linestyle=dash, label=label, **look) for label, at, dash in marks
+            ]
         axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
         axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
         axes.set_xlabel("weight ω (mean over views)")
@@ -74,27 +81,11 @@ def draw_weights(path: Path, model: Purified) -> str:
     )
 
 
-def _mark_thresholds(axes: Axes, mean: float, tau_c: float, tau_n: float) -> list[Artist]:
-    """Mark the mean weight and the thresholds of clusters and noise points; return the lines."""
-    marks = [(r"mean $\bar\omega$", mean, "-")]
-    if tau_c == tau_n:
-        marks.append((rf"$\bar\omega/{tau_c:g}$", mean / tau_c, "--"))
-    else:
-        marks.append((r"$\bar\omega/\tau_c$", mean / tau_c, "--"))
-        marks.append((r"$\bar\omega/\tau_n$", mean / tau_n, ":"))
-    look: dict[str, Any] = {"color": style.INK, "linewidth": 0.8}
-    return [axes.axvline(float(np.log10(value)), linestyle=dash, label=label, **look) for label, value, dash in marks]
-
-
-Factors = tuple[float, float]
-"""The pruning factors tau_n and tau_c."""
-
-
-def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, Factors]) -> str | None:
+def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, tuple[float, float]]) -> str | None:
     """Draw scene and message of a condition against the pruning factors as PNG and SVG, and return the caption.
 
-    `points` are the factors of variants, those of the method, which a ring marks, first. A target that some point lacks
-    is left out. None if too few of them are known.
+    `points` are tau_n and tau_c of variants, those of the method, which a ring marks, first. A target that some point
+    lacks is left out. None if too few of them are known.
     """
     means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
     known = {factors: means[name] for name, factors in points.items() if name in means and means[name].scene}

@@ -30,21 +30,18 @@ _DARKEST: Final = 0.4
 _DIRECTIONS: Final = 8
 
 
+if sys.platform == "linux":  # by default, VTK needs an X server, even off screen
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+
+
 def opengl_renderer() -> str | None:
     """Return the name of OpenGL's renderer; None if it does not work, asked in a process that VTK then ends."""
-    _prefer_egl()
     from pyvista import GPUInfo
 
     try:
         return str(GPUInfo().renderer)
     except RuntimeError:
         return None
-
-
-def _prefer_egl() -> None:
-    """Let VTK render with EGL unless the user chose otherwise; by default it needs an X server, even off screen."""
-    if sys.platform == "linux":
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
 def portraits(points: Float32, colourings: Sequence[UInt8], camera: Camera) -> list[UInt8]:
@@ -61,13 +58,9 @@ def portraits(points: Float32, colourings: Sequence[UInt8], camera: Camera) -> l
     size = max(int(min(spread, fine.width / 150)), 2)
     images, depth = _draw_balls(points[rows], [colours[rows] for colours in colourings], fine, size)
     shade = eye_dome(depth, radius=max(size, fine.width // 200))[..., None]
-    return [_smooth(image * shade) for image in images]
-
-
-def _smooth(image: Float32) -> UInt8:
-    """Return the mean of every `_SMOOTHING` x `_SMOOTHING` pixels."""
-    parts = [image[i::_SMOOTHING, j::_SMOOTHING] for i in range(_SMOOTHING) for j in range(_SMOOTHING)]
-    return np.asarray(np.rint(np.mean(parts, axis=0)), np.uint8)
+    width, height = camera.width, camera.height
+    parts = ((image * shade).reshape(height, _SMOOTHING, width, _SMOOTHING, 3) for image in images)
+    return [np.rint(part.mean(axis=(1, 3))).astype(np.uint8) for part in parts]
 
 
 def _draw_balls(points: Float32, colourings: Sequence[UInt8], camera: Camera, size: int) -> tuple[list[UInt8], Float32]:
@@ -75,7 +68,6 @@ def _draw_balls(points: Float32, colourings: Sequence[UInt8], camera: Camera, si
 
     Return a picture [H,W,3] for each colouring, and depth [H,W] along the view, inf in the background.
     """
-    _prefer_egl()
     import pyvista as pv
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 

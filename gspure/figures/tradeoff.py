@@ -120,9 +120,11 @@ def _label(axes: Axes, listed: Sequence[Place]) -> None:
     points = axes.transData.transform([place[:2] for place in listed])
     taken = [Bbox([at - dot, at + dot]) for at in points]
     for place in listed:
+        variants = sorted(place.variants, key=lambda name: name != GSPURE)
+        name = shorten(" = ".join(reached_name(each, place.damage) for each in variants), _LETTERS, placeholder=" …")
         for distance, right, above in product(_DISTANCES, (True, False), (True, False)):
             text = axes.annotate(
-                _named(place),
+                name,
                 place[:2],
                 (distance if right else -distance, distance if above else -distance),
                 textcoords="offset points",
@@ -139,9 +141,3 @@ def _label(axes: Axes, listed: Sequence[Place]) -> None:
                 taken.append(box)
                 break
             text.remove()
-
-
-def _named(place: Place) -> str:
-    variants = sorted(place.variants, key=lambda name: name != GSPURE)
-    names = [reached_name(name, place.damage) for name in variants]
-    return shorten(" = ".join(names), _LETTERS, placeholder=" …")

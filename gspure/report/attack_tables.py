@@ -100,7 +100,10 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
             cells.append(share(row.share_left.mean if row.share_left else nan))
             cells += [interval(above, row.scenes, text) for above in (row.above_floor, row.above_wrong_key)]
-            cells += [_detectability(row)] * (scenes > 1)
+            if scenes > 1:
+                auc = row.detectability
+                spread = f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}" if auc else ""
+                cells.append(Cell(decimal(auc.auc if auc else nan), spread))
         rows.append(Row(cells))
     return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, _SURVIVAL)
 
@@ -161,13 +164,6 @@ def matched_table(matched: Sequence[Matched]) -> Table:
 def _dropped(extraction: str) -> tuple[str, str]:
     """Return title and group of the column of an extraction's drop."""
     return ("message", "PSNR drop") if is_picture(extraction) else (extraction_name(extraction), "drop")
-
-
-def _detectability(row: Survival) -> Cell:
-    auc = row.detectability
-    if auc is None:
-        return Cell()
-    return Cell(decimal(auc.auc), f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}")
 
 
 def _permitted(damages: Iterable[float]) -> list[Column]:

@@ -11,7 +11,7 @@ from gspure.evaluation.contest import Contest, contest
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, Sweeps, match
 from gspure.evaluation.names import model_name
-from gspure.evaluation.outcomes import SCENE, Condition, Outcome, by_model
+from gspure.evaluation.outcomes import SCENE, Outcome, by_model
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
@@ -22,7 +22,7 @@ from gspure.files import read_json, write_text
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown
-from gspure.report.page import Comparison, Model, Picture, picture, renders, write_page
+from gspure.report.page import Comparison, Model, picture, renders, write_page
 from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
@@ -69,7 +69,11 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
         alike = {key: variants for key, variants in models.items() if variants[0].condition == condition}
         shown = [_model(results, key, alike[key], plan, answer) for key in track([*alike], "figures")]
         compared = condition_tables(condition, survivals, contests, matched)
-        pictures = _condition_pictures(results, condition, [o for v in alike.values() for o in v], plan)
+        folder, points = results / "figures" / condition.key, plan.points.get(condition.scheme, {})
+        variants, sweep = [o for each in alike.values() for o in each], folder / "sweep.png"
+        drawn = {folder / "tradeoff.png": _drawn(draw_tradeoff, folder / "tradeoff.png", variants)}
+        drawn[sweep] = _drawn(draw_factors, sweep, variants, points) if points else None
+        pictures = [picture(path, caption, results) for path, caption in drawn.items() if caption]
         meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
         comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
     names = ("results", "summary", "survival", "contest", "matched")
@@ -116,19 +120,6 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
 def _parts(file: Path) -> dict[str, Any]:
     """Return the entries of a JSON file; none if it does not exist."""
     return dict(read_json(file)) if file.is_file() else {}
-
-
-def _condition_pictures(
-    results: Path, condition: Condition, outcomes: Sequence[Outcome], plan: ReportPlan
-) -> list[Picture]:
-    """Draw the figures of a condition over all of its scenes."""
-    folder = results / "figures" / condition.key
-    points = plan.points.get(condition.scheme, {})
-    drawn = {
-        folder / "tradeoff.png": _drawn(draw_tradeoff, folder / "tradeoff.png", outcomes),
-        folder / "sweep.png": _drawn(draw_factors, folder / "sweep.png", outcomes, points) if points else None,
-    }
-    return [picture(path, caption, results) for path, caption in drawn.items() if caption]
 
 
 def _drawn(draw: Callable[..., Drawn | None], path: Path, *facts: Any) -> Drawn | None:
