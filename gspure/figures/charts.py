@@ -89,7 +89,7 @@ def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, t
     """
     means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
     known = {factors: means[name] for name, factors in points.items() if name in means and means[name].scene}
-    method = next(iter(points.values()))
+    method = next(iter(points.values()), (0.0, 0.0))
     if method not in known or len(known) < 2:
         return None
     extraction = known[method].extraction

@@ -30,13 +30,6 @@ _WIDEST: Final = 1400  # pixels of an embedded figure
 _RENDER: Final = 560  # and of a render
 
 
-class Link(NamedTuple):
-    """A file beside the page."""
-
-    name: str
-    target: str  # its path from the folder of the page
-
-
 @dataclass(frozen=True)
 class Picture:
     """One figure as the page shows it."""
@@ -45,7 +38,7 @@ class Picture:
     caption: str
     data: str  # the image as a data URI
     wide: bool  # whether it is as wide as a page rather than a column
-    files: list[Link]  # the figure itself, also as a vector graphic if there is one
+    files: list[str]  # paths, from the page, of the figure and of its vector graphic if there is one
 
 
 @dataclass(frozen=True)
@@ -80,20 +73,16 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
     """Write ``report.html``, whole or not at all. It loads nothing from outside itself, and links files of the run."""
     from gspure import __version__
 
-    linked = [_link(file, results) for file in links]
+    linked = [os.path.relpath(file.resolve(), results.resolve()) for file in links]
     page = environment().get_template("page.html.j2")
     thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
     text = page.render(version=__version__, comparisons=comparisons, links=linked, **thresholds)
     write_text(results / "report.html", text)
 
 
-def _link(file: Path, results: Path) -> Link:
-    return Link(file.name, Path(os.path.relpath(file.resolve(), results.resolve())).as_posix())
-
-
 def picture(file: Path, caption: str, results: Path) -> Picture:
     """Return a PNG figure with its caption, and links to it and to its vector graphic."""
-    files = [_link(path, results) for suffix in (".png", ".svg") if (path := file.with_suffix(suffix)).exists()]
+    files = [str(p.relative_to(results)) for end in (".png", ".svg") if (p := file.with_suffix(end)).exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         return Picture(display_name(file.stem), caption, _embedded(image, _WIDEST), wide, files)

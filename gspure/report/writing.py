@@ -62,18 +62,17 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
     write_text(tables / "summary.tex", summary_table(outcomes).latex())
     _warn(outcomes)
-    models = {(o.scheme, o.folder): variants for (scheme, folder), variants in by_model(outcomes) for o in variants[:1]}
-    comparisons = []
+    models, comparisons = dict(by_model(outcomes)), []
     for answer in answers(outcomes, survivals):
         condition = answer.audit.condition
         alike = {key: variants for key, variants in models.items() if variants[0].condition == condition}
         shown = [_model(results, key, alike[key], plan, answer) for key in track([*alike], "figures")]
         compared = condition_tables(condition, survivals, contests, matched)
-        folder, points = results / "figures" / condition.key, plan.points.get(condition.scheme, {})
-        variants, sweep = [o for each in alike.values() for o in each], folder / "sweep.png"
-        drawn = {folder / "tradeoff.png": _drawn(draw_tradeoff, folder / "tradeoff.png", variants)}
-        drawn[sweep] = _drawn(draw_factors, sweep, variants, points) if points else None
-        pictures = [picture(path, caption, results) for path, caption in drawn.items() if caption]
+        variants, points = [o for each in alike.values() for o in each], plan.points.get(condition.scheme, {})
+        tradeoff, sweep = (results / "figures" / condition.key / name for name in ("tradeoff.png", "sweep.png"))
+        captions = {tradeoff: _drawn(draw_tradeoff, tradeoff, variants)}
+        captions[sweep] = _drawn(draw_factors, sweep, variants, points)
+        pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
         meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
         comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
     names = ("results", "summary", "survival", "contest", "matched")
