@@ -7,6 +7,7 @@ from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras
 from gspure.cameras.orbit import guessed_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
+from gspure.figures.up import mention_up
 from tests.camera_cases import numbers, project
 from tests.models import points_of
 
@@ -61,7 +62,7 @@ def test_a_figure_with_arms_spread_stands(up, span):
     ]
     across, depth, height = np.concatenate(parts).T
     points = np.stack([across, -height, depth] if up[1] else [across, depth, height], axis=1)
-    np.testing.assert_array_equal(guessed_up(points, np.ones(len(points))), up)
+    np.testing.assert_array_equal(guessed_up(points, np.ones(len(points))).direction, up)
 
 
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1), (0, -0.8, 0.6)])
@@ -82,7 +83,34 @@ def test_a_flat_model_stands_on_its_flat_side(up, capsys):
 def test_a_model_without_a_clear_up_direction_has_that_of_colmap():
     wall = BALL * [0.1, 1, 1]
     for points, opacities in ((BALL, OPAQUE), (wall, OPAQUE), (BALL, 0 * OPAQUE)):
-        assert guessed_up(points, opacities) == pytest.approx([0, -1, 0])
+        up, is_sure = guessed_up(points, opacities)
+        assert up.tolist() == [0, -1, 0]
+        assert not is_sure
+
+
+SHAPES = {  # and whether the guess is sure
+    "ball": (BALL, False),
+    "room of nearly equal sides": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.65], False),
+    "tilted disc": (BALL - 0.9 * np.outer(BALL @ [0, -0.8, 0.6], [0, -0.8, 0.6]), False),
+    "low room": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.4], True),
+    "disc": (BALL * [1, 0.1, 1], True),
+}
+
+
+@pytest.mark.parametrize(("points", "is_sure"), SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("up", [None, (0, 0, 1)], ids=["guessed", "set"])
+def test_the_candidates_are_drawn_if_a_guess_is_unsure(tmp_path, capsys, points, is_sure, up):
+    views = []
+
+    def draw(camera):
+        views.append(camera)
+        return np.zeros((camera.height, camera.width, 3), np.float32)
+
+    mention_up(points_of(points, OPAQUE), draw, up, tmp_path)
+    is_drawn = not (up or is_sure)
+    assert (tmp_path / "up.png").is_file() == is_drawn
+    assert ("up is unsure: see " in capsys.readouterr().err) == is_drawn
+    assert len({tuple(np.round(-camera.viewmat[1, :3])) for camera in views}) == 6 * is_drawn
 
 
 def test_shells_surround_the_model_at_their_radii():

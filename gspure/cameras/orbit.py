@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,19 @@ _COLMAP = np.array([0.0, -1.0, 0.0])  # y points down, and 3DGS models use COLMA
 _FLAT = 0.8  # largest ratio of the smallest to the second deviation for which a model counts as flat. Ours
 _UPRIGHT = 0.94  # cosine of 20 degrees: nearer axes are taken as they are. Ours
 _EVEN, _LOPSIDED = 0.15, 0.4  # skewness below which sides are alike, and above which not. Ours
+UP_SHEET: Final = "up.png"  # pictures of a model with each axis up, in the folder of results
+_SURE = 0.75  # share of the limits of flatness and skewness at which a guess is sure. Ours
 _NEUTRAL = 1e-6  # a normal with less of -y + z has no sense. Ours
+
+
+class Up(NamedTuple):
+    """A guessed up direction: a unit vector [3], and whether the guess is sure."""
+
+    direction: Float64
+    is_sure: bool
+
+    def __str__(self) -> str:
+        return " ".join(f"{x:.3g}" for x in self.direction) + " (unsure)" * (not self.is_sure)
 
 
 def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[Camera]:
@@ -120,7 +132,9 @@ def _views(
 ) -> list[Camera]:
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
     centre, radius = bounding_sphere(model.means, model.opacities)
-    up = _guess(model, centre, radius) if up is None else up
+    if up is None:
+        up = (guess := up_of(model)).direction.tolist()
+        say(f"up direction {guess}, guessed from the model's shape; --up X Y Z sets another")
     frame = _frame(Entry(f"{kind} views", "", {"up": up}))
     SIDE.require(f"{kind} views", "width", width)
     SIDE.require(f"{kind} views", "height", height)
@@ -134,14 +148,12 @@ def _views(
     return [Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat) for i, viewmat in enumerate(poses)]
 
 
-def _guess(model: Gaussians, centre: Float64, radius: float) -> list[float]:
-    """Guess the up direction from the rows in the bounding sphere, and print it."""
+def up_of(model: Gaussians) -> Up:
+    """Return `guessed_up` of the rows in the bounding sphere of a model."""
     points, weights = _finite(model.means, model.opacities)
+    centre, radius = bounding_sphere(points, weights)
     inside = np.linalg.norm(points - centre, axis=1) <= radius
-    up = guessed_up(points[inside], weights[inside])
-    direction = " ".join(f"{x:.3g}" for x in up + 0.0)
-    say(f"up direction {direction}, guessed from the model's shape; --up X Y Z sets another")
-    return list(up)
+    return guessed_up(points[inside], weights[inside])
 
 
 def _frame(settings: Entry) -> Float64:
@@ -170,25 +182,29 @@ def _looking_at(centre: Float64, frame: Float64, elevation: float, azimuth: floa
     return viewmat
 
 
-def guessed_up(points: Float64, weights: NDArray[Any]) -> Float64:
+@np.errstate(over="ignore", invalid="ignore")  # of points in one plane
+def guessed_up(points: Float64, weights: NDArray[Any]) -> Up:
     """Return the unit vector [3] normal to the plane in which a model extends: its ground, or that of a flat object.
 
     People and figurines with arms spread are flat, too, but alike in front and behind, and not above and below: the
     vector is along their height. Its sense is that of the usual worlds, -y or +z up. A direction near an axis is that
     axis. It is -y, as from COLMAP, if the model is not flat or its plane is upright in both worlds. Points [K,3] are
     finite; their weights [K] may be opacities.
+
+    The guess is unsure if it is that last resort or no axis, or flatness or skewness are within 25 % of their limits.
     """
     weights = weights + np.finfo(np.float64).tiny  # some may be invisible, but not all
     offsets = points - np.average(points, axis=0, weights=weights)
     variances, axes = np.linalg.eigh((offsets * weights[:, None]).T @ offsets)
     spreads = np.sqrt(np.maximum(variances / weights.sum(), np.finfo(np.float64).tiny))
     skews = np.abs(weights @ (offsets @ axes / spreads) ** 3) / weights.sum()
-    stands = skews[0] < _EVEN and skews[1:].max() > _LOPSIDED
+    stands, might, must = (skews[0] < _EVEN * m and skews[1:].max() > _LOPSIDED / m for m in (1, 1 / _SURE, _SURE))
     axis = axes[:, 1 + skews[1:].argmax() if stands else 0]
     sense = axis @ (0, -1, 1)
     normal = axis * np.sign(sense)
     is_flat, is_neutral = variances[0] < _FLAT**2 * variances[1], abs(sense) < _NEUTRAL
     if not is_flat or is_neutral or abs(normal[0]) > max(-normal[1], normal[2]):
-        return _COLMAP
+        return Up(_COLMAP, is_sure=False)
     nearest = np.round(normal * (np.abs(normal) > _UPRIGHT))
-    return np.asarray(nearest if nearest.any() else normal)
+    is_sure = might == must and nearest.any() and variances[0] < (_SURE * _FLAT) ** 2 * variances[1]
+    return Up((nearest if nearest.any() else normal) + 0.0, bool(is_sure))  # -0 becomes 0

@@ -166,10 +166,11 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     from gspure.cameras import GENERATED
     from gspure.cameras.worlds import mention_unseen
+    from gspure.figures.up import mention_up
     from gspure.files import write_text
     from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG
-    from gspure.schemes.registry import recognized
+    from gspure.schemes.registry import read_public_model, recognized
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
@@ -179,6 +180,8 @@ def _configuration(args: Arguments, target: Path) -> Path:
     rows, asset = read_model(source), _asset(args, model := model_file(source))
     if asset["cameras"] not in GENERATED:
         mention_unseen(rows, read_source(Path(asset["cameras"]), model))
+    elif (public := read_public_model(source).drawable(source)).visible and not args.dry_run:
+        mention_up(public.model, public.scene(background=rows.background), args.up, _RESULTS)
     named = source.resolve().parent if source.name == UNPACKED_SOG else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     configuration: dict[str, Any] = {"assets": {scene: asset}}

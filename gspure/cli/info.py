@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from itertools import groupby
 
+from gspure.cameras.orbit import up_of
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
 from gspure.files import run_of
@@ -30,6 +31,7 @@ def run(args: Arguments) -> None:
     for doubt in doubts(model):
         warn(f"{file}: {doubt}")
     summary = summarize(model)
+    up = str(up_of(model)) if len(summary.suspicious.get("undrawable", ())) < len(model) else ""
     rows = "anchors" if model.has_anchors else "Gaussians"
     colour = f"SH degree {model.sh_degree}" if model.sh_degree >= 0 else "no spherical harmonics"
     parts = file.parent.glob("*.webp") if file.name == UNPACKED_SOG else []  # the images of an unpacked SOG model
@@ -38,7 +40,7 @@ def run(args: Arguments) -> None:
     lines = [str(file), facts, f"  {summary.kind}"]
     lines += [f"  run {run}"] if (run := run_of(file)) else []
     lines += [f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []
-    lines += ["", *_table(summary)]
+    lines += ["", *_table(summary), *([f"  {'guessed up':<18}{up:>11}"] if up else [])]
     lines += [f"  {line}" for line in suspicious_lines(summary.suspicious, len(model))]
     lines += [""] if model.comments or training else []
     lines += [f"  comment: {comment}" for comment in model.comments]

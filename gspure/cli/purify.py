@@ -18,6 +18,7 @@ from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_
 from gspure.errors import InputError
 from gspure.evaluation import comparison
 from gspure.evaluation.comparison import ViewMetrics
+from gspure.figures.up import mention_up
 from gspure.files import filling, save_array, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
@@ -116,6 +117,8 @@ def run(args: Arguments) -> None:
         options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *patterns)
     if not public.visible:
         say("the model holds no colour: no renders, no metrics")
+    elif isinstance(args.cameras, str):
+        mention_up(public.model, public.scene(device, public.model.background), args.up, args.out)
     captions = [] if args.no_figures else _draw(args, public, purification, cameras, [*models], device)
     lines = [*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]
     if public.rows_are_gaussians:

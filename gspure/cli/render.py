@@ -24,6 +24,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.cameras.worlds import mention_unseen
+    from gspure.figures.up import mention_up
     from gspure.files import filling, save_array
     from gspure.images import is_flat, write_image
     from gspure.schemes.registry import read_public_model
@@ -44,6 +45,8 @@ def run(args: Arguments) -> None:
         if isinstance(args.cameras, str):
             options.write_views(folder, views)
         options.record_command(args, folder)
+    if isinstance(args.cameras, str):
+        mention_up(public.model, scene, args.up, args.out)
     if empty:
         count = f"{len(empty)} of {len(views)} views"
         warn(f"{count} show a single colour (first: {empty[0]}): do cameras and model belong together?")

@@ -7,6 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
+from gspure.cameras.orbit import UP_SHEET
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import Values, grouped, read_table, write_table
 from gspure.evaluation.metrics import METRICS
@@ -166,6 +167,8 @@ def _named(row: ViewMetrics) -> str:
 
 def _png_files(folder: Path, targets: Container[str] = ()) -> set[Path]:
     files = {path.relative_to(folder) for path in folder.rglob("*.png")}
+    if any(path.name.startswith(("orbit_", "shell_")) for path in files):  # generated views, perhaps with candidates
+        files.discard(Path(UP_SHEET))
     files = {path for path in files if not targets or path.parent.as_posix() in targets}
     files = {path for path in files if not path.parts[0].startswith(".")}  # what a killed process left
     if not files:

@@ -26,10 +26,8 @@ def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float6
     cameras; without a preferred side or cameras, it is -z, or -y if z is up.
     """
     points = np.asarray(_without_floaters(means), np.float64)
-    up = _agreed(
-        -np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3),
-        guessed_up(points, np.ones(len(points))),
-    )
+    flat_side = guessed_up(points, np.ones(len(points))).direction
+    up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), flat_side)
     offsets = np.array([camera.centre for camera in cameras]).reshape(-1, 3) - np.median(means, axis=0)
     level = offsets - np.outer(offsets @ up, up)
     front = _agreed(level, np.cross(np.eye(3)[np.argmin(np.abs(up))], up))
