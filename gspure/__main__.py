@@ -1,6 +1,7 @@
 """The process of ``gspure`` and ``python -m gspure``."""
 
 import gc
+import io
 import signal
 import sys
 
@@ -9,6 +10,8 @@ _signals: list[int] = []
 
 def main() -> int:
     """Run one command; a signal to stop, SIGTERM too, removes what is half done and ends it in one line."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal or pipe may not take all characters
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as by `nohup`
             signal.signal(number, _stop)

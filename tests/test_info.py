@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -67,3 +71,10 @@ def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
     write_model(model, blobs(3).with_comment("\x1b[2J"))
     (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
     assert all(line.isprintable() for line in report(capsys, tmp_path).split("\n"))
+
+
+def test_a_terminal_of_ascii_gets_escapes(tmp_path):
+    write_model(tmp_path / "model.ply", blobs(2).with_comment("exporté"))
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "LANG": "C"}
+    command = [sys.executable, "-m", "gspure", "info", str(tmp_path / "model.ply")]
+    assert b"export\\xe9" in subprocess.run(command, env=environment, capture_output=True, check=True).stdout
