@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.attacks.learning import ITERATIONS, Teacher
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
 from gspure.cameras.worlds import mention_unseen
@@ -29,7 +28,6 @@ from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
-from gspure.schemes.registry import read_public_model, recognized
 from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
 
 EXAMPLES = """\
@@ -73,8 +71,8 @@ def add_arguments(parser: Parser) -> None:
     ):
         meaning = f"prune {rows} is below the mean of all rows divided by TAU (default: {value}; anchors: {of_anchors})"
         parser.number(name, "TAU", meaning, FACTOR)
-    meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: %(const)s iterations)"
-    parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=ITERATIONS)
+    meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: for as long)"
+    parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=0)
     parser.flag("--no-figures", "draw no figures")
     parser.flag(*options.PER_VIEW)
     parser.flag(*options.FORCE)
@@ -83,6 +81,8 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
+    from gspure.schemes.registry import read_public_model, recognized
+
     options.require_own_folder(args)
     stored = read_public_model(args.model)
     suspects = suspicious_rows(stored.model)
@@ -90,7 +90,7 @@ def run(args: Arguments) -> None:
     scheme = recognized(public.model)
     args.tau_c = args.tau_c or (scheme.tau_c if scheme else TAU_C)
     args.tau_n = args.tau_n or (scheme.tau_n if scheme else TAU_N)
-    if args.repair and not public.visible:
+    if args.repair is not None and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(options.read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
     mention_unseen(public.model, cameras)
@@ -107,7 +107,7 @@ def run(args: Arguments) -> None:
         options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
-        rows = _compare(folder, models, test, device) if public.visible else []
+        rows = _compare(folder, models, test, device)
         suspicions = {reason: rows.tolist() for reason, rows in suspects.items()}
         diagnosis = purification.diagnosis.to_json() | {"suspicious": suspicions}
         _add_psnr(diagnosis, rows)
@@ -115,9 +115,7 @@ def run(args: Arguments) -> None:
         options.record_command(args, folder)
         patterns = (f"renders/{title}/*.png" for title in _RENDERS)
         options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *patterns)
-    if not public.visible:
-        say("the model holds no colour: no renders, no metrics")
-    elif isinstance(args.cameras, str):
+    if public.visible and isinstance(args.cameras, str):
         mention_up(public.model, public.scene(device, public.model.background), args.up, args.out)
     captions = [] if args.no_figures else _draw(args, public, purification, cameras, [*models], device)
     lines = [*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]
@@ -141,8 +139,11 @@ def _models(
 ) -> dict[str, PublicModel]:
     """Return the models by title of their renders; with `repair`, train the rest on renders of the public model."""
     pruned = public.with_model(purification.model)
-    if not repair:
+    if repair is None:
         return {"unattacked": public, "purified": pruned}
+    from gspure.attacks.learning import ITERATIONS, Teacher
+
+    repair = repair or ITERATIONS
     teacher = Teacher("prune_repair", public, views, device)
     rows = teacher.train(pruned, np.random.default_rng(0), repair, "all")
     rows = rows.with_comment(f"gspure {__version__} repaired iterations={repair}")
@@ -153,6 +154,9 @@ def _compare(
     folder: Path, models: Mapping[str, PublicModel], views: Sequence[Camera], device: Device
 ) -> list[ViewMetrics]:
     """Render the views of each model, and compare the images as written with those of the unattacked one."""
+    if not models["unattacked"].visible:
+        say("the model holds no colour: no renders, no metrics")
+        return []
     renders, background = folder / "renders", models["unattacked"].model.background
     for title, public in models.items():
         scene = public.scene(device, background)
