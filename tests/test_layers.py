@@ -150,7 +150,7 @@ BUDGETS = {
     "method": (1115, 10),
     "model": (1765, 15),
     "opencl": (2330, 20),
-    "report": (1788, 14),
+    "report": (1751, 14),
     "scenes": (950, 8),
     "schemes": (3690, 29),
     "surface": (300, 4),

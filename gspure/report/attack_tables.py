@@ -84,11 +84,8 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
     columns += [Column("RMS ratio", main=False)] * is_shown
     if has_controls:
         above = "message above" if is_shown else "mark above"
-        columns += [
-            Column("survived"),
-            Column("share left"),
-            *(Column(name, above, main=False) for name in ("controls", "wrong key")),
-        ]
+        columns += [Column("survived"), Column("share left")]
+        columns += [Column(name, above, main=False) for name in ("controls", "wrong key")]
         columns += [Column("detectability", main=False)] * (scenes > 1)
     rows, text = [], text_of(attacks[0].extraction)
     for row in attacks:
@@ -110,16 +107,13 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
 
 def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -> Table:
     """Return GSPure minus every other attack as both were run; some have other `names` than their display names."""
-    by_attack: dict[str, dict[str, Contest]] = {}
-    for row in contests:
-        by_attack.setdefault(row.attack, {})[row.quantity] = row
-    scenes = scenes_of(row.difference for row in contests)
-    extraction = contests[0].extraction
+    scenes, extraction = scenes_of(row.difference for row in contests), contests[0].extraction
     has_score = is_picture(extraction)
     columns = [Column("attack"), *[Column("Score")] * has_score, Column(*_dropped(extraction))]
     columns += [Column("scene", "PSNR drop"), *[Column("p")] * (has_score and scenes > 1)]
     rows = []
-    for attack, quantities in by_attack.items():
+    for attack, alike in grouped(contests, lambda row: row.attack).items():
+        quantities = {row.quantity: row for row in alike}
         shown = [quantities[name] for name in (SCORE, MESSAGE_DROP, SCENE_DROP) if name in quantities]
         compared = scenes_of(row.difference for row in shown)
         texts = [decimal if row.quantity == SCENE_DROP else text_of(extraction) for row in shown]
@@ -134,12 +128,11 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -
 
 def equal_damage_table(contests: Sequence[Contest]) -> Table:
     """Return GSPure minus every other attack at equal damage to the scene."""
-    by_attack = {row.attack: {c.damage: c for c in contests if c.attack == row.attack} for row in contests}
     damages, scenes = dict.fromkeys(row.damage for row in contests), scenes_of(row.difference for row in contests)
     rows, extraction = [], contests[0].extraction
-    for attack, by_damage in by_attack.items():
-        known = [by_damage[damage].difference if damage in by_damage else None for damage in damages]
-        rows.append(Row([Cell(display_name(attack)), *(interval(mean, scenes, text_of(extraction)) for mean in known)]))
+    for attack, alike in grouped(contests, lambda row: row.attack).items():
+        at, text = {row.damage: row.difference for row in alike}, text_of(extraction)
+        rows.append(Row([Cell(display_name(attack)), *(interval(at.get(damage), scenes, text) for damage in damages)]))
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
     return Table(title, [Column("attack"), *_permitted(damages)], rows, _EQUAL)
 

@@ -44,18 +44,13 @@ class Loss(NamedTuple):
 
 @dataclass(frozen=True)
 class Audit:
-    """The answer for one scheme, protocol and initialization.
-
-    `extraction` is what is judged: the scheme's own or, without one, a detector. `lost` has also those of other owners.
-    `strongest` is the attack with at most `ALLOWED` damage that leaves the message in the smallest share of the scenes;
-    ties go to the largest drop.
-    """
+    """The answer for one scheme, protocol and initialization."""
 
     condition: Condition
-    extraction: str
+    extraction: str  # what is judged: the scheme's own or, without one, a detector
     verdict: Verdict
-    lost: Mapping[str, Loss]  # by extraction
-    strongest: Survival | None
+    lost: Mapping[str, Loss]  # by extraction, also those of other owners
+    strongest: Survival | None  # attack with at most `ALLOWED` damage: fewest scenes left, then the largest drop
     reason: str  # of an unknown verdict
     remarks: list[str]
 
@@ -134,30 +129,20 @@ def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
     """Return the scheme's own extraction or, without one, the first detector that finds the mark before any attack."""
     names = extractions(outcomes)
     finding = {row.extraction for row in rows if row.variant == UNATTACKED and row.present}
-    own = [name for name in names if is_picture(name) or name == BITS]
-    return next(iter([*own, *(name for name in names if name in finding), *names]), MESSAGE)
+    names.sort(key=lambda name: 0 if is_picture(name) or name == BITS else 1 if name in finding else 2)
+    return next(iter(names), MESSAGE)
 
 
 def _strongest(judged: Sequence[Survival]) -> Survival | None:
-    """Return the strongest attack within `ALLOWED`.
-
-    One that was measured in fewer scenes than others counts only if the message did not survive it there.
-    """
+    """Return the strongest attack within `ALLOWED`; one of few scenes counts only if the message is lost in some."""
     most = max((row.scenes for row in judged), default=0)
-    within = [
-        row
-        for row in judged
-        if row.scene_drop
-        and row.scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE  # searched damages are inexact
-        and row.message_drop
-        and (row.scenes == most or row.survived < row.present)
-    ]
-
-    def strength(row: Survival) -> tuple[float, float, float]:
-        left = (row.survived + row.only_retrieved) / row.present
-        return -left, -row.survived / row.present, row.message_drop.mean if row.message_drop else -inf
-
-    return max(within, key=strength, default=None)
+    strength = {}
+    for row in judged:
+        is_within = row.scene_drop and row.scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE  # searches are inexact
+        if is_within and row.message_drop and (row.scenes == most or row.survived < row.present):
+            left = (row.survived + row.only_retrieved) / row.present
+            strength[row] = (-left, -row.survived / row.present, row.message_drop.mean)
+    return max(strength, key=lambda row: strength[row], default=None)
 
 
 def _why_unknown(outcomes: Sequence[Outcome], known: Mapping[str, Survival]) -> str:

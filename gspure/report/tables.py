@@ -1,11 +1,11 @@
 """The tables of models: every variant with its metrics, means over scenes, and these beside the paper's."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
 from math import isfinite, nan
 from typing import Final
 
 from gspure.evaluation.csv_tables import grouped
+from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.metrics import METRICS
@@ -48,33 +48,31 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     names, targets = reached_names(measured), ordered({target for o in measured for target in o.targets})
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
-    columns: list[tuple[Column, Callable[[Outcome], Cell]]] = [(Column("variant"), lambda o: Cell(names[o.variant]))]
+    columns = {Column("variant"): [Cell(names[o.variant]) for o in measured]}
     if any(o.strength for o in measured):
-        columns.append((Column("strength", main=False), lambda o: Cell(o.strength or UNKNOWN)))
+        columns[Column("strength", main=False)] = [Cell(o.strength or UNKNOWN) for o in measured]
     for target in targets:
         for metric in METRICS:
             is_main = target in (SCENE, MESSAGE) and metric == "psnr"
             column = Column(METRICS[metric].title, display_name(target), main=is_main)
-            columns.append((column, partial(_metric, target=target, name=metric)))
+            columns[column] = [_metric(o, target, metric) for o in measured]
     for i, target in enumerate(filter(is_picture, targets)):
+        scores = [o.score_of(target) for o in measured]
         column = Column(display_name(target), "Score", main=target == MESSAGE)
-        columns.append((column, partial(_score, target=target, best=nan if i else best)))
+        columns[column] = [Cell(signed(score), best=not i and score == best) for score in scores]
     for name, bits in detectors.items():
-        group = display_name(name)
-        columns += [
-            (Column("correct bits" if bits else "score", group), partial(_reading, name=name)),
-            (Column("TPR 1%", group), partial(_rate, name=name, rate="tpr")),
-            (Column("TPR 0.1%", group, main=False), partial(_rate, name=name, rate="tpr_strict")),
-        ]
+        group, reads = display_name(name), [o.detections.get(name) for o in measured]
+        columns[Column("correct bits" if bits else "score", group)] = [*map(_reading, reads)]
+        columns[Column("TPR 1%", group)] = [share(read.tpr) if read else Cell() for read in reads]
+        columns[Column("TPR 0.1%", group, main=False)] = [share(read.tpr_strict) if read else Cell() for read in reads]
     for name in SHARES:
-        if any(isfinite(getattr(o, name)) for o in measured):
-            column = Column(name.removesuffix("_share"), main=name == "pruned_share")
-            columns.append((column, partial(_share, name=name)))
+        if any(map(isfinite, shares := [getattr(o, name) for o in measured])):
+            columns[Column(name.removesuffix("_share"), main=name == "pruned_share")] = [*map(share, shares)]
     rows = [
-        Row([cell(o) for _, cell in columns], "control" if o.is_control else "best" if o.score == best else "")
-        for o in measured
+        Row(cells, "control" if o.is_control else "best" if o.score == best else "")
+        for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True)
     ]
-    return Table("Metrics of every variant", [column for column, _ in columns], rows, _MODEL)
+    return Table("Metrics of every variant", [*columns], rows, _MODEL)
 
 
 def _metric(o: Outcome, target: str, name: str) -> Cell:
@@ -88,25 +86,12 @@ def _metric(o: Outcome, target: str, name: str) -> Cell:
     return Cell(text + " †" * missed, f"({signed(-drop)})" if isfinite(drop) and drop != 0 else "")
 
 
-def _score(o: Outcome, target: str, best: float) -> Cell:
-    return Cell(signed(o.score_of(target)), best=o.score == best)
-
-
-def _reading(o: Outcome, name: str) -> Cell:
+def _reading(read: Detection | None) -> Cell:
     """Return the mean reading of a detector with its standard deviation."""
-    if name not in o.detections:
+    if read is None:
         return Cell()
-    read = o.detections[name]
     level = percent(read.level / 100) if read.bits else significant(read.level)
     return Cell(level, f"(± {significant(read.spread, 2)})")
-
-
-def _rate(o: Outcome, name: str, rate: str) -> Cell:
-    return share(getattr(o.detections[name], rate)) if name in o.detections else Cell()
-
-
-def _share(o: Outcome, name: str) -> Cell:
-    return share(getattr(o, name))
 
 
 def summary_table(outcomes: Sequence[Outcome]) -> Table:
