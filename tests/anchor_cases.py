@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gspure.schemes.secure_gs.anchors import Anchors, table_of
+from gspure.schemes.secure_gs.anchors import Anchors
 from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
 from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, fresh
 
@@ -40,7 +40,7 @@ def random_public(count=40, k=4, feat_dim=8, seed=0, *, bank=False) -> AnchorMod
     networks = fresh(PUBLIC, feat_dim, k, rng)
     if bank:
         networks["feature_bank"] = feature_bank(feat_dim, rng)
-    return AnchorModel(table_of(random_anchors(count, k, feat_dim, seed)), networks)
+    return AnchorModel(random_anchors(count, k, feat_dim, seed).table, networks)
 
 
 def random_key(k=4, feat_dim=8, seed=0) -> HiddenKey:

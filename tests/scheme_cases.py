@@ -6,10 +6,13 @@ from types import SimpleNamespace
 
 import pytest
 
+from gspure.cameras.camera import Camera
 from gspure.cli import main
-from gspure.schemes.pair import read_pair
+from gspure.files import Float32
+from gspure.schemes.pair import Capture, read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme, hide
+from gspure.training.dataset import read_photographs
 from tests.documentation import ROOT, blocks
 
 SETTINGS = {
@@ -29,6 +32,11 @@ def small_pair(folder: Path, protocol: str = "shared") -> Path:
     size = ("--views", "12", "--width", "48", "--height", "36")
     assert main(["pair", "room", "vault", "--protocol", protocol, *size, "--out", str(folder)]) == 0
     return folder
+
+
+def held_out(capture: Capture) -> list[tuple[Camera, Float32]]:
+    """Return the held-out views of a capture, with their photographs."""
+    return list(zip(capture.dataset.test, read_photographs(capture.dataset.test), strict=True))
 
 
 def example() -> Scheme:

@@ -7,6 +7,7 @@ from gspure.attacks import Attacked, find_attack
 from gspure.attacks.learning import ATTACKS
 from gspure.attacks.strength import scene_damage
 from gspure.method.pruning import plain_prune_mask
+from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from tests.anchor_cases import random_public
 from tests.attack_cases import changed, measurements
@@ -57,16 +58,17 @@ def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
 def gs_hider() -> PublicModel:
     pytest.importorskip("torch")
     from gspure.schemes.gs_hider.decoder import untrained
-    from gspure.schemes.gs_hider.files import FEATURES, SCENE_DECODER, DecoderFile
-    from gspure.schemes.gs_hider.model import FeatureModel
-    from gspure.schemes.gs_hider.training import Field
+    from gspure.schemes.gs_hider.model import COLUMNS, FEATURES, SCENE_DECODER, DecoderFile, FeatureModel
     from gspure.training.initialization import gaussians_at
+    from gspure.training.output import as_gaussians
 
     rng = np.random.default_rng(0)
     depths = rng.uniform(3, 9, 60)
     points = np.stack([*(rng.uniform(-0.6, 0.6, (2, 60)) * depths), depths], axis=1)
-    rows = Field(gaussians_at(points, np.zeros((60, 3), np.uint8)), None).model()
-    columns = {name: rng.normal(0, 2, 60).astype(np.float32) for name in FEATURES}
+    placed = as_gaussians(gaussians_at(points, np.zeros((60, 3), np.uint8)))
+    columns = {name: placed.table[name] for name in COLUMNS if name not in FEATURES}
+    columns |= {name: rng.normal(0, 2, 60).astype(np.float32) for name in FEATURES}
+    rows = Gaussians(np.zeros(60, [(name, "<f4") for name in COLUMNS]))
     opaque = rows.with_columns({**columns, "opacity": np.full(60, 3, np.float32)})
     (decoder,) = untrained(1, 0)
     for name, parameter in decoder.named_parameters():

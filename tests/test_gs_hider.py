@@ -11,7 +11,7 @@ from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
-from gspure.schemes.gs_hider.files import (  # noqa: E402
+from gspure.schemes.gs_hider.model import (  # noqa: E402
     CHANNELS,
     COLUMNS,
     MESSAGE_DECODER,
@@ -22,6 +22,7 @@ from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from tests.models import without  # noqa: E402
+from tests.scheme_cases import held_out  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +31,8 @@ def pair(pair_folder):
 
 
 def quality(view, pair, which):
-    probes = (pair.scene, pair.message)[which].probes
-    return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in probes])
+    shown = held_out((pair.scene, pair.message)[which])
+    return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in shown])
 
 
 def test_scene_and_message_are_learned_from_one_map(pair):
@@ -82,7 +83,7 @@ def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatc
 
     def of(feature_map, bfloat16):
         monkeypatch.setattr("gspure.schemes.gs_hider.decoder.BFLOAT16", bfloat16)
-        return differentiated(decoder, feature_map, photographs, 0, weight=2.0)
+        return differentiated(feature_map, 0, decoder, photographs, weight=2.0)
 
     image = decoder(torch.from_numpy(features)).detach().numpy()
     expected = 2 * (0.8 * np.abs(image - photograph).mean() + 0.2 * (1 - ssim(image, photograph)))

@@ -86,17 +86,15 @@ def sequence(count, seed=0):
 
 
 def as_double(mapping):
-    return OpacityMapping(
-        *(tuple(a.astype(np.float64) for a in layers) for layers in (mapping.kernels, mapping.biases))
-    )
+    return OpacityMapping(tuple(array.astype(np.float64) for array in mapping.weights))
 
 
 @pytest.mark.parametrize("count", [1, 4, 13, 30])
 def test_gradients_agree_with_differences(count):
     mapping = as_double(OpacityMapping.fresh(np.random.default_rng(1)))
     shown, hidden = sequence(count)
-    gradients = opacity_mapping._gradients(mapping, shown, hidden)
-    weights = [*mapping.kernels, *mapping.biases]
+    weights = mapping.weights
+    gradients = opacity_mapping._gradients(weights, shown, hidden)
     rng = np.random.default_rng(2)
     for array, gradient in zip(weights, gradients, strict=True):
         place = tuple(rng.integers(n) for n in array.shape)
@@ -121,7 +119,7 @@ def test_the_number_of_threads_changes_no_bit(monkeypatch):
     for threads in (1, 4):
         with threadpool_limits(threads, "blas"):
             mapping = fit(shown, hidden, np.random.default_rng(0))
-            found.append([array.tobytes() for array in (*mapping.arrays().values(), mapping(shown))])
+            found.append([array.tobytes() for array in (*mapping.weights, mapping(shown))])
     assert found[0] == found[1]
 
 
@@ -193,7 +191,7 @@ def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(public, key, 
     assert kind(again.model).startswith("vanilla 3DGS")
     assert again.model.table.tobytes() == public.model.table.tobytes()
     for extraction in SCHEME.extractions:
-        one, other = (k._revealed(a, extraction)[0].table for k, a in ((key, public), (opened, again)))
+        one, other = (k.revealed(a, extraction)[0].table for k, a in ((key, public), (opened, again)))
         assert one.tobytes() == other.tobytes()
 
 
@@ -202,8 +200,8 @@ def test_the_message_is_read_from_what_survives_in_any_order(public, key):
     kept = rng.permutation(len(public.model))[: len(public.model) // 2]
     attacked = public.with_model(type(public.model)(public.model.table[kept]))
     for extraction in SCHEME.extractions:
-        whole, rows = key._revealed(public, extraction)
-        part, survivors = key._revealed(attacked, extraction)
+        whole, rows = key.revealed(public, extraction)
+        part, survivors = key.revealed(attacked, extraction)
         place = {row: i for i, row in enumerate(rows)}
         same = whole.table[[place[row] for row in kept[survivors]]]
         for name in part.table.dtype.names:

@@ -152,9 +152,9 @@ BUDGETS = {
     "opencl": (2330, 20),
     "report": (1751, 14),
     "scenes": (950, 8),
-    "schemes": (3690, 29),
+    "schemes": (3098, 28),
     "surface": (300, 4),
-    "training": (1190, 9),
+    "training": (1209, 9),
     "workflow": (925, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -50,7 +50,7 @@ def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):
     for capture in (pair.scene, pair.message):
         assert len(capture.views) == len(capture.images) == 10
         assert capture.images[0].shape == (36, 48, 3)
-        assert [camera.name for camera, _ in capture.probes] == ["view_000", "view_008"]
+        assert [camera.name for camera in capture.dataset.test] == ["view_000", "view_008"]
     assert len(pair.points[0]) == len(pair.points[1]) == len(pair.scene.dataset.xyz) + len(pair.message.dataset.xyz)
     assert np.abs(pair.scene.images[0] - pair.message.images[0]).mean() > 0.1
     assert {scene == message for scene, message in islice(pair.batches(np.random.default_rng(0)), 30)} == {True}

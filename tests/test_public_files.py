@@ -9,8 +9,7 @@ import pytest
 from gspure.cli import main
 from gspure.model import Gaussians
 from gspure.schemes import secure_gs
-from gspure.schemes.gs_hider.files import COLUMNS, DecoderFile
-from gspure.schemes.gs_hider.model import FeatureModel
+from gspure.schemes.gs_hider.model import COLUMNS, DecoderFile, FeatureModel
 from tests.anchor_cases import random_public
 
 ROWS = Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS]))

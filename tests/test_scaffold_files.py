@@ -136,5 +136,5 @@ def test_a_corrupt_archive_is_reported_in_one_line(tmp_path, change):
 def test_a_model_without_its_networks_says_which_are_missing(tmp_path):
     write_asset(tmp_path)
     (tmp_path / UNITED).unlink()
-    with pytest.raises(InputError, match=r"opacity_mlp\.pt: file: expected a network beside the .ply"):
+    with pytest.raises(InputError, match=r"opacity_mlp\.pt: no such file"):
         AnchorModel.read(tmp_path)

@@ -17,7 +17,7 @@ from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model, schemes
 from gspure.schemes.scheme import Key, hide, wrong_key
 from tests.models import blobs, without
-from tests.scheme_cases import NEEDS_TORCH, SETTINGS
+from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out
 
 
 @pytest.fixture(scope="module", params=SETTINGS)
@@ -49,9 +49,9 @@ def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
         settings |= {"max_anchors": 800}
     public, key = hide(find_scheme(name), pair, **settings)
     view = key.message(public, "message")
-    camera, photograph = pair.message.probes[0]
+    camera, photograph = held_out(pair.message)[0]
     assert gradient_correlation(view(camera), photograph) > 0.3
-    elsewhere, _ = pair.scene.probes[0]
+    elsewhere, _ = held_out(pair.scene)[0]
     assert gradient_correlation(view(elsewhere), photograph) < 0.2
 
 

@@ -76,7 +76,7 @@ def run(args: Arguments) -> None:
             key.write(folder / "key")
             options.record_command(args, folder / "key", run)
         if check:
-            write_json(folder / "key" / "readability.json", asdict(check) | {"readable": check.readable})
+            write_json(folder / "key" / "readability.json", asdict(check))
         options.remove_older(
             args.out, "public/*", "key/*", *["pair/**/*"] * bool(args.scene)
         )  # perhaps of another scheme

@@ -1,7 +1,4 @@
-"""The weight of each row in views of the message.
-
-Its share on rows of low public weight predicts how much of the message is pruned by weight.
-"""
+"""The weight of rows in views of the message: its share on rows of low public weight predicts what pruning removes."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -46,14 +43,10 @@ def low_rows(public: PublicModel, cameras: Sequence[Camera], tau: float, device:
 
 
 class Hardening:
-    """The rows that `low_rows` finds during training; in every other iteration, the message is trained without them.
-
-    They are measured every `every` iterations, with the tau `run.hardened`; 0 trains as published.
-    """
+    """The `low_rows` of every `every` iterations; in every other one, the message is trained without them."""
 
     def __init__(self, run: Run, every: int) -> None:
-        self._run = run
-        self._every = every
+        self._run, self._every = run, every
         self._low: Bools | None = None
 
     def follow(self, iteration: int, public: Callable[[], PublicModel]) -> None:

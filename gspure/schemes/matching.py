@@ -25,12 +25,7 @@ ALIKE: Final = 1e-3
 Noise on centres spares scales, and fine-tuning hardly moves centres; in rows of another training, both differ.
 """
 
-MOST: Final = 0.5
-"""Least share of the rows of model or original, whichever has fewer, that match; fewer may be chance. Ours.
-
-Pruning leaves fewer rows than the original has, injection more.
-"""
-
+MOST: Final = 0.5  # least share of the rows of model or original, whichever has fewer, that match by no chance; ours
 LANDMARKS: Final = 100  # number of rows of unusual shape that a registration is fitted to; ours
 STEPS: Final = 20  # steps of a registration; ours
 STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
@@ -57,20 +52,16 @@ def registered(public: PublicModel, original: Gaussians) -> PublicModel:
 
     if min(len(original), len(public.model)) < 2:
         return public
-    for motion in _motions(original, public.model):
-        if (adaptive_matches(original, public.model, motion) >= 0).any():
-            if motion is STILL:
-                break
-            rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
-            return public.with_model(moved(public.model, rotvec, motion.translation, motion.scale))
-    return public
+    motions = _motions(original, public.model)
+    found = next((m for m in motions if (adaptive_matches(original, public.model, m) >= 0).any()), STILL)
+    if found is STILL:
+        return public
+    rotvec = Rotation.from_matrix(found.rotation).as_rotvec()
+    return public.with_model(moved(public.model, rotvec, found.translation, found.scale))
 
 
 def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity = STILL) -> Places:
-    """Return the index of each row [K] after `motion` in `original`, or -1; no two rows have the same.
-
-    Rows may have changed slightly. If fewer than `MOST` match, none does.
-    """
+    """Return the index of each row [K], somewhat changed, after `motion` in `original`, or -1; no two have the same."""
     from scipy.spatial import KDTree
 
     unmatched = np.full(len(model), -1, np.intp)
@@ -102,9 +93,8 @@ def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
     for _ in range(2):
         distances, places = KDTree(known).query(shapes, k=2)
         landmarks = np.argsort(distances[:, 0] - distances[:, 1], kind="stable")[:LANDMARKS]
-        yield _fitted(
-            model.means[landmarks].astype(np.float64), original.means[places[landmarks, 0]].astype(np.float64)
-        )
+        here, there = model.means[landmarks], original.means[places[landmarks, 0]]
+        yield _fitted(here.astype(np.float64), there.astype(np.float64))
         known, shapes = np.diff(known), np.diff(shapes)
 
 
@@ -128,9 +118,7 @@ def _least_squares(source: Float64, target: Float64) -> Similarity:
     left, strengths, right = np.linalg.svd((target - there).T @ (source - here))
     signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
     rotation = (left * signs) @ right
-    scale = _positive(strengths @ signs) / _positive(np.square(source - here).sum())
+    sums = np.array([strengths @ signs, np.square(source - here).sum()])
+    above, below = np.maximum(sums, np.finfo(np.float64).tiny)
+    scale = float(above) / float(below)
     return Similarity(scale, rotation, there - scale * rotation @ here)
-
-
-def _positive(number: float) -> float:
-    return max(float(number), np.finfo(np.float64).tiny)

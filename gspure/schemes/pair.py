@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,6 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras import Camera
-from gspure.evaluation.metrics import psnr
 from gspure.files import Float32, Float64, UInt8
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
@@ -32,11 +31,7 @@ from gspure.training.trainer import beginning, train
 
 Points = tuple[Float64, UInt8]
 
-PROBES: Final = 2
-"""Number of views over which progress reports average the quality."""
-
-INITIALIZATIONS: Final = ("both", "scene")
-"""Whose points training starts from: those of scene and message, or of the scene alone."""
+INITIALIZATIONS: Final = ("both", "scene")  # whose points training starts from: scene and message, or the scene alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +40,6 @@ class Capture:
 
     dataset: Dataset  # its views, split into training and held-out ones, and its points
     images: list[Float32]  # [H,W,3] of the training views, 0 to 1
-    probes: list[tuple[Camera, Float32]]  # a few views for progress reports, held-out ones if there are any
 
     @property
     def views(self) -> list[Camera]:
@@ -56,9 +50,7 @@ class Capture:
     def read(folder: Path) -> Capture:
         """Read cameras, points and photographs of a folder."""
         dataset = read_dataset(folder, "native")
-        probes = dataset.test[:PROBES] or dataset.train[:PROBES]
-        images = read_photographs(dataset.train)
-        return Capture(dataset, images, list(zip(probes, read_photographs(probes), strict=True)))
+        return Capture(dataset, read_photographs(dataset.train))
 
     def trained(
         self, begin: Parameters, iterations: int, max_gaussians: int, seed: int, device: Device | None = None
@@ -75,16 +67,7 @@ class Capture:
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """The training data of a scheme.
-
-    Parameters
-    ----------
-    scene, message : Capture
-        Both in the scene's world.
-    initialization : str
-        Of `INITIALIZATIONS`.
-
-    """
+    """The training data of a scheme: two captures in the scene's world, and one of `INITIALIZATIONS`."""
 
     scene: Capture
     message: Capture
@@ -114,21 +97,10 @@ class Pair:
         return np.concatenate(xyz), np.concatenate(rgb)
 
     def batches(self, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-        """Yield the numbers of a training view of the scene and of one of the message, for ever.
-
-        With shared poses both are the same number, so that one pass over the Gaussians serves both.
-        """
+        """Yield the numbers of a training view of the scene and of one of the message, the same with shared poses."""
         if self.shares_poses:
             yield from ((view, view) for view in shuffled(len(self.scene.views), rng))
         yield from zip(*(shuffled(len(capture.views), rng) for capture in (self.scene, self.message)), strict=False)
-
-    def quality(self, *views: Callable[[Camera], Float32]) -> str:
-        """Return the mean PSNR at the probes as text, given renderers of the scene and optionally of the message."""
-        means = [
-            np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in capture.probes])
-            for view, capture in zip(views, (self.scene, self.message), strict=False)
-        ]
-        return f"PSNR {' / '.join(f'{mean:.2f}' for mean in means)}"
 
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:

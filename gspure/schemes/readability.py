@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,55 +19,36 @@ from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import MESSAGE, Key, wrong_key
 
+CHANCE: Final = "chance"
 VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours
 
 
 @dataclass(frozen=True)
 class Readability:
-    """PSNR over all pixels of a few training views, dB: of the owner's extraction, and of negative controls.
+    """What a few training views show of the message to its owner, and the same of negative controls.
 
-    These are black, the photographs' mean colour, and an extraction with a wrong key.
+    Of a picture, the PSNR over all pixels, dB: controls are black, the photographs' mean colour, and an extraction with
+    a wrong key. Of bits, the share of correct ones, in percent: controls are the share that at most 1 % of unmarked
+    images exceed, and that of a wrong key.
     """
 
     message: float
     controls: dict[str, float]
-    bits: ClassVar[bool] = False
-
-    @property
-    def readable(self) -> bool:
-        """Whether the message stands out from all controls, by the margin of a present one."""
-        return self.message >= max(self.controls.values()) + MARGIN
+    readable: bool  # whether the message stands out from all controls
 
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        levels = (self.message, self.controls[best])
-        texts = [percent(level / 100, 0) if self.bits else f"{decimal(level, 1)} dB" for level in levels]
-        quantity = "correct bits" if self.bits else "message PSNR"
-        numbers = f"{quantity} {texts[0]}; highest control {texts[1]} ({display_name(best)})"
-        if self.readable:
-            say(f"readable: yes ({numbers})")
-        else:
-            warn(f"readable: no ({numbers})")
-
-
-class BitReadability(Readability):
-    """Share of correct bits in a few training views, in percent; and the controls.
-
-    These are the share that at most 1 % of unmarked images exceed, and that of a wrong key.
-    """
-
-    bits = True
-
-    @property
-    def readable(self) -> bool:
-        """Whether more bits are correct than in all controls."""
-        return self.message > max(self.controls.values())
+        levels, bits = (self.message, self.controls[best]), CHANCE in self.controls
+        texts = [percent(level / 100, 0) if bits else f"{decimal(level, 1)} dB" for level in levels]
+        numbers = f"{'correct bits' if bits else 'message PSNR'} {texts[0]}"
+        numbers += f"; highest control {texts[1]} ({display_name(best)})"
+        (say if self.readable else warn)(f"readable: {'yes' if self.readable else 'no'} ({numbers})")
 
 
 def bit_readability(
     views: Sequence[Camera], public: PublicModel, key: Key, device: Device | None = None
-) -> BitReadability:
+) -> Readability:
     """Compare the bits in renders of a few training views, and negative controls."""
     scene = public.scene(device)
     images = [read_back(scene(camera)) for camera in views[:VIEWS]]
@@ -78,7 +59,8 @@ def bit_readability(
 
     threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
-    return BitReadability(correct(key), {"chance": chance, WRONG_KEY: correct(wrong_key(key, 0))})
+    message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(wrong_key(key, 0))}
+    return Readability(message, controls, message > max(controls.values()))
 
 
 def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:
@@ -96,4 +78,5 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
         MEAN_COLOUR: psnr(mean_colour(truth), truth),
         WRONG_KEY: quality(wrong_key(key, 0)),
     }
-    return Readability(quality(key), controls)
+    message = quality(key)
+    return Readability(message, controls, message >= max(controls.values()) + MARGIN)

@@ -22,11 +22,7 @@ GROUP = "gspure.schemes"
 
 
 def schemes() -> dict[str, Scheme]:
-    """Return every scheme by name.
-
-    Raise `InputError` if a plug-in cannot be imported, is not a `Scheme`, lacks a required setting, or has a name
-    in use.
-    """
+    """Return every scheme by name, or raise `InputError` if a plug-in is none or has a name in use."""
     return registered(GROUP, Scheme, BUILT_IN, _require_settings)
 
 
@@ -41,8 +37,7 @@ def find_scheme(name: str) -> Scheme:
 def read_public_model(path: str | Path, scheme: str | None = None) -> PublicModel:
     """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
 
-    Warn of implausible values, and of unused columns, 3-D filters and render modes, which may make other programs draw
-    another image.
+    Warn of implausible values, and of what may make other programs draw another image.
     """
     known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
     public = known.read_public(Path(path)) if known else PublicModel(model)
@@ -53,9 +48,7 @@ def read_public_model(path: str | Path, scheme: str | None = None) -> PublicMode
     if FILTER in public.model.names and public.model.table[FILTER].any():
         warn(f"{path}: gspure applies the 3-D filter ({FILTER}); programs that ignore this column draw another image")
     if mode := public.model.render_mode:
-        warn(
-            f"{path}: trained in the render mode {mode}, which gspure does not apply: renders differ from its trainer's"
-        )
+        warn(f"{path}: trained in render mode {mode}, which gspure does not apply: renders differ from its trainer's")
     return public
 
 
@@ -66,10 +59,7 @@ def recognized(model: Gaussians) -> Scheme | None:
 
 
 def made_by(key: Path) -> tuple[str, Path]:
-    """Return the scheme that made a key, and the pair that it was trained on, from the provenance in its folder.
-
-    Raise `InputError` if `gspure embed` did not write it.
-    """
+    """Return the scheme that made a key and its pair, or raise `InputError` if `gspure embed` did not write the key."""
     with reading(file := key / PROVENANCE, "the provenance of a key"):
         record = read_json(file)
         return str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])

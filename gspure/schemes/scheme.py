@@ -20,6 +20,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
+from gspure.renderer import Renderer
 from gspure.schemes.pair import Pair
 from gspure.settings import SEED, Setting, defaults, require_settings
 from gspure.training.initialization import gaussians_at, thinned
@@ -28,10 +29,9 @@ MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
 REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
+PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 _STREAMS: Final = 3  # of random numbers, tried for a wrong key
-
-PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 
 class Key(ABC):
@@ -47,13 +47,17 @@ class Key(ABC):
         """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""
         raise InputError("key", "message", expected="bits", found="a picture", hint="`gspure extract` renders it")
 
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
-        """Return the renderer of the message in a public or attacked model."""
+    def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the Gaussians that show the message in any view, and the row of a public or attacked model of each."""
         raise InputError("key", "message", expected="a picture", found="bits", hint="`gspure detect --key` reads them")
 
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
+        """Return the renderer of the message: of what is `revealed`, unless that depends on the view."""
+        return Renderer(self.revealed(public, extraction)[0], device).image
+
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians whose blending shows the message, and the row of `public` that owns each."""
-        raise InputError("key", "message", expected="a picture", found="bits")
+        """Return the Gaussians whose blending shows the message to a camera, and the row of each."""
+        return self.revealed(public, extraction)
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Key:  # noqa: ARG002
         """Return the key after learning from photographs of the message, for an attacked model: see `Scheme.fits`."""
@@ -65,11 +69,7 @@ class Key(ABC):
 
 
 def wrong_key(key: Key, seed: int) -> Key:
-    """Return an unrelated key, drawn with a random seed.
-
-    A scheme may draw its keys in the same way, so that one of the same seed is the `key` itself; then another is drawn.
-    Raise `InputError` if all are.
-    """
+    """Return an unrelated key of a random seed: another one if the scheme drew the `key` itself in the same way."""
     for stream in range(_STREAMS):
         wrong = key.wrong(np.random.default_rng([seed, stream] if stream else seed))
         if not (files := _files(key)) or _files(wrong) != files:
@@ -87,46 +87,28 @@ def _files(key: Key) -> dict[Path, bytes]:
 class Scheme:
     """A scheme: its name, three functions and their properties.
 
-    Parameters
-    ----------
-    name : str
-        Unique; a folder of results.
-    embed : callable
-        ``embed(pair, seed, device, *, message_weight=..., ...) -> (PublicModel, Key)``: trains;
-        the same arguments give the same bits. ``message_weight=0`` gives a clean model of the same form, and None.
-        Its keyword-only parameters are the scheme's settings, numbers annotated with their bounds (`gspure.settings`).
-    read_public : callable
-        ``read_public(path) -> PublicModel``; the path is the model's .ply or its folder.
-    read_key : callable
-        ``read_key(folder) -> Key``, the inverse of `Key.write`.
-    extractions : mapping of str to sequence of str
-        The extractions, each with the columns of the public file that it reads, as names or patterns such as
-        ``f_rest_*``. The first is ``message``; the names of all others begin with it.
-    tau_c, tau_n : float
-        Cluster and noise pruning factors that suit the scheme.
-    signature : tuple of str
-        Columns by which commands recognize the scheme's public files; empty if they look like vanilla 3DGS, for which
-        commands need ``--scheme``.
-    beside : tuple of str
-        Patterns of the public files beside the .ply, such as networks.
-    packages : mapping of str to str
-        Optional packages that it imports, each with its requirement for pip.
-    fits : bool
-        Whether the extraction ``message_adaptive`` learns from photographs of the message (`Key.fitted`).
-
+    ``embed(pair, seed, device, *, message_weight=..., ...) -> (PublicModel, Key)`` trains; the same arguments give the
+    same bits. ``message_weight=0`` gives a clean model of the same form, and None. Its keyword-only parameters are the
+    scheme's settings, numbers annotated with their bounds (`gspure.settings`).
     """
 
-    name: str
+    name: str  # unique; a folder of results
     embed: Callable[..., tuple[PublicModel, Key | None]]
-    read_public: Callable[[Path], PublicModel]
-    read_key: Callable[[Path], Key]
+    read_public: Callable[[Path], PublicModel]  # of the model's .ply or its folder
+    read_key: Callable[[Path], Key]  # of a folder, the inverse of `Key.write`
     extractions: Mapping[str, Sequence[str]]
-    tau_c: float = TAU_C
+    """Each with the columns of the public file that it reads, as names or patterns such as ``f_rest_*``. The first is
+    ``message``; the names of all others begin with it."""
+
+    tau_c: float = TAU_C  # cluster and noise pruning factors that suit the scheme
     tau_n: float = TAU_N
     signature: tuple[str, ...] = ()
-    beside: tuple[str, ...] = ()
-    packages: Mapping[str, str] = field(default_factory=dict)
-    fits: bool = False
+    """Columns by which commands recognize the scheme's public files; empty if they look like vanilla 3DGS, for which
+    commands need ``--scheme``."""
+
+    beside: tuple[str, ...] = ()  # patterns of the public files beside the .ply, such as networks
+    packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
+    fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property
     def settings(self) -> dict[str, Setting]:
@@ -136,25 +118,20 @@ class Scheme:
     @property
     def module(self) -> str:
         """The module that defines `embed`."""
-        embed = self.embed.func if isinstance(self.embed, partial) else self.embed
-        return embed.__module__
+        return (self.embed.func if isinstance(self.embed, partial) else self.embed).__module__
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What the training loops of all schemes need.
-
-    `message_weight` is lambda in L = L_scene + lambda L_message, 0 for a clean model; `most_rows` bounds the growth;
-    `hardened` keeps the message off the rows that ``plain_weight`` removes with this tau, 0 trains as published.
-    """
+    """What the training loops of all schemes need."""
 
     pair: Pair
     iterations: int
-    message_weight: float
+    message_weight: float  # lambda in L = L_scene + lambda L_message, 0 for a clean model
     most_rows: int
     seed: int
     device: Device
-    hardened: float = 0.0
+    hardened: float = 0.0  # keeps the message off the rows that ``plain_weight`` removes with this tau, unless 0
 
 
 def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:

@@ -1,50 +1,140 @@
-"""GS-Hider's public model, Gaussians with features and the decoder of the scene; its key, that of the message."""
+"""GS-Hider's public model, Gaussians with features and the decoder of the scene; its key, that of the message.
 
-from collections.abc import Callable, Mapping
+The files are those of its authors' code::
+
+    point_cloud.ply         x y z nx ny nz opacity scale_0..2 rot_0..3 semantic_0..15; features before their sigmoid
+    chkpntN_net.pth         state dict of the public scene decoder, N the iteration
+    chkpntN_waternet.pth    state dict of the private message decoder
+
+Their code stores the model in ``point_cloud/iteration_N/`` and the decoders in the run's folder. Here, all public files
+are in one folder and the private decoder in another. Both layouts are read.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Mapping
 from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import ClassVar, Final, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.errors import InputError
-from gspure.files import Float32
-from gspure.model import Gaussians, model_file
+from gspure.errors import InputError, reading
+from gspure.files import Float32, replacing
+from gspure.model import Gaussians, model_file, read_model
 from gspure.model.activations import sigmoid
+from gspure.model.finite import require_computed
+from gspure.model.gaussians import CORE, NORMALS
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.losses import Photographs
+from gspure.progress import warn
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.gs_hider.files import (
-    CHANNELS,
-    FEATURES,
-    MESSAGE_DECODER,
-    SCENE_DECODER,
-    DecoderFile,
-    decoder_name,
-    find_decoder,
-    read_rows,
-)
 from gspure.schemes.scheme import Key
+from gspure.schemes.tensors import read_tensors
+
+if TYPE_CHECKING:
+    from gspure.schemes.gs_hider.decoder import Decoder
+
+CHANNELS: Final = 16
+FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
+COLUMNS: Final = ("x", "y", "z", *NORMALS, *CORE[3:], *FEATURES)
+ROLES: Final = ("net", "waternet")  # suffixes of the files' names: of the scene's decoder, and of the message's
+SCENE_DECODER, MESSAGE_DECODER = ROLES
+FIT_RATE: Final = 1e-3  # first learning rate of `DecoderKey.fitted`: that of the training
+
+
+def decoder_name(iteration: int | str, role: str) -> str:
+    """Return the name of a decoder's file."""
+    return f"chkpnt{iteration}_{role}.pth"
+
+
+def find_decoder(folder: Path, role: str) -> Path | None:
+    """Return the newest decoder in a folder, or ``<model>/chkpntN_net.pth`` for ``<model>/point_cloud/iteration_N``."""
+    folder = Path(folder).resolve()
+    numbered = re.compile(decoder_name("([0-9]+)", role))
+    files = {int(m[1]): file for file in folder.glob(decoder_name("*", role)) if (m := numbered.fullmatch(file.name))}
+    if len(files) > 1:
+        warn(f"{folder} has {len(files)} files {decoder_name('N', role)}: that of iteration {max(files)} is used")
+    if files:
+        return files[max(files)]
+    file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
+    return file if folder.parent.name == "point_cloud" and file.is_file() else None
+
+
+@dataclass(frozen=True)
+class DecoderFile:
+    """A PyTorch state dict as stored, under its name: attacks read and write models without PyTorch."""
+
+    source: Path
+    content: bytes
+
+    @staticmethod
+    def read(path: Path) -> DecoderFile:
+        """Read a file; `network` checks its content."""
+        with reading(path, "a decoder's state dict"):
+            return DecoderFile(path, path.read_bytes())
+
+    @staticmethod
+    def of(decoder: Decoder, iteration: int, role: str) -> DecoderFile:
+        """Return the file of a decoder; the same weights give the same bytes."""
+        from gspure.training.pytorch import torch
+
+        stream = io.BytesIO()
+        torch.save({name: tensor.contiguous() for name, tensor in decoder.state_dict().items()}, stream)
+        return DecoderFile(Path(decoder_name(iteration, role)), stream.getvalue())
+
+    def write(self, folder: Path) -> None:
+        """Write it, whole or not at all."""
+        with replacing(Path(folder) / self.source.name) as temporary:
+            temporary.write_bytes(self.content)
+
+    @cached_property
+    def network(self) -> Decoder:
+        """The decoder, or `InputError` if the file is no finite state dict of it; no code in the file is executed."""
+        from gspure.schemes.gs_hider.decoder import Decoder
+        from gspure.training.pytorch import torch
+
+        decoder, state = Decoder(), read_tensors(self.source, io.BytesIO(self.content))
+        expected = {name: f"float32 {list(tensor.shape)}" for name, tensor in decoder.state_dict().items()}
+        found = {name: f"{tensor.dtype} {list(tensor.shape)}" for name, tensor in state.items()}
+        for name in sorted(expected.keys() | found.keys()):
+            here, there = (tensors.get(name, "no such tensor") for tensors in (expected, found))
+            if here != there or not np.isfinite(state[name]).all():
+                hint = "decoders of forks, with batch normalization or channel attention, are not read"
+                raise InputError(self.source, name[:80], expected=f"{here}, finite", found=there, hint=hint)
+        decoder.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in state.items()})
+        return decoder
+
+    def image_of(self, feature_map: RenderView) -> RenderView:
+        """Return the renderer of the image that the `network` computes from a feature map."""
+        network = self.network
+        from gspure.training.pytorch import torch
+
+        def image(camera: Camera) -> Float32:
+            with torch.inference_mode():
+                pixels: Float32 = network(torch.from_numpy(feature_map(camera))).contiguous().numpy()
+            require_computed(pixels, self.source, "image")
+            return pixels
+
+        return image
 
 
 class FeatureModel(PublicModel):
-    """Rows with 16 features each, the columns ``semantic_0..15``, and the public decoder.
-
-    Without its decoder, a model can be attacked but not rendered.
-    """
+    """Rows with 16 features each, and the public decoder; without it, a model can be attacked but not rendered."""
 
     attributes: ClassVar[Columns] = {
         **PublicModel.attributes,
-        "colour": ("semantic_*",),
-        "base_colour": ("semantic_*",),
+        **dict.fromkeys(("colour", "base_colour"), ("semantic_*",)),
     }
-
-    rates: ClassVar[Mapping[str, float]] = {"colour": 5e-3}
-    """Learning rate of the features, before the sigmoid. Ours."""
+    rates: ClassVar[Mapping[str, float]] = {"colour": 5e-3}  # of the features, before the sigmoid; ours
 
     def __init__(self, model: Gaussians, decoder: DecoderFile | None) -> None:
         super().__init__(model)
@@ -54,8 +144,10 @@ class FeatureModel(PublicModel):
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         ply = model_file(Path(path))
-        decoder = find_decoder(ply.parent, SCENE_DECODER)
-        return cls(read_rows(ply), DecoderFile.read(decoder) if decoder else None)
+        model, decoder = read_model(ply), find_decoder(ply.parent, SCENE_DECODER)
+        if (channels := len(model.columns_named("semantic_"))) != CHANNELS:
+            raise InputError(ply, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
+        return cls(model, DecoderFile.read(decoder) if decoder else None)
 
     @property
     def network_name(self) -> str:
@@ -77,15 +169,8 @@ class FeatureModel(PublicModel):
         return self.decoder is not None
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
-        """Return the renderer of the public decoder's image.
-
-        Raise `InputError` if the decoder is missing or invalid, or PyTorch is not installed.
-        """
-        decoder = self._present_decoder()
-        network = decoder.network
-        from gspure.schemes.gs_hider.decoder import decoded
-
-        return decoded(self.feature_map(device, background, energy), network, decoder.source)
+        """Return the renderer of the public decoder's image, or raise `InputError` without decoder or PyTorch."""
+        return self._present_decoder().image_of(self.feature_map(device, background, energy))
 
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with features learned through the public decoder; the decoder and all else stay."""
@@ -101,7 +186,7 @@ class FeatureModel(PublicModel):
             for number, (view, factor) in enumerate(lesson.schedule(), start=1):
                 features = sigmoid(raw)
                 feature_map, pull_back = renderer.vjp(lesson.views[view], features, background)
-                _, gradient = differentiated(decoder, feature_map, photographs, view)
+                _, gradient = differentiated(feature_map, view, decoder, photographs)
                 gradient = pull_back(gradient).channels * features * (1 - features)
                 adam_step(raw, first, second, gradient, factor * rate, number)
         return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))
@@ -113,17 +198,11 @@ class FeatureModel(PublicModel):
 
     def feature_map(
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"
-    ) -> Callable[[Camera], Float32]:
-        """Return a function from a camera to its blended features [H,W,16].
-
-        The first value of `background` is that of all channels, as in the authors' rasterizer.
-        """
+    ) -> RenderView:
+        """Return the renderer of the features [H,W,16]; all have the first value of `background`, as the authors'."""
         renderer = Renderer(self.model, device, energy=energy)
         features = sigmoid(self.model.columns(*FEATURES))
         return lambda camera: renderer.feature_map(camera, features, [background[0]] * CHANNELS)
-
-
-FIT_RATE: Final = 1e-3  # first learning rate of `DecoderKey.fitted`: that of the training
 
 
 class DecoderKey(Key):
@@ -146,9 +225,7 @@ class DecoderKey(Key):
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
         """Return the renderer of the private decoder's image."""
-        from gspure.schemes.gs_hider.decoder import decoded
-
-        return decoded(_feature_map(public, device), self.decoder.network, self.decoder.source)
+        return self.decoder.image_of(_feature_map(public, device))
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the decoder after training on the model's feature maps; the model stays as it is."""
@@ -160,7 +237,7 @@ class DecoderKey(Key):
         optimizer = torch.optim.Adam(decoder.parameters())
         with single_threaded():
             for view, factor in lesson.schedule():
-                differentiated(decoder, feature_map(lesson.views[view]), photographs, view)
+                differentiated(feature_map(lesson.views[view]), view, decoder, photographs)
                 optimizer.param_groups[0]["lr"] = factor * FIT_RATE
                 optimizer.step()
         return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))

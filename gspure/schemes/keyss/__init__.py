@@ -11,11 +11,10 @@ from typing import Annotated
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.keyss.network import RATE, parameters_of
+from gspure.schemes.keyss.network import RATE, gaussians_of
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme, initial_gaussians
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.output import as_gaussians
 from gspure.training.trainer import watched
 
 
@@ -32,40 +31,19 @@ def embed(
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
-    learning rate, `max_gaussians` the limit of densification.
-
-    Raise `InputError` if PyTorch is missing.
+    learning rate, `max_gaussians` the limit of densification. Needs PyTorch.
     """
     begin = initial_gaussians(pair, max_gaussians, seed)
     from gspure.schemes.keyss.training import Training
-    from gspure.training.pytorch import single_threaded
 
-    device = device or choose_device()
-    run = Training(Run(pair, iterations, message_weight, max_gaussians, seed, device), begin, network_rate)
-
-    def outcome() -> tuple[PublicModel, NetworkKey | None]:
-        public = PublicModel(as_gaussians(parameters_of(run.rows)))
-        return public, NetworkKey(run.key, run.learner.network()) if message_weight else None
-
-    def state() -> str:
-        public, key = outcome()
-        views = [public.scene(device)] + ([key.message(public, MESSAGE, device)] if key else [])
-        return f"{pair.quality(*views)}  {len(public.model)} Gaussians"
-
-    with single_threaded():
-        for _ in watched(run, iterations, state):
-            pass
-    return outcome()
+    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device())
+    run = Training(settings, begin, network_rate)
+    for _ in watched(run, iterations, lambda: f"{len(run.rows)} Gaussians"):
+        pass
+    public = PublicModel(gaussians_of(run.rows.values))
+    return public, NetworkKey(run.key, run.learner.network()) if message_weight else None
 
 
-READS = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
+READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*"))
 
-SCHEME = Scheme(
-    "keyss",
-    embed,
-    PublicModel.read,
-    NetworkKey.read,
-    {MESSAGE: READS, ADAPTIVE: READS},
-    packages=PYTORCH,
-    fits=True,
-)
+SCHEME = Scheme("keyss", embed, PublicModel.read, NetworkKey.read, READS, packages=PYTORCH, fits=True)

@@ -13,20 +13,17 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
 from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians
 from gspure.model.activations import finite
 from gspure.model.finite import require_computed
-from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
-from gspure.public_model import Lesson, PublicModel, RenderView, Rows
-from gspure.renderer import Renderer
-from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Network, added, parameters_of, random_key, rows_of
+from gspure.public_model import Lesson, PublicModel, Rows
+from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Network, added, gaussians_of, random_key
+from gspure.schemes.rows import rows_of
 from gspure.schemes.scheme import Key
-from gspure.training.output import as_gaussians
 
 _FILE: Final = "keyss.npz"
 
@@ -49,14 +46,6 @@ class NetworkKey(Key):
         """Write vector and network."""
         save_arrays(folder / _FILE, {"key": self.vector, **self.network})
 
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
-        """Return the renderer of the message."""
-        return Renderer(self._revealed(public), device).image
-
-    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians that show the message, one per row."""
-        return self._revealed(public), np.arange(len(public.model))
-
     def fitted(self, public: PublicModel, lesson: Lesson) -> NetworkKey:
         """Return the key with its network trained on the model; the model stays as it is."""
         from gspure.schemes.keyss.training import Branch, Learner
@@ -74,11 +63,12 @@ class NetworkKey(Key):
         """Return the network with another random vector."""
         return replace(self, vector=random_key(rng))
 
-    def _revealed(self, public: PublicModel) -> Gaussians:
+    def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+        """Return the Gaussians that show the message, one per row."""
         rows = _rows(public)
-        message = as_gaussians(parameters_of(rows + added(np, self.network, self.vector, rows)))
+        message = gaussians_of(rows + added(np, self.network, self.vector, rows))
         require_computed(message, "key", _FILE)
-        return message
+        return message, np.arange(len(rows))
 
 
 def _rows(public: PublicModel) -> Float32:

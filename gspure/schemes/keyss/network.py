@@ -12,7 +12,9 @@ import numpy as np
 
 from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.files import Float32
+from gspure.model import Gaussians
 from gspure.opencl.trainable import Parameters
+from gspure.training.output import as_gaussians
 
 Network = Mapping[str, Any]  # `weight_i` [O,I] and `bias_i` [O] of the layers
 ROW: Final = GEOMETRY_ATTRIBUTES + 48  # numbers of a vanilla row of degree 3, in the order of `Parameters`
@@ -25,7 +27,6 @@ SHAPES: Final = {
     for name, shape in ((f"weight_{layer}", (outputs, inputs)), (f"bias_{layer}", (outputs,)))
 }
 _LAST: Final = len(SIZES) - 2
-
 RATE: Final = 2e-3  # initial learning rate; ours, for a few thousand iterations; the authors' is 5e-5
 
 
@@ -54,11 +55,6 @@ def added(xp: Any, network: Network, key: Any, rows: Any) -> Any:
     return values
 
 
-def rows_of(parameters: Parameters) -> Float32:
-    """Return parameters as rows [K,59]."""
-    return np.concatenate([parameters.geometry, parameters.channels], axis=1)
-
-
-def parameters_of(rows: Float32) -> Parameters:
-    """Return rows [K,59] as parameters, the inverse of `rows_of`."""
-    return Parameters.of(rows[:, :GEOMETRY_ATTRIBUTES], rows[:, GEOMETRY_ATTRIBUTES:])
+def gaussians_of(rows: Float32) -> Gaussians:
+    """Return rows [K,59] as a vanilla model."""
+    return as_gaussians(Parameters.of(rows[:, :GEOMETRY_ATTRIBUTES], rows[:, GEOMETRY_ATTRIBUTES:]))

@@ -8,22 +8,18 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.files import Float32
 from gspure.model.activations import sigmoid
-from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
-from gspure.opencl.trainable import Parameters, Statistics, TrainState
-from gspure.schemes.keyss.network import Network, added, fresh, parameters_of, random_key, rows_of
+from gspure.opencl.trainable import Parameters
+from gspure.schemes.keyss.network import Network, added, fresh, random_key
+from gspure.schemes.rows import TrainedRows, screen_norms
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.growing import screen_norms
-from gspure.training.pytorch import torch
-from gspure.training.schedule import Schedule
+from gspure.training.pytorch import single_threaded, torch
 from gspure.training.torch_bridge import TorchRenderer
-from gspure.training.trainer import densified
 
 WRONG_WEIGHT: Final = 0.02  # of the loss with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1
 
-_SIZES: Final = (3, 4, 3, 1, 3, 45)
-"""Lengths of the parts of a row: position, quaternion, log-scale, opacity logit, base colour, higher harmonics."""
+_SIZES: Final = (3, 4, 3, 1, 3, 45)  # of a row's position, quaternion, log-scale, logit, base colour, higher harmonics
 
 
 class Branch:
@@ -78,59 +74,44 @@ class Training:
     """
 
     def __init__(self, run: Run, begin: Parameters, network_rate: float) -> None:
-        self.pair = run.pair
+        self._run, self._network_rate = run, network_rate
         self._rng = np.random.default_rng(run.seed)
         self.learner = Learner(fresh(self._rng))
         self.key = random_key(self._rng)  # not the generator's first numbers, which are a wrong key of the same seed
-        self._scene, self._message = (
-            Branch(capture.views, capture.images, run.device) for capture in (run.pair.scene, run.pair.message)
-        )
-        self._message_weight = run.message_weight
-        self._network_rate = network_rate
-        self._schedule = Schedule.scaled(run.iterations)
-        self._most_rows = run.most_rows
-        self._replace(TrainState.fresh(begin))
+        captures = (run.pair.scene, run.pair.message)
+        self._scene, self._message = (Branch(c.views, c.images, run.device) for c in captures)
+        self.rows = TrainedRows(begin, run, self._rng)
 
     def __iter__(self) -> Iterator[float]:
-        batches = self.pair.batches(self._rng)
-        for iteration in range(1, self._schedule.iterations + 1):
-            yield self._step(iteration, *next(batches))
-            if self._schedule.densifies(iteration):
-                self._densify(iteration)
+        batches = self._run.pair.batches(self._rng)
+        with single_threaded():
+            for iteration in range(1, self._run.iterations + 1):
+                yield self._step(iteration, *next(batches))
+                if self.rows.schedule.densifies(iteration):
+                    self.rows.densify(iteration, self._opacities())
 
     def _step(self, iteration: int, scene_view: int, message_view: int) -> float:
-        rows = torch.from_numpy(self.rows).requires_grad_()
+        schedule = self.rows.schedule
+        rows = torch.from_numpy(self.rows.values).requires_grad_()
         loss, norms = self._scene.differentiate(rows, scene_view, 1.0)
-        if self._message_weight:
+        if self._run.message_weight:
             geometry, logits, colours = rows.split((10, 1, 48), dim=1)
             public = torch.cat([geometry, logits.detach(), colours], dim=1)
             message = public + self.learner.added(public, self.key)
-            message_loss, message_norms = self._message.differentiate(message, message_view, self._message_weight)
+            message_loss, message_norms = self._message.differentiate(message, message_view, self._run.message_weight)
             wrong = WRONG_WEIGHT * self.learner.added(rows.detach(), random_key(self._rng)).abs().mean()
             wrong.backward()
             loss, norms = loss + message_loss + wrong.item(), norms + message_norms
-            self.learner.step(self._network_rate * self._schedule.settling(iteration))
-        self._norms += norms
-        self._views += norms > 0
-        rates = np.repeat(list(vars(self._schedule.rates(iteration, self.pair.extent)).values()), _SIZES)
-        adam_step(self.rows, self._first, self._second, rows.grad.numpy(), rates.astype(np.float32), iteration)
+            self.learner.step(self._network_rate * schedule.settling(iteration))
+        self.rows.count_view(norms)
+        rates = np.repeat(list(vars(schedule.rates(iteration, self._run.pair.extent)).values()), _SIZES)
+        self.rows.step(iteration, rows.grad.numpy(), rates.astype(np.float32))
         return loss
 
-    def _densify(self, iteration: int) -> None:
-        state = TrainState(*map(parameters_of, (self.rows, self._first, self._second)))
-        logits = state.parameters.opacity_logits
-        if self._message_weight:
-            message = parameters_of(self.rows + added(np, self.learner.network(), self.key, self.rows))
-            logits = np.maximum(logits, message.opacity_logits)
-        after = densified(
-            *(state, Statistics(self._norms, self._views), self._schedule, iteration),
-            extent=self.pair.extent,
-            rng=self._rng,
-            max_gaussians=self._most_rows,
-            opacities=sigmoid(logits),
-        )
-        self._replace(after)
-
-    def _replace(self, state: TrainState) -> None:
-        self.rows, self._first, self._second = map(rows_of, vars(state).values())
-        self._norms, self._views = np.zeros(len(self.rows), np.float32), np.zeros(len(self.rows), np.uint32)
+    def _opacities(self) -> Float32:
+        """Return the opacity of each row, the higher one of scene and message."""
+        logits = self.rows.values[:, 10]
+        if self._run.message_weight:
+            added_logits = added(np, self.learner.network(), self.key, self.rows.values)[:, 10]
+            logits = np.maximum(logits, logits + added_logits)
+        return sigmoid(logits)

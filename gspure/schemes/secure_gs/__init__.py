@@ -16,7 +16,6 @@ import numpy as np
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.files import Float64
 from gspure.opencl.device import Device, choose_device
-from gspure.progress import percent, say
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
@@ -29,9 +28,7 @@ from gspure.training.trainer import watched
 FEAT_DIM: Final = 32  # length of a feature (Scaffold-GS)
 K: Final = 10  # Gaussians per anchor (Scaffold-GS)
 FIRST_SHARE: Final = 0.5  # largest number of initial anchors, as a share of `max_anchors`; ours
-
 LEAST_ANCHORS: Final = math.ceil(LEAST_POINTS / FIRST_SHARE)
-
 VOXEL_GROWTH: Final = 1.1  # factor by which voxels grow until few enough are occupied; ours
 
 
@@ -50,34 +47,18 @@ def embed(
 
     `message_weight` is the share of the message's loss; that of the scene is 1. `density` is r_down of the region-aware
     density optimization (`gspure.schemes.secure_gs.growing`); 1 switches it off. `hardened` trains the message also
-    without the anchors that ``plain_weight`` removes with this tau, 0 as in the paper.
-
-    Raise `InputError` if a setting is out of range, or PyTorch is missing.
+    without the anchors that ``plain_weight`` removes with this tau, 0 as in the paper. Needs PyTorch.
     """
     from gspure.schemes.secure_gs.training import Training
-    from gspure.training.pytorch import single_threaded
 
-    device = device or choose_device()
     rng = np.random.default_rng(seed)
     anchors, voxel = first_anchors([xyz for xyz, _ in pair.clouds], int(FIRST_SHARE * max_anchors))
     branches = [fresh(names, FEAT_DIM, K, rng) for names in (PUBLIC, PRIVATE)]
-    settings = Run(pair, iterations, message_weight, max_anchors, seed, device, hardened)
+    settings = Run(pair, iterations, message_weight, max_anchors, seed, device or choose_device(), hardened)
     run = Training(settings, anchors, voxel, branches[: 1 + bool(message_weight)], density)
-
-    def outcome() -> tuple[AnchorModel, HiddenKey | None]:
-        return run.public(), HiddenKey(run.learner.networks(1)) if run.hides else None
-
-    def state() -> str:
-        public, key = outcome()
-        views = [public.scene(device)] + ([key.message(public, MESSAGE, device)] if key else [])
-        return f"{pair.quality(*views)}  {len(public.model)} anchors"
-
-    with single_threaded():
-        for _ in watched(run, iterations, state):
-            pass
-    if message_weight and density > 1:
-        say(f"RDO: up to {percent(run.boxed, 0)} of the scene's Gaussians lay in the box of the hidden region")
-    return outcome()
+    for _ in watched(run, iterations, lambda: f"{len(run.learner.anchors.positions)} anchors"):
+        pass
+    return run.public(), HiddenKey(run.learner.networks(1)) if message_weight else None
 
 
 def first_anchors(clouds: Sequence[Float64], at_most: int) -> tuple[Anchors, float]:
@@ -109,17 +90,11 @@ def _voxels(xyz: Float64, at_most: int) -> tuple[Float64, float]:
     return cells, side
 
 
-READS = ("x", "y", "z", "f_anchor_feat_*", "scale_*")
+READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_anchor_feat_*", "scale_*"))
 """Without the offsets, which only the scene uses, and the opacities and rotations, which are unused constants."""
 
 SCHEME = Scheme(
-    "secure_gs",
-    embed,
-    AnchorModel.read,
-    HiddenKey.read,
-    {MESSAGE: READS, ADAPTIVE: READS},
-    tau_c=ANCHOR_TAU_C,
-    tau_n=ANCHOR_TAU_N,
+    *("secure_gs", embed, AnchorModel.read, HiddenKey.read, READS, ANCHOR_TAU_C, ANCHOR_TAU_N),
     signature=("f_anchor_feat_0", "f_offset_0"),
     beside=(UNITED, "*_mlp.pt"),
     packages=PYTORCH,

@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, SH_DC, TILE
 from gspure.errors import InputError
-from gspure.files import Float64, Indices
+from gspure.files import Indices
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
+from gspure.model.gaussians import NORMALS
 from gspure.model.rotations import rotation_matrices
 from gspure.public_model import Rows
-from gspure.schemes.secure_gs.networks import Network, Networks, perceptron, takes_distance
+from gspure.schemes.secure_gs.networks import Network, Networks, perceptron
 
 STORED_OPACITY: Final = np.float32(-2.1972246)  # logit(0.1): Scaffold-GS does not train the opacities that it stores
-
+LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
 SCALINGS: Final = 6
 
 
@@ -51,62 +52,49 @@ class Anchors:
         """Return some of the anchors."""
         return Anchors(*(rows_of(part, rows) for part in vars(self).values()))
 
+    @classmethod
+    def of(cls, table: Gaussians) -> Anchors:
+        """Return a table's anchors; column c k + i of ``f_offset_*`` is coordinate c of Gaussian i."""
+        columns = (table.columns(*table.columns_named(prefix)) for prefix in ("f_offset_", "f_anchor_feat_", "scale_"))
+        offsets, features, log_scalings = columns
+        by_coordinate = offsets.reshape(len(table), 3, offsets.shape[1] // 3)
+        return cls(table.means, np.ascontiguousarray(by_coordinate.transpose(0, 2, 1)), features, log_scalings)
+
+    @property
+    def table(self) -> Gaussians:
+        """The anchors, in arrays, as a table with the columns of Scaffold-GS, in its order."""
+        offsets = self.offsets.transpose(0, 2, 1).reshape(len(self.positions), -1)
+        columns: dict[str, Any] = dict(zip("xyz", self.positions.T, strict=True)) | dict.fromkeys(NORMALS, 0)
+        columns |= {f"f_offset_{i}": column for i, column in enumerate(offsets.T)}
+        columns |= {f"f_anchor_feat_{i}": column for i, column in enumerate(self.features.T)}
+        columns["opacity"] = STORED_OPACITY
+        columns |= {f"scale_{i}": column for i, column in enumerate(self.log_scalings.T)}
+        columns |= {f"rot_{i}": float(i == 0) for i in range(4)}
+        table = np.empty(len(self.positions), [(name, "<f4") for name in columns])
+        for name, column in columns.items():
+            table[name] = column
+        return Gaussians(table)
+
 
 def rows_of(array: Any, rows: Any) -> Any:
     """Return ``array[rows]``; PyTorch's indexing is slower than its selection, forward and backward."""
     return array[rows] if isinstance(array, np.ndarray) else array.index_select(0, rows)
 
 
-def anchors_of(table: Gaussians) -> Anchors:
-    """Return a table's anchors; ``f_offset_*`` is coordinate-major: column c k + i is coordinate c of Gaussian i."""
-    names = table.columns_named("f_offset_")
-    offsets = table.columns(*names).reshape(len(table), 3, len(names) // 3)
-    return Anchors(
-        positions=table.means,
-        offsets=np.ascontiguousarray(offsets.transpose(0, 2, 1)),
-        features=table.columns(*table.columns_named("f_anchor_feat_")),
-        log_scalings=table.columns(*(f"scale_{i}" for i in range(SCALINGS))),
-    )
-
-
-def table_of(anchors: Anchors) -> Gaussians:
-    """Return the table of anchors with the columns of Scaffold-GS, in its order."""
-    count = len(anchors.positions)
-    offsets = anchors.offsets.transpose(0, 2, 1).reshape(count, -1)
-    named: dict[str, Any] = dict(zip("xyz", anchors.positions.T, strict=True))
-    named |= dict.fromkeys(("nx", "ny", "nz"), 0)
-    named |= {f"f_offset_{i}": column for i, column in enumerate(offsets.T)}
-    named |= {f"f_anchor_feat_{i}": column for i, column in enumerate(anchors.features.T)}
-    named["opacity"] = STORED_OPACITY
-    named |= {f"scale_{i}": column for i, column in enumerate(anchors.log_scalings.T)}
-    named |= {f"rot_{i}": float(i == 0) for i in range(4)}
-    table = np.empty(count, [(name, "<f4") for name in named])
-    for name, column in named.items():
-        table[name] = column
-    return Gaussians(table)
-
-
 def require_anchors(source: Path, table: Gaussians) -> None:
     """Refuse a table with other columns than Scaffold-GS's, or with numbers that are not finite."""
-    offsets, features = (table.columns_named(prefix) for prefix in ("f_offset_", "f_anchor_feat_"))
-    if not offsets or len(offsets) % 3:
-        expected = "three properties per Gaussian of an anchor"
-        raise InputError(source, "f_offset_*", expected=expected, found=f"{len(offsets)}", hint="a Scaffold-GS .ply?")
-    if not features:
-        raise InputError(source, "f_anchor_feat_*", expected="an anchor's features", found="no such property")
-    numbers = (("f_offset_", len(offsets)), ("f_anchor_feat_", len(features)), ("scale_", SCALINGS))
-    numbered = [f"{prefix}{i}" for prefix, count in numbers for i in range(count)]
-    for name in numbered:
-        if name not in table.names or table.table.dtype[name] != np.float32:
-            found = str(table.table.dtype[name]) if name in table.names else "no such property"
-            raise InputError(source, name, expected="a float32 property", found=found)
-    geometry = ("x", "y", "z", *numbered, "rot_0", "rot_1", "rot_2", "rot_3")
+    offsets, features, scales = map(table.columns_named, ("f_offset_", "f_anchor_feat_", "scale_"))
+    for field, expected, fits in (
+        ("f_offset_*", "three properties per Gaussian of an anchor", offsets and len(offsets) % 3 == 0),
+        ("f_anchor_feat_*", "an anchor's features", features),
+        ("scale_*", f"{SCALINGS} properties", len(scales) == SCALINGS),
+    ):
+        if not fits:
+            raise InputError(source, field, expected=expected, found="other properties", hint="a Scaffold-GS .ply?")
+    geometry = ("x", "y", "z", *offsets, *features, *scales, "rot_0", "rot_1", "rot_2", "rot_3")
     for name, rows in non_finite_rows(table, geometry).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
         raise InputError(source, name, expected="finite numbers", found=found)
-
-
-LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +122,8 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     far = xp.concatenate([near, distances], axis=1)
 
     def outputs(name: str) -> Any:
-        network = networks[name]
-        return perceptron(xp, network, far if takes_distance(network, anchors.feat_dim) else near)
+        takes_distance = networks[name]["0.weight"].shape[1] == far.shape[1]
+        return perceptron(xp, networks[name], far if takes_distance else near)
 
     opacities = xp.tanh(outputs("opacity"))
     count = opacities.shape[0] * anchors.k
@@ -189,22 +177,11 @@ def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scale
     (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.) Rows with a zero quaternion or an infinite
     scale have none.
     """
-    rotation = camera.viewmat[:3, :3]
+    rotation, focal, principal = camera.viewmat[:3, :3], np.diag(camera.K)[:2], camera.K[:2, 2]
     centres = means @ rotation.T + camera.viewmat[:3, 3]
     rows = np.flatnonzero(centres[:, 2] > NEAR_PLANE)
     centres = centres[rows]
     axes = rotation @ rotation_matrices(quats[rows]) * np.asarray(scales, np.float64)[rows, None, :]
-    centres2d, radii = _bounds(camera, centres, axes)
-    size = np.array([camera.width, camera.height])
-    tiles = -(-size // TILE)
-    first = np.clip(np.trunc((centres2d - radii) / TILE), 0, tiles)
-    last = np.clip(np.trunc((centres2d + radii + TILE - 1) / TILE), 0, tiles)
-    return rows[(last > first).all(axis=1)]
-
-
-def _bounds(camera: Camera, centres: Float64, axes: Float64) -> tuple[Float64, Float64]:
-    """Return the centres [V,2] on the screen and the radii [V,1] of Gaussians with principal `axes` [V,3,3]."""
-    focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
     size = np.array([camera.width, camera.height])
     slopes = centres[:, :2] / centres[:, 2:]
     margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
@@ -214,5 +191,9 @@ def _bounds(camera: Camera, centres: Float64, axes: Float64) -> tuple[Float64, F
     a, b = np.square(spread).sum(axis=2).T + EWA_DILATION
     middle, determinant = (a + b) / 2, a * b - (spread[:, 0] * spread[:, 1]).sum(axis=1) ** 2
     largest = middle + np.sqrt(np.maximum(0.1, middle**2 - determinant))
-    # the rasterizer samples at integer coordinates
-    return slopes * focal + principal - 0.5, np.ceil(3 * np.sqrt(largest))[:, None]
+    radii = np.ceil(3 * np.sqrt(largest))[:, None]
+    centres2d = slopes * focal + principal - 0.5  # the rasterizer samples at integer coordinates
+    tiles = -(-size // TILE)
+    first = np.clip(np.trunc((centres2d - radii) / TILE), 0, tiles)
+    last = np.clip(np.trunc((centres2d + radii + TILE - 1) / TILE), 0, tiles)
+    return np.asarray(rows[(last > first).all(axis=1)])

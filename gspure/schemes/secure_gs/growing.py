@@ -6,24 +6,19 @@ growing is divided by r_down, so that the density of anchors does not reveal the
 the parameters of the clustering; ours.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
 from gspure.files import Bools, Float32, Indices
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, Neural
 from gspure.training.schedule import ITERATIONS, LEAST_EVERY
 
 OFFSETS_RATES: Final = (1e-2, 1e-4)  # first and last one, as a share of the scene's extent; log-linear between them
-
 FEATURES_RATE: Final = 7.5e-3
 SCALINGS_RATE: Final = 7e-3
-
 NETWORK_RATES: Final = {"opacity": (2e-3, 2e-5), "cov": (4e-3, 4e-3), "color": (8e-3, 5e-5), "offset": (4e-3, 4e-5)}
 """First and last. The rate of SecureGS's offset network is ours: that of ``cov``, with the decay of offsets."""
 
@@ -35,25 +30,14 @@ ADJUST_EVERY: Final = 100
 
 @dataclass(frozen=True)
 class AnchorSchedule:
-    """A run's schedule. Iterations count from 1; events follow the optimizer step of their iteration.
-
-    Statistics are collected after `count_from`, up to `adjust_until`. Anchors grow and are pruned at the multiples of
-    `adjust_every` strictly between `adjust_from` and `adjust_until`.
-    """
+    """Scaffold-GS's schedule, in a run of so many `iterations`. They count from 1; events follow the optimizer step."""
 
     iterations: int
-    count_from: int
-    adjust_from: int
-    adjust_until: int
-    adjust_every: int
 
-    @classmethod
-    def scaled(cls, iterations: int) -> AnchorSchedule:
-        """Return Scaffold-GS's schedule for a run of this length."""
-        count_from, adjust_from, adjust_until, every = (
-            round(of * iterations / ITERATIONS) for of in (COUNT_FROM, ADJUST_FROM, ADJUST_UNTIL, ADJUST_EVERY)
-        )
-        return cls(iterations, count_from, adjust_from, adjust_until, max(every, LEAST_EVERY))
+    @property
+    def adjust_every(self) -> int:
+        """Number of iterations from one adjustment to the next."""
+        return max(self._scaled(ADJUST_EVERY), LEAST_EVERY)
 
     def rates(self, iteration: int, extent: float) -> dict[str, float]:
         """Return the learning rates of one iteration by parameter; `extent` is the scene's, in world units."""
@@ -65,18 +49,22 @@ class AnchorSchedule:
 
     def counts(self, iteration: int) -> bool:
         """Tell whether statistics are collected at this iteration."""
-        return self.count_from < iteration < self.adjust_until
+        return self._scaled(COUNT_FROM) < iteration < self._scaled(ADJUST_UNTIL)
 
     def adjusts(self, iteration: int) -> bool:
         """Tell whether anchors grow and are pruned after this iteration."""
-        return self.adjust_from < iteration < self.adjust_until and iteration % self.adjust_every == 0
+        within = self._scaled(ADJUST_FROM) < iteration < self._scaled(ADJUST_UNTIL)
+        return within and iteration % self.adjust_every == 0
+
+    def _scaled(self, iteration: int) -> int:
+        return round(iteration * self.iterations / ITERATIONS)
 
 
 class Statistics:
     """Sums over the views of one branch, with `count` = M anchors of k Gaussians, since their last reset."""
 
     def __init__(self, count: int, k: int) -> None:
-        self.norms = np.zeros((count, k), np.float32)  # of the gradients: see `screen_norms`
+        self.norms = np.zeros((count, k), np.float32)  # of the gradients: see `gspure.schemes.rows.screen_norms`
         self.active_views = np.zeros((count, k), np.float32)  # number of views in which a Gaussian was active
         self.centres = np.zeros((count, k, 3), np.float32)  # of the Gaussian in those views
         self.opacities = np.zeros(count, np.float32)  # of an anchor
@@ -97,28 +85,13 @@ class Statistics:
         views = np.maximum(self.active_views, np.float32(1))
         return np.asarray(self.norms / views), np.asarray(self.centres / views[..., None])
 
-    def reset(self, gaussians: Bools, anchors: Bools) -> None:
-        """Zero the sums of these Gaussians [M,k] and these anchors [M]."""
+    def restart(self, gaussians: Bools, anchors: Bools, rows: Indices, new: int) -> None:
+        """Zero the sums of some Gaussians [M,k] and anchors [M]; keep those of the anchors `rows`, append new ones."""
         for sums in (self.norms, self.active_views, self.centres):
             sums[gaussians] = 0
         self.opacities[anchors] = self.views[anchors] = 0
-
-    def replace_anchors(self, rows: Indices, new: int) -> None:
-        """Keep the sums of the anchors `rows` and append zeros for new ones."""
         for name, sums in vars(self).items():
             setattr(self, name, np.concatenate([sums[rows], np.zeros((new, *sums.shape[1:]), np.float32)]))
-
-
-def screen_norms(camera: Camera, means: NDArray[Any], gradients: NDArray[Any]) -> Float32:
-    """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, from dL/d(centre) [A,3].
-
-    A unit step across the line of sight moves the projection by f / z pixels. The change of the projected covariance,
-    a share of about scale / depth, is neglected.
-    """
-    rotation = camera.viewmat[:3, :3]
-    depths = means @ rotation[2] + camera.viewmat[2, 3]
-    across = gradients @ rotation[:2].T * depths[:, None] / np.diag(camera.K)[:2]
-    return np.asarray(np.linalg.norm(across * (camera.width / 2, camera.height / 2), axis=1), np.float32)
 
 
 GRADIENT_THRESHOLD: Final = 2e-4  # tau of the first level; it doubles with each level (Scaffold-GS)
@@ -126,11 +99,8 @@ CELLS: Final = (16, 4, 1)  # sides of a new anchor's cell, in voxels, from the f
 NEIGHBOURS: Final = 10  # DBSCAN's min_samples; ours
 RADIUS: Final = 16  # DBSCAN's eps in voxels: the side of the largest cell of a new anchor; ours
 
-_BITS = 21
 
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
+class Candidates(NamedTuple):
     """Gaussians that may get a new anchor."""
 
     positions: Float32  # [C,3], centres, world units
@@ -175,23 +145,16 @@ def joined(*parts: Anchors) -> Anchors:
 
 def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
     """Return one number per cell [N,3]; indices are clipped to 2^20 cells from the origin."""
-    half = 1 << (_BITS - 1)
+    half = 1 << 20
     x, y, z = (np.clip(cells, -half, half - 1).astype(np.int64) + half).T
-    return np.asarray((x << (2 * _BITS)) | (y << _BITS) | z)
+    return np.asarray((x << 42) | (y << 21) | z)
 
 
-def hidden_box(positions: Float32, voxel: float) -> tuple[Float32, Float32] | None:
-    """Return the lowest and highest corner [3] of the clusters in `positions` [C,3]; None without clusters."""
+def in_box(positions: Float32, hidden: Float32, voxel: float) -> Bools:
+    """Return the mask of the positions [...,3] in the bounding box of the clusters in hidden ones [C,3], if any."""
     from sklearn.cluster import DBSCAN
 
-    if len(positions) < NEIGHBOURS:
-        return None
-    clustered = positions[DBSCAN(eps=RADIUS * voxel, min_samples=NEIGHBOURS).fit(positions).labels_ >= 0]
-    return (clustered.min(axis=0), clustered.max(axis=0)) if len(clustered) else None
-
-
-def inside(box: tuple[Float32, Float32] | None, positions: Float32) -> Bools:
-    """Return the mask of the positions [...,3] in the box."""
-    if box is None:
-        return np.zeros(positions.shape[:-1], bool)
-    return np.asarray(((positions >= box[0]) & (positions <= box[1])).all(axis=-1))
+    if len(hidden):
+        hidden = hidden[DBSCAN(eps=RADIUS * voxel, min_samples=NEIGHBOURS).fit(hidden).labels_ >= 0]
+    lowest, highest = hidden.min(axis=0, initial=np.inf), hidden.max(axis=0, initial=-np.inf)
+    return np.asarray(((positions >= lowest) & (positions <= highest)).all(axis=-1))

@@ -11,6 +11,7 @@ from gspure.constants import ADAM_EPSILON
 from gspure.files import Float32, Indices
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
+from gspure.public_model import BLACK, Background
 from gspure.schemes.secure_gs.anchors import Anchors, Neural, neural
 from gspure.schemes.secure_gs.growing import joined
 from gspure.schemes.secure_gs.networks import Networks
@@ -22,10 +23,7 @@ LEARNED: Final = ("offsets", "features", "log_scalings")  # trained attributes o
 
 
 class Learner:
-    """Shared anchors, one set of networks per branch, and its photographs by training view.
-
-    The scene's branch is first.
-    """
+    """Shared anchors, and the networks and photographs, by training view, of each branch; the scene's is first."""
 
     def __init__(
         self, anchors: Anchors, branches: Sequence[Networks], photographs: Sequence[Sequence[Float32]], device: Device
@@ -36,10 +34,7 @@ class Learner:
         self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
         self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
         groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
-        groups += [
-            {"params": [p for nets in self._branches if name in nets for p in nets[name].values()], "name": name}
-            for name in {name: None for nets in branches for name in nets}
-        ]
+        groups += [{"params": [*net.values()], "name": n} for nets in self._branches for n, net in nets.items()]
         self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
 
     @property
@@ -52,13 +47,7 @@ class Learner:
         return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
 
     def differentiate(
-        self,
-        branch: int,
-        camera: Camera,
-        rows: Indices,
-        view: int,
-        weight: float,
-        background: Sequence[float] = (0.0, 0.0, 0.0),
+        self, branch: int, camera: Camera, rows: Indices, view: int, weight: float, background: Background = BLACK
     ) -> tuple[float, Neural, Float32]:
         """Add the gradients of a branch's loss, times its weight, to those of all parameters.
 
@@ -73,9 +62,8 @@ class Learner:
         image = self._render(camera, *geometry, features=gaussians.colors, background=background)
         volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
         loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
-        torch.autograd.backward(
-            [image, volume], [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
-        )
+        gradients = [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
+        torch.autograd.backward([image, volume], gradients)
         arrays = {field.name: getattr(gaussians, field.name).detach().numpy() for field in fields(gaussians)}
         total = weight * (loss + VOLUME_WEIGHT * volume.item())
         return total, replace(gaussians, **arrays), gaussians.means.grad.numpy()

@@ -25,37 +25,16 @@ from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
-from gspure.schemes.secure_gs.anchors import (
-    Anchors,
-    Neural,
-    anchors_of,
-    as_gaussians,
-    neural,
-    require_anchors,
-    table_of,
-    visible_rows,
-)
-from gspure.schemes.secure_gs.networks import (
-    BANK,
-    PARAMETERS,
-    PRIVATE,
-    UNITED,
-    Networks,
-    fresh,
-    read_networks,
-    require_networks,
-    write_networks,
-)
+from gspure.schemes.secure_gs.anchors import Anchors, Neural, as_gaussians, neural, require_anchors, visible_rows
+from gspure.schemes.secure_gs.networks import PARAMETERS, PRIVATE, UNITED, Networks, fresh, read_networks, require_sizes
+from gspure.schemes.tensors import write_tensors
 
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.learner import Learner
 
 
 class AnchorModel(PublicModel):
-    """A Scaffold-GS model, the public model of SecureGS; the rows of its table [M] are anchors.
-
-    Its networks are ``opacity``, ``cov``, ``color`` and optionally ``feature_bank``.
-    """
+    """A Scaffold-GS model, the public model of SecureGS: a table whose rows [M] are anchors, and `PUBLIC` networks."""
 
     attributes: ClassVar[Columns] = {
         "colour": ("f_anchor_feat_*",),
@@ -69,24 +48,19 @@ class AnchorModel(PublicModel):
     """Learning rates of features, logarithms of scalings and offsets, whose unit is the scaling. Ours."""
 
     rows_are_gaussians: ClassVar[bool] = False
-
+    network_name = UNITED
+    visible = True  # a model without its networks cannot be read
     code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "anchors")]
 
     def __init__(self, model: Gaussians, networks: Networks, stored: bytes = b"") -> None:
         super().__init__(model)
         self.networks = networks
-        self.stored = stored
-        """The file that the networks were read from, if it is `UNITED`: it may hold further tensors."""
+        self.stored = stored  # the file that the networks were read from, if it is `UNITED`: it may hold more tensors
 
     @cached_property
     def anchors(self) -> Anchors:
         """The rows as input of the networks."""
-        return anchors_of(self.model)
-
-    @property
-    def visible(self) -> bool:
-        """True: a model without its networks cannot be read."""
-        return True
+        return Anchors.of(self.model)
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -96,13 +70,8 @@ class AnchorModel(PublicModel):
         require_anchors(file, rows)
         united = file.with_name(UNITED)
         public = cls(rows, read_networks(file.parent), united.read_bytes() if united.is_file() else b"")
-        require_networks(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
+        require_sizes(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
-
-    @property
-    def network_name(self) -> str:
-        """Name of the file of networks."""
-        return UNITED
 
     def write_networks(self, folder: Path) -> None:
         """Write the networks, byte for byte as they were read."""
@@ -110,7 +79,7 @@ class AnchorModel(PublicModel):
             with replacing(folder / UNITED) as temporary:
                 temporary.write_bytes(self.stored)
         else:
-            write_networks(folder, self.networks)
+            write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in self.networks.items()})
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same networks with other anchors."""
@@ -123,10 +92,10 @@ class AnchorModel(PublicModel):
             centre = camera.centre.astype(np.float32)
             return neural(np, self.anchors.at(rows), networks or self.networks, centre), rows
 
-    def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:
-        """Return the active neural Gaussians of a camera, and the anchor of each."""
-        gaussians, rows = as_gaussians(*self.neural(camera), self.anchors.k)
-        require_computed(gaussians, "model", "networks")
+    def gaussians(self, camera: Camera, networks: Networks | None = None) -> tuple[Gaussians, Rows]:
+        """Return the active Gaussians of `networks` (default: the public ones) for a camera, and the anchor of each."""
+        gaussians, rows = as_gaussians(*self.neural(camera, networks), self.anchors.k)
+        require_computed(gaussians, "key" if networks else "model", "networks")
         return gaussians, rows
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
@@ -139,7 +108,7 @@ class AnchorModel(PublicModel):
         rates = lesson.rates(self.rates)
         groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
         learner = self.trained(lesson, self.networks, {group: rates.get(name, 0.0) for group, name in groups.items()})
-        return self._with_attributes(table_of(learner.anchors), rates)
+        return self._with_attributes(learner.anchors.table, rates)
 
     def trained(self, lesson: Lesson, networks: Networks, rates: Mapping[str, float]) -> Learner:
         """Return the learner of anchors and networks after a lesson; `rates` names what learns, and how fast."""
@@ -157,11 +126,7 @@ class AnchorModel(PublicModel):
         return learner
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
-        """Return the opacity [M] of each anchor, the mean over its Gaussians and the views where it is visible.
-
-        The opacities in the file are a constant. Scaffold-GS prunes by the sum over the Gaussians, which is k times
-        larger. An anchor that is never visible gets 0.
-        """
+        """Return the mean opacity [M] of each anchor over its Gaussians and the views where it is visible, if any."""
         total, views = np.zeros(len(self.model)), np.zeros(len(self.model))
         for camera in cameras:
             gaussians, rows = self.neural(camera)
@@ -196,33 +161,23 @@ class HiddenKey(Key):
         self.networks = networks
 
     @property
-    def feat_dim(self) -> int:
-        """Length of the features, which is also the width of the hidden layer."""
-        return int(self.networks["opacity"]["0.bias"].size)
-
-    @property
-    def k(self) -> int:
-        """Gaussians per anchor."""
-        return int(self.networks["opacity"]["2.bias"].size)
+    def sizes(self) -> tuple[int, int]:
+        """Length of the features, which is also the width of the hidden layer, and Gaussians per anchor."""
+        return int(self.networks["opacity"]["0.bias"].size), int(self.networks["opacity"]["2.bias"].size)
 
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read a key."""
-        kinds: dict[str, Kind] = {
-            f"{name}.{parameter}": (np.float32, (None, None) if parameter.endswith("weight") else (None,))
-            for name in PRIVATE
-            for parameter in PARAMETERS
-        }
+        shapes = dict.fromkeys(PARAMETERS, (None,)) | dict.fromkeys(PARAMETERS[::2], (None, None))
+        kinds: dict[str, Kind] = {f"{name}.{p}": (np.float32, shapes[p]) for name in PRIVATE for p in PARAMETERS}
         arrays = load_arrays(file := Path(folder) / HIDDEN, kinds, "the private networks of SecureGS")
         key = cls({name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE})
-        require_networks(file, key.networks, key.feat_dim, key.k)
+        require_sizes(file, key.networks, *key.sizes)
         return key
 
     def write(self, folder: Path) -> None:
         """Write the networks."""
-        named = {
-            f"{name}.{parameter}": array for name, net in self.networks.items() for parameter, array in net.items()
-        }
+        named = {f"{name}.{p}": array for name, network in self.networks.items() for p, array in network.items()}
         save_arrays(Path(folder) / HIDDEN, named)
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
@@ -232,31 +187,24 @@ class HiddenKey(Key):
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""
-        anchors = self._fitting(public)
-        gaussians, rows = as_gaussians(*anchors.neural(camera, self._with_bank(anchors)), self.k)
-        require_computed(gaussians, "key", HIDDEN)
-        return gaussians, rows
+        anchors, networks = self._fitting(public)
+        return anchors.gaussians(camera, networks)
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the private networks after training on the model's anchors; the model stays as it is."""
-        anchors = self._fitting(public)
-        learner = anchors.trained(lesson, self._with_bank(anchors), dict.fromkeys(self.networks, FIT_RATE))
-        return type(self)({name: network for name, network in learner.networks(0).items() if name != BANK})
-
-    def _fitting(self, public: PublicModel) -> AnchorModel:
-        """Return a model whose anchors the networks can read."""
-        if not isinstance(public, AnchorModel):
-            raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        if (public.anchors.feat_dim, public.anchors.k) != (self.feat_dim, self.k):
-            expected = f"{self.feat_dim} features and {self.k} Gaussians per anchor"
-            found = f"{public.anchors.feat_dim} and {public.anchors.k}"
-            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
-        return public
-
-    def _with_bank(self, public: AnchorModel) -> Networks:
-        """Return the private networks, with the public one that blends features."""
-        return {**self.networks, **{name: network for name, network in public.networks.items() if name == BANK}}
+        anchors, networks = self._fitting(public)
+        trained = anchors.trained(lesson, networks, dict.fromkeys(self.networks, FIT_RATE)).networks(0)
+        return type(self)({name: trained[name] for name in self.networks})
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""
-        return type(self)(fresh(PRIVATE, self.feat_dim, self.k, rng))
+        return type(self)(fresh(PRIVATE, *self.sizes, rng))
+
+    def _fitting(self, public: PublicModel) -> tuple[AnchorModel, Networks]:
+        """Return a model whose anchors the networks can read, and these, with the public one that blends features."""
+        if not isinstance(public, AnchorModel):
+            raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
+        if (sizes := (public.anchors.feat_dim, public.anchors.k)) != self.sizes:
+            expected, found = ("{} features and {} Gaussians per anchor".format(*of) for of in (self.sizes, sizes))
+            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+        return public, {**public.networks, **self.networks}

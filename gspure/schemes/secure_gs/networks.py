@@ -15,7 +15,7 @@ import numpy as np
 from gspure.errors import InputError
 from gspure.files import Float32
 from gspure.progress import warn
-from gspure.schemes.tensors import Tensor, read_tensors, write_tensors
+from gspure.schemes.tensors import read_tensors
 
 Network = Mapping[str, Any]
 """State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""
@@ -26,12 +26,12 @@ Networks = Mapping[str, Network]
 PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
 DIRECTION: Final = 3  # inputs besides the feature: the direction from the camera; optionally, one more for the distance
 OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}  # `cov`: scale factors and quaternion
+PUBLIC: Final = ("opacity", "cov", "color")
+PRIVATE: Final = ("offset", *PUBLIC)
+UNITED: Final = "checkpoints.pth"
 
 BANK: Final = "feature_bank"
-BANK_INPUTS: Final = 4
-BANK_LEVELS: Final = 3
-BANK_STEP: Final = 4
-"""A feature bank maps direction and distance to the weights of three resolutions; the coarsest is every fourth."""
+"""It maps direction and distance to the weights of three resolutions of a feature; the coarsest is every fourth."""
 
 _PHOTOGRAPHS: Final = "trained with an appearance embedding per photograph? train with appearance_dim 0"
 
@@ -45,84 +45,52 @@ def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
     return xp.addmm(second[1], xp.addmm(first[1], inputs, first[0]).relu(), second[0])
 
 
-def takes_distance(network: Network, feat_dim: int) -> bool:
-    """Tell whether the distance from the camera is among a network's inputs."""
-    return bool(network["0.weight"].shape[1] == feat_dim + DIRECTION + 1)
-
-
 def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
     """Return untrained networks with PyTorch's default initialization; only offsets read the distance (SecureGS)."""
-    return {name: _drawn(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k, rng) for name in names}
+    networks = {}
+    for name in names:
+        shapes = _shapes(feat_dim + DIRECTION + (name == "offset"), feat_dim, OUTPUTS[name] * k)
+        bounds = [shapes[layer][1] ** -0.5 for layer in (0, 0, 2, 2)]
+        drawn = [rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True)]
+        networks[name] = {p: array.astype(np.float32) for p, array in zip(PARAMETERS, drawn, strict=True)}
+    return networks
 
 
-def _drawn(inputs: int, hidden: int, outputs: int, rng: np.random.Generator) -> dict[str, Float32]:
-    """Sample weights and biases uniformly within 1 / sqrt(inputs) of 0."""
-    shapes = ((hidden, inputs), (hidden,), (outputs, hidden), (outputs,))
-    bounds = (inputs**-0.5, inputs**-0.5, hidden**-0.5, hidden**-0.5)
-    drawn = (rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True))
-    return {name: array.astype(np.float32) for name, array in zip(PARAMETERS, drawn, strict=True)}
+def _shapes(inputs: int, hidden: int, outputs: int) -> tuple[tuple[int, ...], ...]:
+    return (hidden, inputs), (hidden,), (outputs, hidden), (outputs,)
 
 
-def require_networks(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
-    """Refuse networks that are not finite or do not fit anchors of `feat_dim` features and `k` Gaussians."""
+def require_sizes(source: Path, networks: Networks, feat_dim: int, k: int) -> None:
+    """Refuse networks that do not fit anchors of `feat_dim` features and `k` Gaussians."""
     for name, network in networks.items():
-        bank = name == BANK
-        inputs = (BANK_INPUTS,) if bank else (feat_dim + DIRECTION, feat_dim + DIRECTION + 1)
-        outputs = BANK_LEVELS if bank else OUTPUTS[name] * k
+        inputs = (DIRECTION + 1,) if name == BANK else (feat_dim + DIRECTION, feat_dim + DIRECTION + 1)
+        outputs = 3 if name == BANK else OUTPUTS[name] * k
         shapes = tuple(network[parameter].shape for parameter in PARAMETERS)
-        hidden = network["0.bias"].size
-        if shapes not in [((hidden, n), (hidden,), (outputs, hidden), (outputs,)) for n in inputs]:
+        if shapes not in [_shapes(n, network["0.bias"].size, outputs) for n in inputs]:
             expected = f"{' or '.join(map(str, inputs))} inputs and {outputs} outputs"
-            hint = _PHOTOGRAPHS if name == "color" and network["0.weight"].shape[-1:] > inputs[-1:] else None
+            hint = _PHOTOGRAPHS if name == "color" and shapes[0][-1:] > inputs[-1:] else None
             found = f"weights and biases {', '.join(str(list(shape)) for shape in shapes)}"
             raise InputError(source, name, expected=expected, found=found, hint=hint)
-        for parameter in PARAMETERS:
-            if not np.isfinite(network[parameter]).all():
-                raise InputError(source, f"{name}.{parameter}", expected="finite numbers", found="others")
-    if BANK in networks and feat_dim % BANK_STEP:
-        expected = f"a multiple of {BANK_STEP} features"
-        raise InputError(source, "feature_bank", expected=expected, found=str(feat_dim))
+    if BANK in networks and feat_dim % 4:
+        raise InputError(source, BANK, expected="a multiple of 4 features", found=str(feat_dim))
 
 
-Loaded = dict[str, dict[str, Float32]]
-
-PUBLIC: Final = ("opacity", "cov", "color")
-PRIVATE: Final = ("offset", *PUBLIC)
-UNITED: Final = "checkpoints.pth"
-
-
-def read_networks(folder: Path) -> Loaded:
-    """Read the public networks in a folder.
-
-    Raise `InputError` if a file or parameter is missing, or a file holds more than tensors.
-    """
-    united = folder / UNITED
-    if united.is_file():
+def read_networks(folder: Path) -> dict[str, dict[str, Float32]]:
+    """Read the public networks in a folder, or raise `InputError`."""
+    source = folder / UNITED
+    if source.is_file():
         if any(folder.glob("*_mlp.pt")):
             warn(f"{folder} has {UNITED} and networks *_mlp.pt: {UNITED} is used")
-        return _by_network(united, read_tensors(united))
-    tensors: dict[str, Tensor] = {}
-    for name in (*PUBLIC, BANK):
-        file = folder / f"{name}_mlp.pt"
-        if name != BANK or file.is_file():
-            if not file.is_file():
-                found = f"neither it nor {UNITED}"
-                raise InputError(file, "file", expected="a network beside the .ply", found=found)
-            tensors |= {f"{name}_mlp.{parameter}": array for parameter, array in read_tensors(file).items()}
-    return _by_network(folder, tensors)
-
-
-def write_networks(folder: Path, networks: Networks) -> None:
-    """Write the public networks in Scaffold-GS's united format."""
-    write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in networks.items()})
-
-
-def _by_network(source: Path, tensors: Mapping[str, Tensor]) -> Loaded:
+        tensors = read_tensors(source)
+    else:
+        files = {name: folder / f"{name}_mlp.pt" for name in (*PUBLIC, BANK)}
+        present = {name: read_tensors(file) for name, file in files.items() if name != BANK or file.is_file()}
+        tensors = {f"{n}_mlp.{parameter}": array for n, net in present.items() for parameter, array in net.items()}
+        source = folder
     names = [*PUBLIC, *([BANK] if any(name.startswith(f"{BANK}_mlp.") for name in tensors) else [])]
-    for missing in {f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS} - tensors.keys():
-        raise InputError(source, missing, expected="a network's parameter", found="no such tensor")
-    networks = {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}
-    for name, parameter, tensor in ((n, p, tensor) for n, net in networks.items() for p, tensor in net.items()):
-        if tensor.dtype != np.float32:
-            raise InputError(source, f"{name}.{parameter}", expected="float32 numbers", found=str(tensor.dtype))
-    return networks
+    for name in (f"{name}_mlp.{parameter}" for name in names for parameter in PARAMETERS):
+        if name not in tensors:
+            raise InputError(source, name, expected="a network's parameter", found="no such tensor")
+        if tensors[name].dtype != np.float32 or not np.isfinite(tensors[name]).all():
+            raise InputError(source, name, expected="finite float32 numbers", found="others")
+    return {name: {parameter: tensors[f"{name}_mlp.{parameter}"] for parameter in PARAMETERS} for name in names}

@@ -6,27 +6,17 @@ from typing import Final
 import numpy as np
 
 from gspure.errors import InputError
-from gspure.files import Bools, Float32
 from gspure.schemes.hidden_weight import Hardening
+from gspure.schemes.rows import screen_norms
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.anchors import Anchors, table_of, visible_rows
-from gspure.schemes.secure_gs.growing import (
-    GRADIENT_THRESHOLD,
-    AnchorSchedule,
-    Candidates,
-    Statistics,
-    grown,
-    hidden_box,
-    inside,
-    screen_norms,
-)
+from gspure.schemes.secure_gs.anchors import Anchors, visible_rows
+from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, AnchorSchedule, Candidates, Statistics, grown, in_box
 from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.model import AnchorModel
 from gspure.schemes.secure_gs.networks import Networks
+from gspure.training.pytorch import single_threaded
 
-VISIBLE_SHARE: Final = 0.8
-"""Least share of the views between two adjustments in which an anchor must be visible to be pruned (Scaffold-GS)."""
-
+VISIBLE_SHARE: Final = 0.8  # least share of the views since the last adjustment that show a pruned anchor (Scaffold-GS)
 OPACITY_MIN: Final = 0.005  # anchors with a lower sum of opacities, averaged over the views, are pruned (Scaffold-GS)
 
 
@@ -39,50 +29,40 @@ class Training:
     """
 
     def __init__(self, run: Run, anchors: Anchors, voxel: float, branches: Sequence[Networks], density: float) -> None:
-        self.pair = run.pair
+        self._run, self._voxel, self._density = run, voxel, density
         self._captures = [run.pair.scene, run.pair.message][: len(branches)]
         self.learner = Learner(anchors, branches, [c.images for c in self._captures], run.device)
-        self.boxed = 0.0
-        self._voxel = voxel
-        self._weights = (1.0, run.message_weight)
-        self._density = density
-        self._most_rows = run.most_rows
-        self._schedule = AnchorSchedule.scaled(run.iterations)
+        self._schedule = AnchorSchedule(run.iterations)
         self._hardening = Hardening(run, self._schedule.adjust_every)
         self._statistics = [Statistics(len(anchors.positions), anchors.k) for _ in branches]
         self._rng = np.random.default_rng(run.seed)
 
     def public(self) -> AnchorModel:
         """Return the current public model."""
-        return AnchorModel(table_of(self.learner.anchors), self.learner.networks(0))
-
-    @property
-    def hides(self) -> bool:
-        """Whether there is a hidden branch."""
-        return len(self._statistics) > 1
+        return AnchorModel(self.learner.anchors.table, self.learner.networks(0))
 
     def __iter__(self) -> Iterator[float]:
-        batches = self.pair.batches(self._rng)
-        for iteration in range(1, self._schedule.iterations + 1):
-            yield self._iterate(iteration, next(batches))
-            self._hardening.follow(iteration, self.public)
+        batches = self._run.pair.batches(self._rng)
+        with single_threaded():
+            for iteration in range(1, self._run.iterations + 1):
+                yield self._iterate(iteration, next(batches))
+                self._hardening.follow(iteration, self.public)
 
     def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
         anchors, low = self.learner.anchors, self._hardening.left_out(iteration)
         upright = np.broadcast_to(np.array([1, 0, 0, 0]), (len(anchors.positions), 4))
         total = 0.0
-        for branch, (statistics, capture, view) in enumerate(
-            zip(self._statistics, self._captures, batch, strict=False)
-        ):
+        for branch, (statistics, capture) in enumerate(zip(self._statistics, self._captures, strict=True)):
+            view, weight = batch[branch], (1.0, self._run.message_weight)[branch]
             camera = capture.views[view]
             rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
             if branch and low is not None:
                 rows = rows[~low[rows]]
-            loss, gaussians, gradients = self.learner.differentiate(branch, camera, rows, view, self._weights[branch])
+            loss, gaussians, gradients = self.learner.differentiate(branch, camera, rows, view, weight)
             total += loss
             if self._schedule.counts(iteration):
                 statistics.add(rows, gaussians, screen_norms(camera, gaussians.means, gradients))
-        self.learner.step(self._schedule.rates(iteration, self.pair.extent))
+        self.learner.step(self._schedule.rates(iteration, self._run.pair.extent))
         if self._schedule.adjusts(iteration):
             self._adjust()
         return total
@@ -96,8 +76,7 @@ class Training:
         needed = [m & ~t for m, t in zip(measured, transparent, strict=True)]
         rows = np.flatnonzero(np.any(needed, axis=0) | ~np.any(measured, axis=0))
         for statistics, anchors in zip(self._statistics, measured, strict=True):
-            statistics.reset(statistics.active_views > least_views / 2, anchors)
-            statistics.replace_anchors(rows, len(new.positions))
+            statistics.restart(statistics.active_views > least_views / 2, anchors, rows, len(new.positions))
         self.learner.replace_anchors(rows, new)
         if not len(rows) + len(new.positions):
             raise InputError("secure_gs", "anchors", expected="at least one", found="none: all became transparent")
@@ -110,22 +89,12 @@ class Training:
         centres = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
         positions = [centres, *(hidden for _, hidden in means[1:])]  # hidden Gaussians move with the view
         thresholds = [np.full(mask.shape, GRADIENT_THRESHOLD, np.float32) for mask in measured]
-        if self.hides:
+        if len(means) > 1 and self._density > 1:
             growing = measured[1] & (means[1][0] >= GRADIENT_THRESHOLD)
-            thresholds[0][self._masking(positions[1][growing], centres)] /= self._density
+            thresholds[0][in_box(centres, positions[1][growing], self._voxel)] /= self._density
         features = np.broadcast_to(anchors.features[:, None], (*measured[0].shape, anchors.feat_dim))
-        candidates = Candidates(
-            *(
-                np.concatenate([part[mask] for part, mask in zip(parts, measured, strict=True)])
-                for parts in (positions, [norms for norms, _ in means], thresholds, [features] * len(measured))
-            )
-        )
-        room = max(0, self._most_rows - len(anchors.positions))
+        parts = (positions, [norms for norms, _ in means], thresholds, [features] * len(measured))
+        chosen = ([part[mask] for part, mask in zip(of, measured, strict=True)] for of in parts)
+        candidates = Candidates(*map(np.concatenate, chosen))
+        room = max(0, self._run.most_rows - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
-
-    def _masking(self, hidden: Float32, centres: Float32) -> Bools:
-        """Return the mask of the scene's Gaussians [M,k,3] in the region of growing hidden ones [C,3] (RDO)."""
-        box = hidden_box(hidden, self._voxel) if self._density > 1 else None
-        masking = inside(box, centres)
-        self.boxed = max(self.boxed, float(masking.mean()))
-        return masking

@@ -6,6 +6,7 @@ the opacity mapping is fitted, the hidden colours are trained further with the m
 instead of the trained ones.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, Final
@@ -13,23 +14,28 @@ from typing import Annotated, Final
 import numpy as np
 
 from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
+from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
-from gspure.opencl.trainable import Parameters
+from gspure.opencl.trainable import Parameters, States, TrainableModel, TrainState, TwinModel
 from gspure.progress import say
 from gspure.public_model import PublicModel
-from gspure.schemes.pair import Pair
+from gspure.schemes.hidden_weight import low_rows
+from gspure.schemes.pair import Capture, Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Run, Scheme, initial_gaussians
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
-from gspure.schemes.splats_in_splats.training import TwinTrainer, refine
 from gspure.settings import Amount, MaxGaussians, Range, Steps
+from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import as_gaussians
+from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
 from gspure.training.trainer import watched
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
 REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
+REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)  # rates of `refined`: colours only
+HELD_EVERY: Final = 10  # interval of the resets that keep the message off low rows, in iterations; ours
 
 
 def embed(
@@ -54,11 +60,7 @@ def embed(
     if not message_weight:
         return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
     run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened), begin)
-
-    def state() -> str:
-        return f"{pair.quality(*(model.image for model in run.model.models))}  {run.model.count} Gaussians"
-
-    for _ in watched(run, iterations, state):
+    for _ in watched(run, iterations, lambda: f"{run.model.count} Gaussians"):
         pass
     shown, hidden = (state.parameters for state in run.model.states())
     return _published(pair, shown, hidden, shift, round(REFINED * iterations), seed, device)
@@ -74,12 +76,79 @@ def _published(
     mapping = fit(opacities, sigmoid(hidden.opacity_logits)[known], np.random.default_rng(seed))
     extracted = replace(hidden.rows(known), opacity_logits=logit(mapping(opacities), LEAST_OPACITY))
     colours = hidden.sh_coeffs.copy()
-    colours[known] = refine(extracted, pair.message, steps, seed, device).sh_coeffs
-    public = replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift))
+    colours[known] = refined(extracted, pair.message, steps, seed, device).sh_coeffs
+    public = as_gaussians(replace(shown, sh_coeffs=bits.embed(shown.sh_coeffs, colours, shift)))
     say(f"{len(known)} of {len(shown)} Gaussians have an opacity above {OPACITY_THRESHOLD} in the message")
-    return PublicModel(as_gaussians(public)), SplatsInSplatsKey(
-        hidden.means[known], mapping, shift, as_gaussians(hidden)
-    )
+    return PublicModel(public), SplatsInSplatsKey(hidden.means[known], mapping, shift, as_gaussians(hidden))
+
+
+class TwinTrainer:
+    """A run; iterating over it trains and yields the loss of each iteration.
+
+    The rules are those of 3DGS, but growth follows the gradient of the summed losses, and a Gaussian is pruned only if
+    it is transparent in both scenes, so that some can serve the message alone.
+    """
+
+    def __init__(self, run: Run, begin: Parameters) -> None:
+        state = TrainState.fresh(begin)
+        self.model = TwinModel((state, state), run.message_weight, run.device)
+        self.model.set_targets(run.pair.scene.images, run.pair.message.images)
+        self._run, self._pair = run, run.pair
+        self._schedule = Schedule.scaled(run.iterations)
+        self._low = np.zeros(0, np.bool_)
+        self._rng = np.random.default_rng(run.seed)
+
+    def __iter__(self) -> Iterator[float]:
+        batches = self._pair.batches(self._rng)
+        for iteration in range(1, self._schedule.iterations + 1):
+            self.model.use_sh_degree(self._schedule.sh_degree(iteration))
+            batch = next(batches)
+            cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
+            yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
+            if self._schedule.densifies(iteration):
+                first, second = self._grown(iteration)
+                resets = self._schedule.resets_opacities(iteration)
+                self.model.replace((reset_opacities(first), reset_opacities(second)) if resets else (first, second))
+            if self._run.hardened:
+                self._harden(iteration)
+
+    def _harden(self, iteration: int) -> None:
+        """Take the message off the rows that `plain_weight` removes, measured at every interval of the densification.
+
+        After it, hidden opacities that grow again are reset so often that the message moves to rows the scene needs.
+        """
+        measures = iteration % self._schedule.densify_every == 0 or iteration == self._schedule.iterations
+        if not (measures or (iteration >= self._schedule.densify_until and iteration % HELD_EVERY == 0)):
+            return
+        shown, hidden = self.model.states()
+        if measures:
+            public = PublicModel(as_gaussians(shown.parameters))
+            self._low = low_rows(public, self._pair.scene.views, self._run.hardened, self._run.device)
+        self.model.replace((shown, reset_opacities(hidden, self._low)))
+
+    def _grown(self, iteration: int) -> States:
+        first, second = self.model.states()
+        growth = plan(
+            first.parameters,
+            self.model.statistics(),
+            sigmoid(np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)),
+            extent=self._pair.extent,
+            prune_big=self._schedule.prunes_big(iteration),
+            rng=self._rng,
+            max_gaussians=self._run.most_rows,
+        )
+        return grow(first, growth), grow(second, growth)
+
+
+def refined(parameters: Parameters, capture: Capture, steps: int, seed: int, device: Device | None) -> Parameters:
+    """Return `parameters` with colours trained for their opacities; everything else is bit-identical."""
+    model = TrainableModel(TrainState.fresh(parameters), device=device)
+    model.set_targets(capture.images)
+    order = shuffled(len(capture.views), np.random.default_rng(seed))
+    for _ in range(steps):
+        view = next(order)
+        model.step(capture.views[view], view, REFINING)
+    return replace(parameters, sh_coeffs=model.state().parameters.sh_coeffs)
 
 
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")

@@ -14,20 +14,18 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit
 from gspure.model.finite import require_computed, require_finite
 from gspure.model.gaussians import CORE
-from gspure.opencl.device import Device
-from gspure.public_model import PublicModel, RenderView, Rows
-from gspure.renderer import Renderer
+from gspure.public_model import PublicModel, Rows
 from gspure.schemes.matching import adaptive_matches, exact_matches
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
+from gspure.settings import Range
 
 ORACLE: Final = "message_oracle"
 
@@ -37,30 +35,38 @@ _HIDDEN: Final = "hidden.ply"
 
 @dataclass(frozen=True, eq=False)
 class SplatsInSplatsKey(Key):
-    """The private part of the scheme.
+    """The private part of the scheme."""
 
-    `positions` [I,3] are the centres of the message's Gaussians, along a space-filling curve; `mapping` leads from
-    their public opacities, in this order, to their hidden ones; `shift` is k of `gspure.schemes.splats_in_splats.bits`;
-    `hidden` are all Gaussians with their hidden opacity and colour.
-    """
+    positions: Float32  # [I,3], the centres of the message's Gaussians, along a space-filling curve
+    mapping: OpacityMapping  # from their public opacities, in this order, to their hidden ones
+    shift: int  # k of `gspure.schemes.splats_in_splats.bits`
+    hidden: Gaussians  # all, with their hidden opacity and colour
 
-    positions: Float32
-    mapping: OpacityMapping
-    shift: int
-    hidden: Gaussians
-
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
-        """Return the renderer of the message."""
-        return Renderer(self._revealed(public, extraction)[0], device).image
-
-    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
+    def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
         """Return the Gaussians that show the message, and the row of each.
 
         ``message`` reads the model as the scheme does: colours from the bits and opacities from the mapping, for the
         Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity;
         ``message_adaptive`` also those that moved. All use the geometry of the model.
         """
-        return self._revealed(public, extraction)
+        if extraction == ADAPTIVE:
+            places = adaptive_matches(self.hidden, public.model)
+        else:
+            places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
+        rows = np.flatnonzero(places >= 0)
+        survivors, places = public.model[rows], places[rows]
+        if extraction == MESSAGE:
+            sequence = np.zeros(len(self.positions), np.float32)  # the mapping reads opacity 0 where a row is missing
+            sequence[places] = survivors.opacities
+            opacities = logit(self.mapping(sequence)[places], LEAST_OPACITY)
+            sh_coeffs = bits.extract(survivors.sh_coeffs_of(self.hidden.sh_degree), self.shift)
+        else:
+            opacities, sh_coeffs = self.hidden.table["opacity"][places], self.hidden.sh_coeffs[places]
+        message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
+        message = message.with_columns({name: survivors.table[name] for name in CORE})
+        message = message.with_appearance(opacities, sh_coeffs)
+        require_computed(message, "key", _FILE)
+        return message, rows
 
     def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
         """Return an untrained mapping and as many random Gaussians, with shuffled hidden attributes."""
@@ -72,56 +78,24 @@ class SplatsInSplatsKey(Key):
     def write(self, folder: Path) -> None:
         """Write both files."""
         arrays = {"positions": self.positions, "shift": np.array(self.shift)}
-        save_arrays(folder / _FILE, arrays | self.mapping.arrays())
+        save_arrays(folder / _FILE, arrays | self.mapping.arrays)
         write_model(folder / _HIDDEN, self.hidden)
 
     @staticmethod
     def read(folder: Path) -> SplatsInSplatsKey:
-        """Read a key.
-
-        Raise `InputError` if a file is missing or unreadable, or an array has another type or shape or is not
-        finite.
-        """
-        path = Path(folder) / _FILE
-        layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays()
+        """Read a key, or raise `InputError`."""
+        path, file = Path(folder) / _FILE, Path(folder) / _HIDDEN
+        layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays
         kinds: dict[str, Kind] = {name: (np.float32, layer.shape) for name, layer in layers.items()}
         kinds |= {"positions": (np.float32, (None, 3)), "shift": (np.integer, ())}
         arrays = load_arrays(path, kinds, "a key of Splats in Splats")
-        shift = arrays["shift"]
-        if not bits.SHIFT_RANGE[0] <= shift <= bits.SHIFT_RANGE[1]:
-            expected = "a whole number from {} to {}".format(*bits.SHIFT_RANGE)
-            raise InputError(path, "shift", expected=expected, found=str(shift))
-        mapping = OpacityMapping.of({name: arrays[name] for name in layers})
-        hidden = read_model(file := Path(folder) / _HIDDEN)
+        positions, shift = arrays["positions"], int(arrays["shift"])
+        Range(*bits.SHIFT_RANGE).require(path, "shift", shift)
+        hidden = read_model(file)
         require_finite(hidden, file)
         if hidden.sh_degree < 0:
             raise InputError(file, "columns", expected="f_dc_0 to f_dc_2", found="no colours")
-        if len(arrays["positions"]) > len(hidden):
+        if len(positions) > len(hidden):
             expected = f"at most {len(hidden)}, one per Gaussian of {_HIDDEN}"
-            raise InputError(path, "positions", expected=expected, found=str(len(arrays["positions"])))
-        return SplatsInSplatsKey(arrays["positions"], mapping, int(shift), hidden)
-
-    def _revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        if extraction == ADAPTIVE:
-            places = adaptive_matches(self.hidden, public.model)
-        else:
-            places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
-        rows = np.flatnonzero(places >= 0)
-        survivors, places = public.model[places >= 0], places[rows]
-        if extraction == MESSAGE:
-            opacities = self._mapped(survivors.opacities, places)
-            sh_coeffs = bits.extract(survivors.sh_coeffs_of(self.hidden.sh_degree), self.shift)
-        else:
-            opacities = self.hidden.table["opacity"][places]
-            sh_coeffs = self.hidden.sh_coeffs[places]
-        message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
-        geometry = {name: survivors.table[name] for name in CORE}
-        message = message.with_columns(geometry).with_appearance(opacities, sh_coeffs)
-        require_computed(message, "key", _FILE)
-        return message, rows
-
-    def _mapped(self, opacities: Float32, places: Rows) -> Float32:
-        """Return the hidden logits of the Gaussians at `places`; the mapping reads opacity 0 at all other places."""
-        sequence = np.zeros(len(self.positions), np.float32)
-        sequence[places] = opacities
-        return logit(self.mapping(sequence)[places], LEAST_OPACITY)
+            raise InputError(path, "positions", expected=expected, found=str(len(positions)))
+        return SplatsInSplatsKey(positions, OpacityMapping.of(arrays), shift, hidden)

@@ -10,7 +10,7 @@ with one thread, since OpenBLAS adds the rows of a long product in another order
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -21,9 +21,8 @@ from threadpoolctl import threadpool_limits
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
 from gspure.files import Float32
 
-Weights = tuple[Float32, ...]
-
 WIDTHS: Final = (1, 16, 32)
+LAYERS: Final = 2 * (len(WIDTHS) - 1)
 TAPS: Final = 5
 STRIDE: Final = 2
 STEPS: Final = 600
@@ -31,96 +30,86 @@ STRETCH: Final = 2048
 RATE: Final = 3e-3
 _EPSILON: Final = 1e-8
 _UNIT: Final = STRIDE ** (len(WIDTHS) - 1)
+_NAMES: Final = tuple(f"{kind}_{layer}" for kind in ("kernel", "bias") for layer in range(LAYERS))
 
 
 @dataclass(frozen=True, eq=False)
 class OpacityMapping:
-    """Weights of the four layers, encoder first: kernels [taps * in, out] and biases [out]."""
+    """The kernels [taps * in, out] of the four layers, encoder first, and their biases [out]."""
 
-    kernels: Weights
-    biases: Weights
+    weights: tuple[Float32, ...]
 
     @classmethod
     def fresh(cls, rng: np.random.Generator) -> OpacityMapping:
         """Return untrained layers (He et al. 2015)."""
         channels = [*pairwise(WIDTHS), *pairwise(WIDTHS[::-1])]
         kernels = [rng.normal(0, np.sqrt(2 / (TAPS * a)), (TAPS * a, b)).astype(np.float32) for a, b in channels]
-        return cls(tuple(kernels), tuple(np.zeros(b, np.float32) for _, b in channels))
+        return cls((*kernels, *(np.zeros(b, np.float32) for _, b in channels)))
 
     @classmethod
     def of(cls, arrays: Mapping[str, Float32]) -> OpacityMapping:
         """Return the mapping with these weights, the inverse of `arrays`."""
-        kernels, biases = ([a for n, a in sorted(arrays.items()) if n.startswith(kind)] for kind in ("kernel", "bias"))
-        return cls(tuple(kernels), tuple(biases))
+        return cls(tuple(arrays[name] for name in _NAMES))
 
+    @property
     def arrays(self) -> dict[str, Float32]:
-        """Return all weights by name."""
-        named = {f"kernel_{i}": kernel for i, kernel in enumerate(self.kernels)}
-        return named | {f"bias_{i}": bias for i, bias in enumerate(self.biases)}
+        """All weights by name."""
+        return dict(zip(_NAMES, self.weights, strict=True))
 
     def __call__(self, opacities: Float32) -> Float32:
         """Return the hidden opacities [N] of a sequence of public ones [N]."""
         if not len(opacities):
             return opacities
         with threadpool_limits(1, "blas"):
-            return _forward(self, opacities)[-1][: len(opacities), 0]
+            return _forward(self.weights, opacities)[-1][: len(opacities), 0]
 
 
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:
     """Train a mapping from public opacities [N] to hidden ones [N], on a random stretch of the sequence per step."""
-    mapping = OpacityMapping.fresh(rng)
-    if not len(opacities):
-        return mapping
-    parameters = [array.copy() for array in (*mapping.kernels, *mapping.biases)]
-    first, second = ([np.zeros_like(array) for array in parameters] for _ in range(2))
-    layers = len(mapping.kernels)
+    weights = [*OpacityMapping.fresh(rng).weights]
+    first, second = ([np.zeros_like(array) for array in weights] for _ in range(2))
     with threadpool_limits(1, "blas"):
-        for step in range(1, STEPS + 1):
-            mapping = OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
+        for step in range(1, STEPS + 1 if len(opacities) else 0):
             rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine decay
             start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
             stretch = slice(start, start + STRETCH)
-            for i, gradient in enumerate(_gradients(mapping, opacities[stretch], hidden[stretch])):
+            for i, gradient in enumerate(_gradients(weights, opacities[stretch], hidden[stretch])):
                 first[i] = ADAM_BETA1 * first[i] + (1 - ADAM_BETA1) * gradient
                 second[i] = ADAM_BETA2 * second[i] + (1 - ADAM_BETA2) * gradient**2
                 unbiased = second[i] / np.float32(1 - ADAM_BETA2**step)
-                parameters[i] -= rate * first[i] / np.float32(1 - ADAM_BETA1**step) / (np.sqrt(unbiased) + _EPSILON)
-    return OpacityMapping(tuple(parameters[:layers]), tuple(parameters[layers:]))
+                weights[i] -= rate * first[i] / np.float32(1 - ADAM_BETA1**step) / (np.sqrt(unbiased) + _EPSILON)
+    return OpacityMapping(tuple(weights))
 
 
-def _forward(mapping: OpacityMapping, opacities: Float32) -> list[Float32]:
+def _forward(weights: Sequence[Float32], opacities: Float32) -> list[Float32]:
     """Return the input [L,1] and the output of each layer, the last one [L,1]; L is N rounded up to whole strides."""
     filled = np.zeros(-(-len(opacities) // _UNIT) * _UNIT, np.float32)
     filled[: len(opacities)] = opacities
     values = [1 - filled[:, None]]
-    half = len(mapping.kernels) // 2
-    for i, (kernel, bias) in enumerate(zip(mapping.kernels, mapping.biases, strict=True)):
-        layer = _windows(values[-1], STRIDE) if i < half else _windows(_spread(values[-1]), 1)
+    for i, (kernel, bias) in enumerate(zip(weights[:LAYERS], weights[LAYERS:], strict=True)):
+        layer = _windows(values[-1], STRIDE) if i < LAYERS // 2 else _windows(_spread(values[-1]), 1)
         value = layer @ kernel + bias
-        last = i == len(mapping.kernels) - 1
-        values.append(1 / (1 + np.exp(-value)) if last else np.maximum(value, 0))
+        values.append(np.maximum(value, 0) if i < LAYERS - 1 else 1 / (1 + np.exp(-value)))
     return values
 
 
-def _gradients(mapping: OpacityMapping, opacities: Float32, hidden: Float32) -> list[Float32]:
+def _gradients(weights: Sequence[Float32], opacities: Float32, hidden: Float32) -> list[Float32]:
     """Return the gradients of the mean squared error: of the kernels, then of the biases."""
-    values = _forward(mapping, opacities)
+    values = _forward(weights, opacities)
     output = values[-1]
     gradient = np.zeros_like(output)
     gradient[: len(hidden), 0] = 2 * (output[: len(hidden), 0] - hidden) / len(hidden)
     gradient *= output * (1 - output)
-    half = len(mapping.kernels) // 2
-    kernels: list[Float32] = []
-    biases: list[Float32] = []
-    for i in reversed(range(len(mapping.kernels))):
-        encodes = i < half
+    gradients: list[Float32] = []
+    for i in reversed(range(LAYERS)):
+        encodes = i < LAYERS // 2
         source = values[i] if encodes else _spread(values[i])
-        kernels.insert(0, _windows(source, STRIDE if encodes else 1).T @ gradient)
-        biases.insert(0, gradient.sum(axis=0))
+        stride = STRIDE if encodes else 1
+        gradients += [gradient.sum(axis=0), _windows(source, stride).T @ gradient]
         if i:
-            back = _unwindowed(gradient @ mapping.kernels[i].T, len(source), STRIDE if encodes else 1)
+            back = _unwindowed(gradient @ weights[i].T, len(source), stride)
             gradient = (back if encodes else back[::STRIDE]) * (values[i] > 0)
-    return [*kernels, *biases]
+    return [*gradients[::-2], *gradients[-2::-2]]
 
 
 def _windows(sequence: Float32, stride: int) -> Float32:

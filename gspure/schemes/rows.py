@@ -1,0 +1,74 @@
+"""Rows in training, in memory: their values, Adam's moments, and the statistics of densification."""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.cameras.camera import Camera
+from gspure.files import Float32
+from gspure.opencl.adam import adam_step
+from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.schemes.scheme import Run
+from gspure.training.schedule import Schedule
+from gspure.training.trainer import densified
+
+ENDS: Final = (3, 7, 10, 11)
+"""Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
+
+
+class TrainedRows:
+    """The rows of a run; their `values` [K,11 + C] are raw parameters, with C channels."""
+
+    def __init__(self, begin: Parameters, run: Run, rng: np.random.Generator) -> None:
+        self.schedule = Schedule.scaled(run.iterations)
+        self._run, self._rng = run, rng
+        self._replace(TrainState.fresh(begin))
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def count_view(self, norms: Float32) -> None:
+        """Count a view for the rows whose projected centres its loss depends on: the `norms` [K] of their gradients."""
+        self._norms += norms
+        self._views += norms > 0
+
+    def step(self, iteration: int, gradient: Float32, rates: float | Float32, columns: slice = slice(None)) -> None:
+        """Take an optimizer step in some columns against a gradient [K,11 + C], with one rate or one per column."""
+        values, first, second, gradient = (p[:, columns] for p in (self.values, self._first, self._second, gradient))
+        adam_step(values, first, second, gradient, rates, iteration)
+
+    def densify(self, iteration: int, opacities: Float32 | None = None) -> None:
+        """Clone, split and prune rows; `opacities` [K] decide about pruning, by default their own."""
+        state = TrainState(*map(parameters_of, (self.values, self._first, self._second)))
+        after = densified(
+            *(state, Statistics(self._norms, self._views), self.schedule, iteration),
+            extent=self._run.pair.extent,
+            rng=self._rng,
+            max_gaussians=self._run.most_rows,
+            opacities=opacities,
+        )
+        self._replace(after)
+
+    def _replace(self, state: TrainState) -> None:
+        self.values, self._first, self._second = map(rows_of, vars(state).values())
+        self._norms, self._views = np.zeros(len(self), np.float32), np.zeros(len(self), np.uint32)
+
+
+def rows_of(parameters: Parameters) -> Float32:
+    """Return parameters as rows [K,11 + C]."""
+    return np.concatenate([parameters.geometry, parameters.sh_coeffs.reshape(len(parameters), -1)], axis=1)
+
+
+def parameters_of(rows: Float32) -> Parameters:
+    """Return rows as parameters; their colours are the channels [K,C]."""
+    means, quats, log_scales, logits, channels = np.split(rows, ENDS, axis=1)
+    return Parameters(means, quats, log_scales, logits[:, 0], channels)
+
+
+def screen_norms(camera: Camera, means: NDArray[Any], gradients: NDArray[Any]) -> Float32:
+    """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, about those due to dL/d(centre) [A,3]."""
+    rotation = camera.viewmat[:3, :3]
+    depths = means @ rotation[2] + camera.viewmat[2, 3]
+    across = gradients @ rotation[:2].T * depths[:, None] / np.diag(camera.K)[:2]
+    return np.asarray(np.linalg.norm(across * (camera.width / 2, camera.height / 2), axis=1), np.float32)
