@@ -26,6 +26,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
+from gspure.training.initialization import gaussians_at, thinned
 from gspure.training.schedule import shuffled
 from gspure.training.trainer import beginning, train
 
@@ -95,6 +96,10 @@ class Pair:
         """All of `clouds`."""
         xyz, rgb = zip(*self.clouds, strict=True)
         return np.concatenate(xyz), np.concatenate(rgb)
+
+    def initial_gaussians(self, at_most: int, seed: int) -> Parameters:
+        """Return the Gaussians that training starts from, at no more than `at_most` of the points."""
+        return gaussians_at(*thinned(*self.points, at_most, seed))
 
     def batches(self, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
         """Yield the numbers of a training view of the scene and of one of the message, the same with shared poses."""

@@ -18,12 +18,10 @@ from gspure.errors import InputError
 from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.pair import Pair
 from gspure.settings import SEED, Setting, defaults, require_settings
-from gspure.training.initialization import gaussians_at, thinned
 
 MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
@@ -132,11 +130,6 @@ class Run:
     seed: int
     device: Device
     hardened: float = 0.0  # keeps the message off the rows that ``plain_weight`` removes with this tau, unless 0
-
-
-def initial_gaussians(pair: Pair, max_gaussians: int, seed: int) -> Parameters:
-    """Return the Gaussians that training starts from, at no more than `max_gaussians` of the pair's points."""
-    return gaussians_at(*thinned(*pair.points, max_gaussians, seed))
 
 
 def hide(

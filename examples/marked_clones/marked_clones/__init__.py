@@ -16,7 +16,7 @@ from gspure.evaluation.outcomes import BITS
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import PYTORCH, Key, Scheme, initial_gaussians
+from gspure.schemes.scheme import PYTORCH, Key, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 
@@ -41,7 +41,7 @@ def embed(
     The scene is trained for `iterations`, the decoder for `decoder_steps`, the clones of the share `cloned` of the rows
     for `marking_steps`. Bits depend on the seed and on the scene's photographs, so that two scenes have different ones.
     """
-    begin = initial_gaussians(replace(pair, initialization="scene"), max_gaussians, seed)
+    begin = replace(pair, initialization="scene").initial_gaussians(max_gaussians, seed)
     device = device or choose_device()
     model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:

@@ -7,7 +7,7 @@ from typing import Annotated
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.gs_hider.model import ROLES, DecoderFile, DecoderKey, FeatureModel, decoder_name
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme, initial_gaussians
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 
@@ -29,7 +29,7 @@ def embed(
     With a `constant_rate` of 1, the authors', the decoders' learning rate does not fall at the end. `hardened` trains
     the message also without the rows that ``plain_weight`` removes with this tau, 0 as in the paper. Needs PyTorch.
     """
-    begin = initial_gaussians(pair, max_gaussians, seed)
+    begin = pair.initial_gaussians(max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
 
     settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device(), hardened)

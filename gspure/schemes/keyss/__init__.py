@@ -13,7 +13,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import RATE, gaussians_of
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme, initial_gaussians
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 
@@ -33,7 +33,7 @@ def embed(
     `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
     learning rate, `max_gaussians` the limit of densification. Needs PyTorch.
     """
-    begin = initial_gaussians(pair, max_gaussians, seed)
+    begin = pair.initial_gaussians(max_gaussians, seed)
     from gspure.schemes.keyss.training import Training
 
     settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device())

@@ -22,7 +22,7 @@ from gspure.progress import say
 from gspure.public_model import PublicModel
 from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import Capture, Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Run, Scheme, initial_gaussians
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Run, Scheme
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
@@ -55,7 +55,7 @@ def embed(
     is 1; `shift` is k of `gspure.schemes.splats_in_splats.bits`; `hardened` keeps the message off the rows that
     ``plain_weight`` removes with this tau, 0 trains as in the paper.
     """
-    begin = initial_gaussians(pair, max_gaussians, seed)
+    begin = pair.initial_gaussians(max_gaussians, seed)
     device = device or choose_device()
     if not message_weight:
         return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
@@ -106,9 +106,7 @@ class TwinTrainer:
             cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
             yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
             if self._schedule.densifies(iteration):
-                first, second = self._grown(iteration)
-                resets = self._schedule.resets_opacities(iteration)
-                self.model.replace((reset_opacities(first), reset_opacities(second)) if resets else (first, second))
+                self.model.replace(self._grown(iteration))
             if self._run.hardened:
                 self._harden(iteration)
 
@@ -128,16 +126,17 @@ class TwinTrainer:
 
     def _grown(self, iteration: int) -> States:
         first, second = self.model.states()
+        logits = np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)
         growth = plan(
-            first.parameters,
-            self.model.statistics(),
-            sigmoid(np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)),
+            *(first.parameters, self.model.statistics(), sigmoid(logits)),
             extent=self._pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
             max_gaussians=self._run.most_rows,
         )
-        return grow(first, growth), grow(second, growth)
+        first, second = grow(first, growth), grow(second, growth)
+        resets = self._schedule.resets_opacities(iteration)
+        return (reset_opacities(first), reset_opacities(second)) if resets else (first, second)
 
 
 def refined(parameters: Parameters, capture: Capture, steps: int, seed: int, device: Device | None) -> Parameters:
