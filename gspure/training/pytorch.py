@@ -1,11 +1,18 @@
-"""PyTorch, which is optional: importing this module without it raises `InputError`."""
+"""PyTorch, which is optional, and the device that it computes on: CUDA if it works, else the CPU.
+
+Importing this module without PyTorch raises `InputError`.
+"""
 
 import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any, Final
+
+from numpy.typing import NDArray
 
 from gspure.errors import InputError
+from gspure.progress import warn
 
 try:
     import torch
@@ -16,7 +23,37 @@ except ImportError as error:
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 _GIB = 1 << 30
 
-__all__ = ["single_threaded", "torch"]
+__all__ = ["DEVICE", "on_device", "on_host", "single_threaded", "torch"]
+
+
+def _working_device() -> torch.device:
+    """Return CUDA, with sums in a fixed order, unless it is missing or a trial fails, as with an old driver or card."""
+    if torch.cuda.is_available():
+        os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # for the same bits in every run
+        try:
+            image = torch.ones(1, 1, 4, 4, device="cuda", requires_grad=True)
+            torch.nn.functional.conv2d(image, torch.ones(1, 1, 3, 3, device="cuda")).sum().backward()
+            (image.grad[0, 0] @ image[0, 0]).sum().item()
+        except RuntimeError as error:
+            warn(f"PyTorch uses the CPU, as CUDA failed: {str(error).splitlines()[0]}")
+        else:
+            torch.use_deterministic_algorithms(mode=True)
+            return torch.device("cuda")
+    return torch.device("cpu")
+
+
+DEVICE: Final = _working_device()
+
+
+def on_device(array: NDArray[Any]) -> torch.Tensor:
+    """Return an array as a tensor on the device; on the CPU, they share their memory."""
+    return torch.from_numpy(array).to(DEVICE)
+
+
+def on_host(tensor: torch.Tensor) -> NDArray[Any]:
+    """Return a tensor as an array, without its history; on the CPU, they share their memory."""
+    array: NDArray[Any] = tensor.detach().cpu().numpy()
+    return array
 
 
 @contextmanager

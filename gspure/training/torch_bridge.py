@@ -22,7 +22,7 @@ from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.passes import backward, forward
 from gspure.opencl.storage import Storage, storage_order, upload_attributes
-from gspure.training.pytorch import torch
+from gspure.training.pytorch import on_host, torch
 
 _BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees 0 to 3
 
@@ -31,7 +31,7 @@ class TorchRenderer:
     """A renderer of Gaussians in tensors; gradients flow back to all of them.
 
     Images and gradients are bit-identical to those of `gspure.renderer.Renderer` with energy "ewa". Tensors are float32
-    on the CPU and are uploaded for each image.
+    on any device and are uploaded for each image.
 
     Any number of images may be rendered before ``backward()``, in any order. The device holds only the last one; the
     backward pass renders any earlier one again.
@@ -77,7 +77,7 @@ class TorchRenderer:
         Raises
         ------
         TypeError
-            A tensor is not float32 on the CPU.
+            A tensor is not float32.
         ValueError
             A tensor has another shape, or not exactly one of `features` and `sh_coeffs` is given.
 
@@ -163,29 +163,24 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
     def forward(ctx: Any, frames: _Frames, camera: Camera, *tensors: torch.Tensor) -> torch.Tensor:
         ctx.save_for_backward(*tensors)
         ctx.frames, ctx.camera = frames, camera
-        ctx.number = frames.draw(camera, *map(_array, tensors))
-        return torch.from_numpy(frames.image())
+        ctx.number = frames.draw(camera, *map(on_host, tensors))
+        return torch.from_numpy(frames.image()).to(tensors[1].device)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
     def backward(ctx: Any, image_gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         tensors = ctx.saved_tensors  # raises an error if they were changed since
         if ctx.frames.last != ctx.number:
-            ctx.number = ctx.frames.draw(ctx.camera, *map(_array, tensors))
-        gradients = ctx.frames.pull_back(_array(image_gradient), ctx.needs_input_grad[2:])
+            ctx.number = ctx.frames.draw(ctx.camera, *map(on_host, tensors))
+        gradients = ctx.frames.pull_back(on_host(image_gradient), ctx.needs_input_grad[2:])
         pairs = zip(gradients, tensors, strict=True)
-        return (None, None, *(None if g is None else torch.from_numpy(g).reshape(t.shape) for g, t in pairs))
-
-
-def _array(tensor: torch.Tensor) -> Float32:
-    """Return the tensor's memory as an array."""
-    array: Float32 = tensor.detach().numpy()
-    return array
+        placed = (None if g is None else torch.from_numpy(g).reshape(t.shape).to(t.device) for g, t in pairs)
+        return (None, None, *placed)
 
 
 def _require(name: str, tensor: torch.Tensor, *shapes: tuple[int, ...]) -> None:
     """Refuse a tensor of another type or none of these shapes."""
-    if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
-        raise TypeError(f"{name}: expected float32 on the CPU, found {tensor.dtype} on {tensor.device}")
+    if tensor.dtype != torch.float32:
+        raise TypeError(f"{name}: expected float32, found {tensor.dtype}")
     if tuple(tensor.shape) not in shapes:
         raise ValueError(f"{name}: expected shape {' or '.join(map(str, shapes))}, found {tuple(tensor.shape)}")

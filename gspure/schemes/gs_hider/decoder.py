@@ -5,11 +5,11 @@ from typing import Final
 
 from gspure.files import Float32
 from gspure.opencl.losses import Photographs
-from gspure.training.pytorch import torch
+from gspure.training.pytorch import DEVICE, on_device, on_host, torch
 
 WIDTHS: Final = (16, 64, 64, 64, 64, 3)  # of feature map, layers and image
 
-BFLOAT16: Final = torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (PyTorch 2.6 has no public function)
+BFLOAT16: Final = DEVICE.type == "cpu" and torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (nothing public in 2.6)
 """Whether training multiplies in bfloat16, at twice the speed; sums, parameters and their moments have 32 bits."""
 
 
@@ -20,7 +20,7 @@ class Decoder(torch.nn.Module):  # type: ignore[misc]
         super().__init__()
         for i, (inputs, outputs) in enumerate(pairwise(WIDTHS), 1):
             self.add_module(f"conv{i}", torch.nn.Conv2d(inputs, outputs, 3, padding=1))
-        self.to(memory_format=torch.channels_last)
+        self.to(DEVICE, memory_format=torch.channels_last)
 
     def forward(self, feature_map: torch.Tensor) -> torch.Tensor:
         """Return the image [H,W,3], not clipped, of a feature map [H,W,16]."""
@@ -42,10 +42,10 @@ def differentiated(
     feature_map: Float32, view: int, decoder: Decoder, photographs: Photographs, weight: float = 1.0
 ) -> tuple[float, Float32]:
     """Return the weighted loss of a decoder's image, and its gradient with respect to the feature map."""
-    features = torch.from_numpy(feature_map).requires_grad_()
-    with torch.autocast("cpu", torch.bfloat16, enabled=BFLOAT16):
+    features = on_device(feature_map).requires_grad_()
+    with torch.autocast(DEVICE.type, torch.bfloat16, enabled=BFLOAT16):
         image = decoder(features).float()
-    loss, gradient = photographs.compare(view, image.detach().contiguous().numpy())
+    loss, gradient = photographs.compare(view, on_host(image.contiguous()))
     decoder.zero_grad()
-    image.backward(weight * torch.from_numpy(gradient))
-    return weight * loss, features.grad.numpy()
+    image.backward(weight * on_device(gradient))
+    return weight * loss, on_host(features.grad)

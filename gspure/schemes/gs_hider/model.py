@@ -88,7 +88,7 @@ class DecoderFile:
         from gspure.training.pytorch import torch
 
         stream = io.BytesIO()
-        torch.save({name: tensor.contiguous() for name, tensor in decoder.state_dict().items()}, stream)
+        torch.save({name: tensor.cpu().contiguous() for name, tensor in decoder.state_dict().items()}, stream)
         return DecoderFile(Path(decoder_name(iteration, role)), stream.getvalue())
 
     def write(self, folder: Path) -> None:
@@ -100,7 +100,7 @@ class DecoderFile:
     def network(self) -> Decoder:
         """The decoder, or `InputError` if the file is no finite state dict of it; no code in the file is executed."""
         from gspure.schemes.gs_hider.decoder import Decoder
-        from gspure.training.pytorch import torch
+        from gspure.training.pytorch import on_device
 
         decoder, state = Decoder(), read_tensors(self.source, io.BytesIO(self.content))
         expected = {name: f"float32 {list(tensor.shape)}" for name, tensor in decoder.state_dict().items()}
@@ -110,17 +110,17 @@ class DecoderFile:
             if here != there or not np.isfinite(state[name]).all():
                 hint = "decoders of forks, with batch normalization or channel attention, are not read"
                 raise InputError(self.source, name[:80], expected=f"{here}, finite", found=there, hint=hint)
-        decoder.load_state_dict({name: torch.from_numpy(tensor.copy()) for name, tensor in state.items()})
+        decoder.load_state_dict({name: on_device(tensor.copy()) for name, tensor in state.items()})
         return decoder
 
     def image_of(self, feature_map: RenderView) -> RenderView:
         """Return the renderer of the image that the `network` computes from a feature map."""
         network = self.network
-        from gspure.training.pytorch import torch
+        from gspure.training.pytorch import on_device, on_host, torch
 
         def image(camera: Camera) -> Float32:
             with torch.inference_mode():
-                pixels: Float32 = network(torch.from_numpy(feature_map(camera))).contiguous().numpy()
+                pixels: Float32 = on_host(network(on_device(feature_map(camera))).contiguous())
             require_computed(pixels, self.source, "image")
             return pixels
 

@@ -49,9 +49,9 @@ class NetworkKey(Key):
     def fitted(self, public: PublicModel, lesson: Lesson) -> NetworkKey:
         """Return the key with its network trained on the model; the model stays as it is."""
         from gspure.schemes.keyss.training import Branch, Learner
-        from gspure.training.pytorch import single_threaded, torch
+        from gspure.training.pytorch import on_device, single_threaded
 
-        rows, learner = torch.from_numpy(_rows(public)), Learner(self.network)
+        rows, learner = on_device(_rows(public)), Learner(self.network)
         branch = Branch(lesson.views, lesson.images, lesson.device)
         with single_threaded():
             for view, factor in lesson.schedule():

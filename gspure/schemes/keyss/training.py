@@ -14,7 +14,7 @@ from gspure.opencl.trainable import Parameters
 from gspure.schemes.keyss.network import Network, added, fresh, random_key
 from gspure.schemes.rows import TrainedRows, screen_norms
 from gspure.schemes.scheme import Run
-from gspure.training.pytorch import single_threaded, torch
+from gspure.training.pytorch import on_device, on_host, single_threaded, torch
 from gspure.training.torch_bridge import TorchRenderer
 
 WRONG_WEIGHT: Final = 0.02  # of the loss with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1
@@ -37,21 +37,21 @@ class Branch:
         geometry = (means, quats, log_scales.exp(), logits[:, 0].sigmoid())
         camera, sh_coeffs = self.views[view], torch.cat(colours, dim=1).reshape(len(rows), -1, 3)
         image = self._render(camera, *geometry, sh_coeffs=sh_coeffs)
-        loss, gradient = self._photographs.compare(view, image.detach().numpy())
-        image.backward(weight * torch.from_numpy(gradient))
-        return weight * loss, screen_norms(camera, means.detach().numpy(), means.grad.numpy())
+        loss, gradient = self._photographs.compare(view, on_host(image))
+        image.backward(weight * on_device(gradient))
+        return weight * loss, screen_norms(camera, on_host(means), on_host(means.grad))
 
 
 class Learner:
     """A network in training, with the authors' optimizer."""
 
     def __init__(self, network: Network) -> None:
-        self._layers = {name: torch.from_numpy(array.copy()).requires_grad_() for name, array in network.items()}
+        self._layers = {name: on_device(array.copy()).requires_grad_() for name, array in network.items()}
         self._optimizer = torch.optim.AdamW(self._layers.values())
 
     def added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
         """Return the offsets from public rows to those of the message."""
-        return added(torch, self._layers, torch.from_numpy(key), rows)
+        return added(torch, self._layers, on_device(key), rows)
 
     def step(self, rate: float) -> None:
         """Take an optimizer step and clear the gradients."""
@@ -61,7 +61,7 @@ class Learner:
 
     def network(self) -> dict[str, Float32]:
         """Return a copy of the network."""
-        return {name: layer.detach().numpy().copy() for name, layer in self._layers.items()}
+        return {name: on_host(layer).copy() for name, layer in self._layers.items()}
 
 
 class Training:
@@ -92,7 +92,7 @@ class Training:
 
     def _step(self, iteration: int, scene_view: int, message_view: int) -> float:
         schedule = self.rows.schedule
-        rows = torch.from_numpy(self.rows.values).requires_grad_()
+        rows = on_device(self.rows.values).requires_grad_()
         loss, norms = self._scene.differentiate(rows, scene_view, 1.0)
         if self._run.message_weight:
             geometry, logits, colours = rows.split((10, 1, 48), dim=1)
@@ -105,7 +105,7 @@ class Training:
             self.learner.step(self._network_rate * schedule.settling(iteration))
         self.rows.count_view(norms)
         rates = np.repeat(list(vars(schedule.rates(iteration, self._run.pair.extent)).values()), _SIZES)
-        self.rows.step(iteration, rows.grad.numpy(), rates.astype(np.float32))
+        self.rows.step(iteration, on_host(rows.grad), rates.astype(np.float32))
         return loss
 
     def _opacities(self) -> Float32:

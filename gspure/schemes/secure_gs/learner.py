@@ -15,7 +15,7 @@ from gspure.public_model import BLACK, Background
 from gspure.schemes.secure_gs.anchors import Anchors, Neural, neural
 from gspure.schemes.secure_gs.growing import joined
 from gspure.schemes.secure_gs.networks import Networks
-from gspure.training.pytorch import torch
+from gspure.training.pytorch import on_device, on_host, torch
 from gspure.training.torch_bridge import TorchRenderer
 
 VOLUME_WEIGHT: Final = 0.01  # weight of the active Gaussians' mean volume in each branch's loss (Scaffold-GS)
@@ -30,7 +30,7 @@ class Learner:
     ) -> None:
         self._render = TorchRenderer(device)
         self._photographs = [Photographs(images, device) for images in photographs]
-        self._positions = torch.from_numpy(anchors.positions)
+        self._positions = on_device(anchors.positions)
         self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
         self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
         groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
@@ -40,11 +40,11 @@ class Learner:
     @property
     def anchors(self) -> Anchors:
         """The current anchors, as arrays that share memory with the tensors."""
-        return Anchors(self._positions.numpy(), *(tensor.detach().numpy() for tensor in self._learned.values()))
+        return Anchors(on_host(self._positions), *map(on_host, self._learned.values()))
 
     def networks(self, branch: int) -> dict[str, dict[str, Float32]]:
         """Return a copy of a branch's networks."""
-        return {n: {p: t.detach().numpy().copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
+        return {n: {p: on_host(t).copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
 
     def differentiate(
         self, branch: int, camera: Camera, rows: Indices, view: int, weight: float, background: Background = BLACK
@@ -54,19 +54,19 @@ class Learner:
         `rows` [V] are the visible anchors; `view` is the index of the camera, which is that of its photograph. Return
         the weighted loss, the view's Gaussians as arrays, and the loss's gradients [A,3] with respect to their centres.
         """
-        anchors = Anchors(self._positions, **self._learned).at(torch.from_numpy(rows))
-        centre = torch.from_numpy(camera.centre.astype(np.float32))
+        anchors = Anchors(self._positions, **self._learned).at(on_device(rows))
+        centre = on_device(camera.centre.astype(np.float32))
         gaussians = neural(torch, anchors, self._branches[branch], centre)
         gaussians.means.retain_grad()
         geometry = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities)
         image = self._render(camera, *geometry, features=gaussians.colors, background=background)
         volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
-        loss, gradient = self._photographs[branch].compare(view, image.detach().numpy())
-        gradients = [weight * torch.from_numpy(gradient), torch.tensor(weight * VOLUME_WEIGHT)]
+        loss, gradient = self._photographs[branch].compare(view, on_host(image))
+        gradients = [weight * on_device(gradient), torch.full_like(volume, weight * VOLUME_WEIGHT)]
         torch.autograd.backward([image, volume], gradients)
-        arrays = {field.name: getattr(gaussians, field.name).detach().numpy() for field in fields(gaussians)}
+        arrays = {field.name: on_host(getattr(gaussians, field.name)) for field in fields(gaussians)}
         total = weight * (loss + VOLUME_WEIGHT * volume.item())
-        return total, replace(gaussians, **arrays), gaussians.means.grad.numpy()
+        return total, replace(gaussians, **arrays), on_host(gaussians.means.grad)
 
     def step(self, rates: dict[str, float]) -> None:
         """Take an optimizer step and clear the gradients."""
@@ -78,18 +78,18 @@ class Learner:
     def replace_anchors(self, rows: Indices, new: Anchors) -> None:
         """Keep the anchors `rows` and append new ones, whose moments start at zero."""
         after = joined(self.anchors.at(rows), new)
-        self._positions = torch.from_numpy(after.positions)
+        self._positions = on_device(after.positions)
         for group in self._optimizer.param_groups[: len(LEARNED)]:
             (before,), name = group["params"], group["name"]
             leaf = _leaf(getattr(after, name))
             moments = self._optimizer.state.pop(before)
-            zeros = torch.zeros(len(new.positions), *leaf.shape[1:])
+            zeros = leaf.new_zeros(len(new.positions), *leaf.shape[1:])
             for moment in ("exp_avg", "exp_avg_sq"):
-                moments[moment] = torch.cat([moments[moment][torch.from_numpy(rows)], zeros])
+                moments[moment] = torch.cat([moments[moment][on_device(rows)], zeros])
             self._optimizer.state[leaf] = moments
             group["params"] = [leaf]
             self._learned[name] = leaf
 
 
 def _leaf(array: Float32) -> torch.Tensor:
-    return torch.from_numpy(np.array(array, np.float32)).requires_grad_()
+    return on_device(np.array(array, np.float32)).requires_grad_()
