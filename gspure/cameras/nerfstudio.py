@@ -74,10 +74,7 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
 
 
 def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
-    """Return a frame with the values of the file; optics in both must be equal, since programs read the one or other.
-
-    Instant NGP reads those of the frame, nerfstudio those of the file.
-    """
+    """Return a frame with the values of the file; optics in both must be equal: Instant NGP reads the frame's."""
     for key in sorted(_OPTICS & shared.keys() & entry.values.keys()):
         if entry.values[key] != shared[key]:
             raise entry.refusal(key, expected=f"{shared[key]!r}, as in the file", found=repr(entry.values[key]))

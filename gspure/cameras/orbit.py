@@ -41,7 +41,7 @@ class Up(NamedTuple):
     is_sure: bool
 
     def __str__(self) -> str:
-        return " ".join(f"{x:.3g}" for x in self.direction) + " (unsure)" * (not self.is_sure)
+        return " ".join(f"{x:.3g}" for x in self.direction + 0.0) + " (unsure)" * (not self.is_sure)
 
 
 def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[Camera]:
@@ -207,4 +207,4 @@ def guessed_up(points: Float64, weights: NDArray[Any]) -> Up:
         return Up(_COLMAP, is_sure=False)
     nearest = np.round(normal * (np.abs(normal) > _UPRIGHT))
     is_sure = might == must and nearest.any() and variances[0] < (_SURE * _FLAT) ** 2 * variances[1]
-    return Up((nearest if nearest.any() else normal) + 0.0, bool(is_sure))  # -0 becomes 0
+    return Up(nearest if nearest.any() else normal, bool(is_sure))

@@ -117,10 +117,7 @@ def located(files: Sequence[str], named: Sequence[Named], place: Path) -> Sequen
 
 
 def _photographs_near(place: Path) -> dict[str, Path]:
-    """Return the photographs of a capture by the ends of their paths, of those that share one the likeliest.
-
-    Folders with a usual name come first, and `place`; in others, which may hold masks, the whole path is the end.
-    """
+    """Return the photographs of a capture by the ends of their paths, in unusual folders (of masks?) the whole path."""
     above = [place, *place.parents]
     root = next(path for path in above if not _MODEL_FOLDER.fullmatch(path.name))
     stored: dict[tuple[bool, int, Path], list[str]] = {}

@@ -12,15 +12,13 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.foreign import refuse_foreign
 from gspure.errors import InputError
 from gspure.files import Float64, load_array, read_json
-from gspure.progress import say, warn
+from gspure.progress import say
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
 COLMAP_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
 CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)  # that cameras are read from, of all formats
 
 _LISTED: Final = 8  # most folders that an error names
-_MOST_SHIFT: Final = 0.25  # of a principal point from the centre, as a share of the image's side
-_LEAST_FOCAL: Final = 0.004  # share of the width: a field of view of 179 degrees, the widest of generated views
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
@@ -55,20 +53,7 @@ def read_lenses(path: str | Path) -> list[Camera]:
     place = camera_place(path)
     if path.is_dir() and not place_in(path):
         say(f"{path}: reading {place}")
-    cameras = read_colmap(place) if place.is_dir() else _read_file(place)
-    if odd := [camera.name for camera in cameras if not _fits(camera)]:
-        views = f"{len(odd)} of {len(cameras)} views, such as {odd[0]}"
-        mismatch = "does not fit the image size: it may be normalized, or belong to another size"
-        warn(f"{path}: focal length or principal point of {views}, {mismatch}")
-    return cameras
-
-
-def _fits(camera: Camera) -> bool:
-    """Return whether optics are those of a photograph of this size, and not normalized or of another size."""
-    size = np.array([camera.width, camera.height])
-    focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
-    is_central = (np.abs(centre / size - 0.5) <= _MOST_SHIFT).all()
-    return bool(is_central and focal[0] >= _LEAST_FOCAL * size[0] and 0.5 * focal[1] <= focal[0] <= 2 * focal[1])
+    return read_colmap(place) if place.is_dir() else _read_file(place)
 
 
 def _read_file(path: Path) -> list[Camera]:

@@ -139,11 +139,7 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
 
 
 def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the rows; those of a little-endian binary file are mapped and read-only.
-
-    Raise `InputError` if there are fewer rows than the header claims, they are of another size, or a row of an ASCII
-    file is malformed; warn of what follows the last.
-    """
+    """Return the rows, as many as the header names; those of a little-endian binary file are mapped and read-only."""
     header, offset = file.content, file.size
     count, rest = header["vertex"].count, path.stat().st_size - offset
     row_bytes = dtype.itemsize

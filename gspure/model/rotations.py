@@ -75,17 +75,12 @@ def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:
     """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about `rotvec` by its length in radians."""
     result = sh_coeffs.copy()
     for degree in range(1, int(np.sqrt(result.shape[1]))):
+        phases, states = np.linalg.eigh(np.tensordot(rotvec, _angular_momentum(degree), 1))
+        turn, to_real = (states * np.exp(-1j * phases)) @ states.conj().T, _to_real(degree)
+        matrix = np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)  # D_l, for the order m = -l .. l
         band = slice(degree**2, (degree + 1) ** 2)
-        result[:, band] = np.einsum("ij,kjc->kic", sh_rotation(degree, rotvec), result[:, band])
+        result[:, band] = np.einsum("ij,kjc->kic", matrix, result[:, band])
     return result
-
-
-def sh_rotation(degree: int, rotvec: Float64) -> Float64:
-    """Return D_l [2l+1,2l+1] for the order m = -l .. l."""
-    phases, states = np.linalg.eigh(np.tensordot(rotvec, _angular_momentum(degree), 1))
-    turn = (states * np.exp(-1j * phases)) @ states.conj().T
-    to_real = _to_real(degree)
-    return np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)
 
 
 def _angular_momentum(degree: int) -> NDArray[np.complex128]:

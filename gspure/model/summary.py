@@ -102,12 +102,14 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     extent, distances = extent_and_distances(means)
     _, place, sizes = np.unique(_bits(model.means[rows]), return_inverse=True, return_counts=True)
     sharing = sizes[place]
+    twins = rows[sharing > 1]
+    _, first = np.unique(np.array([model.table[row].tobytes() for row in twins], object), return_index=True)
     by_reason = {
         "undrawable": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
         "far": rows[distances > FAR],
-        "duplicate": _copies(model, rows[sharing > 1]),
+        "duplicate": np.delete(twins, first),
         "pile": rows[sharing >= PILE],
     }
     return {reason: at for reason, at in by_reason.items() if len(at)}
@@ -137,13 +139,6 @@ def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tu
     low, high = np.quantile(means, bulk, axis=0)
     extent = float(np.linalg.norm(high - low))
     return extent, np.linalg.norm(means - np.median(means, axis=0), axis=1) / (extent or np.inf)
-
-
-def _copies(model: Gaussians, rows: Indices) -> Indices:
-    """Return those of `rows`, in ascending order, that are bit-identical to an earlier one."""
-    stored = np.array([model.table[row].tobytes() for row in rows], object)
-    _, first = np.unique(stored, return_index=True)
-    return np.delete(rows, first)
 
 
 def doubts(model: Gaussians) -> list[str]:
