@@ -72,11 +72,8 @@ class Answer:
         message, strongest = extraction_name(self.audit.extraction), self.audit.strongest
         after = self.cheapest or next((row for row in self.attacks if strongest and row.attack == strongest.name), None)
         before = self.level(self.before.mean if self.before else nan)
-        if self.cheapest:
-            yield (
-                f"{decimal(self.cheapest.damage, 1)} dB",
-                f"damage of the cheapest successful attack, {self.cheapest.attack}",
-            )
+        if first := self.cheapest:
+            yield f"{decimal(first.damage, 1)} dB", f"damage of the cheapest successful attack, {first.attack}"
         elif self.audit.verdict in NO_VERDICT:
             yield UNKNOWN, "no verdict on the attacks"
         else:
@@ -85,16 +82,17 @@ class Answer:
             yield f"{before} → {self.level(after.level)}{self.unit}", f"{message} before and after {after.attack}"
         else:
             yield f"{before}{self.unit}", f"{message} before any attack"
-        levels = {name: level for name, level in self.controls.items() if name != display_name(WRONG_KEY)}
-        wrong, floor = self.controls.get(display_name(WRONG_KEY), nan), max(levels.values(), default=nan)
-        shows = "a part of it shows without the key" if wrong - floor >= MARGIN else "it does not show"
-        meaning = f"{message} with a wrong key: {shows} (other controls: at most {self.level(floor)})"
+        others = dict(self.controls)
+        wrong = others.pop(display_name(WRONG_KEY), nan)
+        floor = max(others.values(), default=nan)
+        shows = ": a part of it shows" if self.unit and wrong - floor >= MARGIN else ""
+        meaning = f"{message} with a wrong key{shows}; in the other controls at most {self.level(floor)}"
         yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
         scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
         counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"
         yield (
             counts,
-            "evidence: " + ("means with 95% intervals" if level >= LEVEL else "too few for an interval; add pairs"),
+            f"evidence: {'means with 95% intervals' if level >= LEVEL else 'too few for an interval; add pairs'}",
         )
 
     def lines(self) -> Iterator[str]:
@@ -117,11 +115,14 @@ class Answer:
     def facts(self) -> dict[str, Any]:
         """Return all of it for JSON; what is unknown or infinite is null."""
         audit = self.audit
-        facts = {"condition": audit.condition, "verdict": audit.verdict, "sentence": audit.sentence, "lost": audit.lost}
-        return {name: _plain(value) for name, value in facts.items()} | {
-            "attacks": _plain(self.attacks),
-            "controls": _plain(self.controls),
+        facts: dict[str, Any] = {
+            "condition": audit.condition,
+            "verdict": audit.verdict,
+            "sentence": audit.sentence,
+            "lost": audit.lost,
         }
+        facts |= {"attacks": self.attacks, "controls": self.controls}
+        return {name: _plain(value) for name, value in facts.items()}
 
 
 def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Answer]:
