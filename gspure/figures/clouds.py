@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,8 @@ from gspure.public_model import PublicModel
 
 _STEPS = 256  # of a scale
 _PALE = 0.55  # share of white in the colours of kept clusters
-_LEGEND = 7  # entries in a row
+_NOISE = style.tint(style.NOISE, 0.7)
+_LEGEND = 6  # entries in a row
 
 Legend = tuple[tuple[tuple[str, str], ...], ...]
 
@@ -27,13 +28,15 @@ class Colouring:
     """The sRGB colours of points, uint8 [K,3].
 
     The rows of the legend are labels with their colours, ``none`` for words alone. Continuous colours have a scale
-    instead: uint8 [S,3] from lowest to highest, with the labels of its low end, middle and high end.
+    instead: uint8 [S,3] from lowest to highest, with the labels of its low end, middle and high end. `named` are the
+    rows of points to name in a picture.
     """
 
     colours: UInt8
     legend: Legend = ()
     scale: UInt8 | None = None
     words: tuple[str, str, str] = ("", "", "")
+    named: Mapping[str, Indices] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -97,14 +100,14 @@ def by_harmonics(sh_dc: Float32) -> Colouring:
 
 
 def by_cluster(labels: Int32, pruned: Bools) -> Colouring:
-    """Colour rows by their cluster, pale if the cluster is kept; noise is grey.
+    """Colour rows by their cluster, pale if the cluster is kept; noise is light grey.
 
-    The largest clusters have a colour each, which smaller ones use again. `pruned` [K] is true for all of a cluster or
-    for none of it.
+    The largest clusters have a number and a colour each; smaller ones use these colours again. `pruned` [K] is true
+    for all of a cluster or for none of it.
     """
     hues = len(style.CLUSTERS)
     pale = [style.tint(colour, _PALE) for colour in style.CLUSTERS]
-    palette = np.array([style.rgb(colour) for colour in (*style.CLUSTERS, *pale, style.NOISE)])
+    palette = np.array([style.rgb(colour) for colour in (*style.CLUSTERS, *pale, _NOISE)])
     clustered = labels != NOISE_LABEL
     sizes = np.bincount(labels[clustered])
     kept = np.bincount(labels[clustered & pruned], minlength=len(sizes)) == 0
@@ -112,7 +115,9 @@ def by_cluster(labels: Int32, pruned: Bools) -> Colouring:
     largest_first = np.argsort(-sizes, kind="stable")
     entry[largest_first] = np.arange(len(sizes)) % hues + hues * kept[largest_first]
     entry[NOISE_LABEL] = -1
-    return Colouring(palette[entry[labels]], _cluster_legend(sizes[largest_first], kept[largest_first], len(labels)))
+    legend = _cluster_legend(sizes[largest_first], kept[largest_first], len(labels))
+    named = {f"{i + 1}": np.flatnonzero(labels == label) for i, label in enumerate(largest_first[:hues])}
+    return Colouring(palette[entry[labels]], legend, named=named)
 
 
 def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
@@ -122,11 +127,11 @@ def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
     for fate, share, chosen in (("pruned", 0.0, ~kept), ("kept (pale)", _PALE, kept)):
         entries = [(f"{fate}:", "none")] * bool(chosen.any())
         largest = np.flatnonzero(chosen[:hues])
-        entries += [(percent(sizes[i] / total), style.tint(style.CLUSTERS[i], share)) for i in largest]
+        entries += [(f"{i + 1}: {percent(sizes[i] / total)}", style.tint(style.CLUSTERS[i], share)) for i in largest]
         if rest := np.count_nonzero(chosen[hues:]):
             entries.append((f"{rest} smaller: {percent(sizes[hues:][chosen[hues:]].sum() / total)}", "none"))
         rows += [tuple(entries[i : i + _LEGEND]) for i in range(0, len(entries), _LEGEND)]
-    return (*rows, ((f"noise: {percent((total - sizes.sum()) / total)}", style.NOISE),))
+    return (*rows, ((f"noise: {percent((total - sizes.sum()) / total)}", _NOISE),))
 
 
 def by_decision(pruned: Bools) -> Colouring:

@@ -15,7 +15,7 @@ from gspure.figures.clouds import Colouring, Purified
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
-from gspure.figures.viewpoint import choose, fitted, world_axes
+from gspure.figures.viewpoint import choose, fitted, project, world_axes
 from gspure.files import Float32, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
@@ -84,7 +84,12 @@ def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -
         return dict(zip(names, images, strict=True))
 
     def draw_cloud(name: str, caption: str, path: Path) -> str:
-        write_plate(path, [pictures()[name]], [colourings[name]])
+        camera, names = fitted(eye, PICTURE_WIDTH), {}
+        for text, rows in colourings[name].named.items():
+            pixels = project(model.means[rows], camera)[0]
+            from_middle = np.linalg.norm(pixels - np.nanmedian(pixels, axis=0), axis=1)
+            names[text] = pixels[np.nanargmin(from_middle)]  # a point of the cluster, whatever its shape
+        write_plate(path, [pictures()[name]], [colourings[name]], names=names)
         return caption
 
     def draw_purification(hidden: Float32, path: Path) -> str:
@@ -112,7 +117,8 @@ def _captions(model: Purified) -> dict[str, tuple[str, str]]:
     clusters = int(model.labels.max(initial=NOISE_LABEL)) + 1
     of_clusters = (
         f"{clusters} cluster{'s' * (clusters != 1)} of the {len(model.means):,} {model.rows}, by HDBSCAN on position, "
-        "opacity and weight. The legend gives their shares. Kept clusters are pale, noise is grey."
+        "opacity and weight. The legend gives their shares, and the largest a number. Kept clusters are pale, "
+        "noise is light grey."
     )
     of_mask = f"{model.pruned.sum():,} of {len(model.means):,} {model.rows} are pruned."
     captions = {"clusters": ("cluster", of_clusters), "ranks": ("rank", _RANKS), "kept": ("pruned", of_mask)}

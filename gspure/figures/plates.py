@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -14,7 +14,7 @@ from gspure.cameras.camera import Camera
 from gspure.figures import style
 from gspure.figures.clouds import Colouring
 from gspure.figures.viewpoint import in_view, project
-from gspure.files import Float32, UInt8
+from gspure.files import Float32, Float64, UInt8
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -129,8 +129,19 @@ def eye_dome(depth: Float32, radius: int) -> Float32:
     return shade
 
 
-def write_plate(path: Path, pictures: Sequence[UInt8], keys: Sequence[Colouring], titles: Sequence[str] = ()) -> None:
-    """Write pictures of one size as a PNG, each with the legend or scale of its colours and an optional title."""
+def write_plate(
+    path: Path,
+    pictures: Sequence[UInt8],
+    keys: Sequence[Colouring],
+    titles: Sequence[str] = (),
+    names: Mapping[str, Float64] | None = None,
+) -> None:
+    """Write pictures of one size as a PNG, each with the legend or scale of its colours and an optional title.
+
+    `names` stand in all of them, at these pixels.
+    """
+    from matplotlib.patheffects import withStroke
+
     height, width = pictures[0].shape[:2]
     above, below = _TITLE if titles else 0.0, _ROW * (max(len(key.legend) or 2 for key in keys) + 0.7)
     total = above + height / style.DPI + below
@@ -140,6 +151,9 @@ def write_plate(path: Path, pictures: Sequence[UInt8], keys: Sequence[Colouring]
             axes = part.add_axes((0, below / total, 1, height / style.DPI / total))
             axes.imshow(picture, interpolation="none", aspect="auto")
             axes.set_axis_off()
+            for name, (x, y) in (names or {}).items():
+                halo = [withStroke(linewidth=1.6, foreground="white")]
+                axes.text(x, y, name, fontsize=7, weight="bold", ha="center", va="center", path_effects=halo)
             _draw_key(part, key, below / total)
         for part, title in zip(parts, titles, strict=False):
             part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
