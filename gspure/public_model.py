@@ -40,15 +40,9 @@ class Lesson(NamedTuple):
 
     views: Sequence[Camera]
     images: Sequence[Float32]
-    attributes: Collection[str]
-    """Of `ATTRIBUTES`."""
-
-    steps: int
-    """One view each."""
-
-    rng: np.random.Generator
-    """Of the order of views."""
-
+    attributes: Collection[str]  # of `ATTRIBUTES`
+    steps: int  # one view each
+    rng: np.random.Generator  # of the order of views
     rate_factor: float = 1.0
     device: Device | None = None
     background: Background = BLACK

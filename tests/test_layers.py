@@ -141,10 +141,10 @@ def test_the_core_does_not_import_torch() -> None:
 
 
 BUDGETS = {
-    "": (1700, 12),
+    "": (1585, 12),
     "attacks": (1145, 10),
     "cameras": (1501, 12),
-    "cli": (2300, 21),
+    "cli": (2085, 21),
     "evaluation": (2400, 16),
     "figures": (1336, 11),
     "method": (1115, 10),
@@ -155,7 +155,7 @@ BUDGETS = {
     "schemes": (3098, 28),
     "surface": (300, 4),
     "training": (1209, 9),
-    "workflow": (925, 8),
+    "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

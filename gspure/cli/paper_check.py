@@ -25,36 +25,34 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write and print every check."""
-    rows = paper.read_rows()
-    checks = paper.check_claims(rows)
+    printed = paper.read_rows()
+    checks = paper.check_claims(printed)
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
         write_text(args.out, _all(checks).csv())
-    for table in (_scores(checks, rows), _without_scores(checks), beside_table(paper.beside(rows, ours))):
+    title = "Scores in dB, recomputed from Table 1 with the 95% interval over its scenes"
+    rows = [_score(check, printed) for check in checks if check.claim.quantity == "score"]
+    scores = _table(title, ["scheme", "attack", "printed", "recomputed", "difference", "follows"], rows)
+    rows = [_number(check) for check in checks if check.claim.quantity != "score"]
+    columns = ["place", "printed", "recomputed", "difference", "follows"]
+    others = _table("Other numbers in dB, recomputed from Table 1", columns, rows)
+    for table in (scores, others, beside_table(paper.beside(printed, ours))):
         print(f"{table.title}\n\n{table.markdown()}\n")
     failed = sum(not check.holds for check in checks)
     print(f"{failed} of {len(checks)} numbers do not follow from Table 1 within {paper.ROUNDING} dB")
 
 
-def _scores(checks: Sequence[paper.Check], printed: Sequence[paper.Row]) -> Table:
-    rows = []
-    for check in (check for check in checks if check.claim.quantity == "score"):
-        scheme, variant = check.claim.scheme, check.claim.variant
-        recomputed = paper.score_interval(printed, scheme, variant)
-        numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
-        rows.append([display_name(scheme), display_name(variant), *numbers, "yes" if check.holds else "no"])
-    columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
-    return _table("Scores in dB, recomputed from Table 1 with the 95% interval over its scenes", columns, rows)
+def _score(check: paper.Check, printed: Sequence[paper.Row]) -> list[str]:
+    scheme, variant = check.claim.scheme, check.claim.variant
+    recomputed = paper.score_interval(printed, scheme, variant)
+    numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
+    return [display_name(scheme), display_name(variant), *numbers, "yes" if check.holds else "no"]
 
 
-def _without_scores(checks: Sequence[paper.Check]) -> Table:
-    rows = []
-    for check in (check for check in checks if check.claim.quantity != "score"):
-        printed = f"{'< ' if check.claim.relation == '<' else ''}{decimal(check.claim.value)}"
-        numbers = [printed, decimal(check.recomputed), signed(check.difference)]
-        rows.append([f"{check.claim.place}: {check.claim.words}", *numbers, "yes" if check.holds else "no"])
-    columns = ["place", "printed", "recomputed", "difference", "follows"]
-    return _table("Other numbers in dB, recomputed from Table 1", columns, rows)
+def _number(check: paper.Check) -> list[str]:
+    printed = f"{'< ' if check.claim.relation == '<' else ''}{decimal(check.claim.value)}"
+    numbers = [printed, decimal(check.recomputed), signed(check.difference)]
+    return [f"{check.claim.place}: {check.claim.words}", *numbers, "yes" if check.holds else "no"]
 
 
 def _all(checks: Sequence[paper.Check]) -> Table:
@@ -63,8 +61,7 @@ def _all(checks: Sequence[paper.Check]) -> Table:
         *claim, value = check.claim
         numbers = (f"{value:.2f}", f"{check.recomputed:.4f}", f"{check.difference:.4f}")
         rows.append([*map(str, claim), *numbers, str(check.holds)])
-    columns = ["place", "words", "quantity", "scheme", "variant", "target", "relation", "printed"]
-    return _table("Printed numbers", [*columns, "recomputed", "difference", "holds"], rows)
+    return _table("Printed numbers", [*paper.Claim._fields[:-1], "printed", "recomputed", "difference", "holds"], rows)
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -99,20 +99,20 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
     """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
     from gspure.evaluation.metrics import psnr
     from gspure.opencl.trainable import TrainableModel
-    from gspure.training.dataset import fingerprint, read_photographs
-    from gspure.training.initialization import gaussians_at, thinned
-    from gspure.training.output import read_checkpoint, write_checkpoint
+    from gspure.training import dataset, initialization, output
     from gspure.training.schedule import Schedule
     from gspure.training.trainer import Trainer, beginning, watched
 
     checkpoint = args.out / CHECKPOINT
     used = ("iterations", "resolution", "background", "max_gaussians", "seed")
-    settings = {name: getattr(args, name) for name in used} | {"photographs and cameras": fingerprint(data, images)}
+    settings = {name: getattr(args, name) for name in used}
+    settings["photographs and cameras"] = dataset.fingerprint(data, images)
     if args.resume and checkpoint.is_file():
-        start = read_checkpoint(checkpoint, settings)
+        start = output.read_checkpoint(checkpoint, settings)
         say(f"continuing from iteration {start.iteration}")
     else:
-        start = beginning(gaussians_at(*thinned(data.xyz, data.rgb, args.max_gaussians, args.seed)), args.seed)
+        points = initialization.thinned(data.xyz, data.rgb, args.max_gaussians, args.seed)
+        start = beginning(initialization.gaussians_at(*points), args.seed)
     model = TrainableModel(start.state, start.iteration, device)
     model.set_targets(images)
     bounds: dict[str, Any] = {"extent": data.extent, "max_gaussians": args.max_gaussians}
@@ -120,7 +120,7 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
     trainer = Trainer(model, data.train, schedule, start, background=args.background, **bounds)
     views = data.test or data.train
     views = views[:: -(-len(views) // _WATCHED)]
-    photographs = read_photographs(views, args.background)
+    photographs = dataset.read_photographs(views, args.background)
 
     def quality() -> str:
         shown = (model.image(view, args.background).clip(0, 1) for view in views)
@@ -129,7 +129,7 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
     began = saved = time.monotonic()
     for _ in watched(trainer, args.iterations, quality, start.iteration):
         if trainer.rests and time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-            write_checkpoint(checkpoint, trainer.snapshot(), settings)
+            output.write_checkpoint(checkpoint, trainer.snapshot(), settings)
             saved = time.monotonic()
     say(f"trained {args.iterations - start.iteration} iterations in {time.monotonic() - began:.1f} s")
     return trainer
