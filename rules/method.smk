@@ -9,7 +9,7 @@ use rule base_step as measure_contributions with:
         model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
-        index="results/{scheme}/{scene}{decision}/contributions/{scatteritem}.tsv",
+        index="results/{scheme}/{scene}{decision}/contributions/{scatteritem}.json",
     log:
         "results/logs/{scheme}/{scene}{decision}/contributions-{scatteritem}.log",
     benchmark:
@@ -29,7 +29,7 @@ use rule base_step as measure_contributions with:
 use rule base_step as accumulate_weights with:
     input:
         indices=lambda wildcards: gather.views(
-            "{folder}/{scatteritem}.tsv", folder=get_made("contributions")(wildcards)
+            "{folder}/{scatteritem}.json", folder=get_made("contributions")(wildcards)
         ),
         model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",

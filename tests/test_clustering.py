@@ -15,10 +15,9 @@ from sklearn.metrics import adjusted_rand_score
 
 from gspure.errors import InputError
 from gspure.files import save_array
-from gspure.method.clusters import SELECTIONS, Clusters, read_clusters, select, write_clusters
+from gspure.method.clusters import SELECTIONS, read_labels, select, write_clusters
 from gspure.method.diagnosis import diagnose
-from gspure.method.tree import hdbscan_tree, read_tree, spanning_tree
-from gspure.opencl import spanning
+from gspure.method.tree import read_tree, spanning_tree
 
 
 def heavy_tailed(seed: int, count: int, columns: int = 5) -> np.ndarray:
@@ -83,20 +82,6 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
     np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("selection", SELECTIONS)
-def test_tree_and_clusters_equal_those_of_hdbscans_tree(selection: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    points = with_ties(12, 20_000)
-    ours = spanning_tree(points, 10)
-    hdbscans = hdbscan_tree
-    monkeypatch.setattr(spanning, "minimum_spanning_tree", lambda _engine, *points: hdbscans(*points))
-    theirs = spanning_tree(points, 10)
-    np.testing.assert_allclose(ours[:, 2], theirs[:, 2], rtol=1e-14)
-    theirs[:, 2] = ours[:, 2]  # equal but for the last bit, which decides what ties
-    labels = select(ours, 25, selection)
-    assert labels.max() > 3
-    assert adjusted_rand_score(labels, select(theirs, 25, selection)) == 1.0
-
-
 def test_tree_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
     np.save(tmp_path / "features.npy", with_ties(14, 5000))
     program = "import numpy, sys; from gspure.method.tree import spanning_tree\n"
@@ -118,11 +103,14 @@ def test_clusters_equal_those_of_the_public_hdbscan(selection: str) -> None:
         cluster_selection_method=selection,
         algorithm="boruvka_kdtree",
         approx_min_span_tree=False,
+        gen_min_span_tree=True,
         core_dist_n_jobs=1,
-    ).fit_predict(points)
-    ours = select(spanning_tree(points, 10), 25, selection)
-    assert ours.max() == public.max() > 3
-    assert adjusted_rand_score(ours, public) > 0.995  # hdbscan joins edges of equal length one by one
+    )
+    labels, tree = public.fit_predict(points), spanning_tree(points, 10)
+    np.testing.assert_allclose(tree[:, 2], np.sort(public.minimum_spanning_tree_.to_numpy()[:, 2]), rtol=1e-14)
+    ours = select(tree, 25, selection)
+    assert ours.max() == labels.max() > 3
+    assert adjusted_rand_score(ours, labels) > 0.995  # hdbscan joins edges of equal length one by one
 
 
 @pytest.mark.parametrize("selection", SELECTIONS)
@@ -195,11 +183,10 @@ def test_diagnosis_warns_of_a_collapsed_clustering_and_of_a_decision_that_leaves
 def test_cluster_file_round_trip_is_exact_and_reproducible(tmp_path: Path) -> None:
     labels = np.array([0, -1, 1, 1], np.int32)
     for name in ("a.npz", "b.npz"):
-        write_clusters(tmp_path / name, Clusters(labels, 3), {"min_cluster_size": 50, "selection": "leaf"})
-    found = read_clusters(tmp_path / "a.npz")
-    assert found.labels.tolist() == labels.tolist()
-    assert found.labels.dtype == np.int32
-    assert found.coincident == 3
+        write_clusters(tmp_path / name, labels, 3, {"min_cluster_size": 50, "selection": "leaf"})
+    found = read_labels(tmp_path / "a.npz")
+    assert found.tolist() == labels.tolist()
+    assert found.dtype == np.int32
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 

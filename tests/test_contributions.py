@@ -97,7 +97,7 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_file_counts_as_missing(tmp_path, renderer, damage):
-    path = contribute(PublicModel(blobs(5)), views(), tmp_path)[2].path
+    path = contribute(PublicModel(blobs(5)), views(), tmp_path)["view_2"]
     good = path.read_bytes()
     path.write_bytes(damage(good))
     with pytest.raises(InputError, match=path.name):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
 from gspure.errors import InputError
-from gspure.files import Bools, Float64, Indices, Int32, Kind, load_array, load_arrays, save_arrays
+from gspure.files import Bools, Float64, Indices, Int32, load_array, load_arrays, save_arrays
 from gspure.settings import CLUSTER_SIZE
 
 if TYPE_CHECKING:
@@ -65,19 +65,12 @@ def select(
     with np.errstate(divide="ignore"):
         densities = 1.0 / tree[level_starts[:-1], 2]  # λ; infinite where more than min_samples points coincide
     if selection == "leaf":
-        chosen = _leaves(condensed)
+        chosen = np.bincount(condensed.parents, minlength=len(condensed.parents) + 1) == 0  # without children
+        chosen[-1] = False  # the root
     else:
         cap = max(int(max_cluster_share * count), 2 * min_cluster_size) if selection == "eom_capped" else count
         chosen = _excess_of_mass(condensed, densities, cap)
     return _labels(condensed, chosen)
-
-
-def _leaves(condensed: Condensed) -> Bools:
-    """Return the mask of the clusters without children, except the root."""
-    leaves = np.ones(len(condensed.parents) + 1, np.bool_)
-    leaves[condensed.parents] = False
-    leaves[-1] = False
-    return leaves
 
 
 def _excess_of_mass(condensed: Condensed, densities: Float64, cap: int) -> Bools:
@@ -120,35 +113,21 @@ def _labels(condensed: Condensed, chosen: Bools) -> Labels:
     return np.asarray(numbers[owners[condensed.point_clusters]])
 
 
-class Clusters(NamedTuple):
-    """Labels [K], int32, and the number of coincident points (see `gspure.method.tree.coincident_points`)."""
-
-    labels: Labels
-    coincident: int
-
-
-def write_clusters(path: Path, clusters: Clusters, settings: Mapping[str, int | float | str]) -> None:
-    """Write clusters and their settings as .npz."""
-    entries = clusters._asdict() | dict(settings)
+def write_clusters(path: Path, labels: Labels, coincident: int, settings: Mapping[str, int | float | str]) -> None:
+    """Write labels [K], the number of `gspure.method.tree.coincident_points`, and the settings, as .npz."""
+    entries = {"labels": labels, "coincident": coincident, **settings}
     save_arrays(path, {name: np.asarray(value) for name, value in entries.items()})
 
 
-def read_clusters(path: Path) -> Clusters:
-    """Read clusters, or raise `InputError` if the file is not one of `write_clusters`."""
-    kinds: dict[str, Kind] = {"labels": (np.int32, (None,)), "coincident": (np.integer, ())}
-    labels, coincident = load_arrays(path, kinds, "clusters, as .npz").values()
-    return Clusters(_require_labels(path, labels), int(coincident))
-
-
 def read_labels(path: Path) -> Labels:
-    """Read the labels [K] of clusters, .npz, or those that `gspure purify` writes, .npy."""
-    if path.suffix != ".npy":
-        return read_clusters(path).labels
-    return _require_labels(path, load_array(path, dtype=np.int32, shape=(None,)))
+    """Read the labels [K] of `write_clusters`, .npz, or those that `gspure purify` writes, .npy.
 
-
-def _require_labels(path: Path, labels: Labels) -> Labels:
-    """Refuse numbers of clusters out of range or with a gap."""
+    Raise `InputError` if they are no clusters: out of range, or with a gap.
+    """
+    if path.suffix == ".npy":
+        labels = load_array(path, dtype=np.int32, shape=(None,))
+    else:
+        labels = load_arrays(path, {"labels": (np.int32, (None,))}, "clusters, as .npz")["labels"]
     sizes = np.bincount(labels[labels > NOISE_LABEL]) if labels.max(initial=0) < max(len(labels), 1) else np.zeros(1)
     if labels.min(initial=NOISE_LABEL) < NOISE_LABEL or not sizes.all():
         found = f"{labels.min()} to {labels.max()}, or a gap"

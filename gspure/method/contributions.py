@@ -2,17 +2,14 @@
 
 A cached view is one file, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so an
 edited camera, model or kernel gives another file, and none is stale. A file that cannot be read counts as missing. An
-index (one .tsv per job, written last) lists the cached views of a part.
+index, written last by each job, lists the cached views of a part.
 """
 
-import csv
-import io
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +17,8 @@ from numpy.typing import NDArray
 import gspure.opencl
 import gspure.renderer
 from gspure.cameras import Camera
-from gspure.errors import InputError, reading
-from gspure.files import digest, load_array, save_array, write_text
+from gspure.errors import InputError
+from gspure.files import digest, load_array, read_json, save_array, write_json
 from gspure.model import require_finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import device_identity
@@ -32,13 +29,6 @@ from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 
 
-class CachedView(NamedTuple):
-    """The stored contributions of one view: which view, and its file."""
-
-    view: str
-    path: Path
-
-
 def contribute(
     public: PublicModel,
     cameras: Sequence[Camera],
@@ -46,25 +36,24 @@ def contribute(
     *,
     device: Device | None = None,
     energy: Energy = "ray",
-) -> list[CachedView]:
-    """Compute the contributions of `public` to every view, except those stored in `folder`.
+) -> dict[str, Path]:
+    """Compute the contributions of `public` to every view, except those stored in `folder`; return the files by view.
 
     Views have unique names. The model is uploaded and the kernels are built once, and only if a view is computed. Raise
     `InputError` if the model holds a number that is not finite.
     """
     require_finite(public.model, "model")
     device = device or choose_device()
-    geometry = digest(public.geometry_digest(), *(file.read_bytes() for file in public.code))
-    keys = [contribution_key(geometry, camera, energy, device_identity(device)) for camera in cameras]
-    views = [CachedView(c.name, folder / f"{c.name}.{key}.npy") for c, key in zip(cameras, keys, strict=True)]
-    missing = [pair for pair in zip(cameras, views, strict=True) if not _is_readable(pair[1].path)]
+    geometry, driver = digest(public.geometry_digest(), *(f.read_bytes() for f in public.code)), device_identity(device)
+    files = {c.name: folder / f"{c.name}.{contribution_key(geometry, c, energy, driver)}.npy" for c in cameras}
+    missing = [camera for camera in cameras if not _is_readable(files[camera.name])]
     if missing:
         contributions = public.contributions(device, energy)
-        for camera, view in track(missing, "contributions"):
-            save_array(view.path, contributions(camera))
-    computed = f"{len(missing)} of {len(views)} views computed"
-    say(f"contributions: {computed}, {len(views) - len(missing)} already stored")
-    return views
+        for camera in track(missing, "contributions"):
+            save_array(files[camera.name], contributions(camera))
+    stored = len(files) - len(missing)
+    say(f"contributions: {len(missing)} of {len(files)} views computed, {stored} already stored")
+    return files
 
 
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
@@ -105,31 +94,15 @@ def read_contributions(path: Path, count: int | None = None) -> NDArray[Any]:
     return touched
 
 
-def write_index(path: Path, views: Iterable[CachedView]) -> None:
-    """Write the list of `views`; their paths are stored relative to the index, so that a project can be moved."""
-    text = io.StringIO()
-    table = csv.writer(text, delimiter="\t", lineterminator="\n")
-    table.writerow(CachedView._fields)
-    table.writerows((view, os.path.relpath(file, path.parent)) for view, file in views)
-    write_text(path, text.getvalue())
+def write_index(path: Path, files: Mapping[str, Path]) -> None:
+    """Write the cached `files` by view, relative to the index, so that a project can be moved."""
+    write_json(path, {view: os.path.relpath(file, path.parent) for view, file in files.items()})
 
 
-def read_index(*paths: Path) -> list[CachedView]:
-    """Read the cached views that one or more indices list, sorted by view.
+def read_index(*paths: Path) -> list[Path]:
+    """Read the cached files that one or more indices list, sorted by view.
 
-    The order, and so every sum over the views, does not depend on how the views were dealt out to jobs. Raise
-    `InputError` if a file is no index, or if two entries are of the same view.
+    The order, and so every sum over the views, does not depend on how the views were dealt out to jobs.
     """
-    views = sorted(view for path in paths for view in _listed(path))
-    for view, following in pairwise(name for name, _ in views):
-        if view == following:
-            raise InputError(paths[-1], "view", expected="each view in one index only", found=f"{view!r} twice")
-    return views
-
-
-def _listed(path: Path) -> list[CachedView]:
-    with reading(path, "an index of contributions"), Path(path).open(encoding="utf-8", newline="") as stream:
-        header, *rows = list(csv.reader(stream, delimiter="\t")) or [[]]
-    if header != [*CachedView._fields] or any(len(row) != len(header) for row in rows):
-        raise InputError(path, "columns", expected=" ".join(CachedView._fields), found=" ".join(header) or "nothing")
-    return [CachedView(view, Path(os.path.normpath(path.parent / file))) for view, file in rows]
+    files = {view: path.parent / file for path in paths for view, file in read_json(path).items()}
+    return [files[view] for view in sorted(files)]

@@ -42,7 +42,7 @@ class Diagnosis:
 
     @property
     def _total(self) -> str:
-        return "all ω" if self.quantity == "weights" else f"all {self.quantity}"
+        return "all ω" if self.quantity == "weights" else "all opacities"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -59,17 +59,13 @@ class Diagnosis:
             nearly = f"the rule without it prunes nearly the same rows ({percent(self.changed_share)} differ)"
             said.append(f"clustering changes little: {nearly}")
         if self.coincident and self.clusters:
-            said.append(
-                f"{self.coincident} rows have the same features as more than min_samples others: "
-                "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster or, "
-                "if it exceeds max_cluster_share, noise"
-            )
+            piles = "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster"
+            same = f"{self.coincident} rows have the same features as more than min_samples others"
+            said.append(f"{same}: {piles} or, if it exceeds max_cluster_share, noise")
         if self.gaussians > LIGHT_FACTOR * self.holding:
-            factor = decimal(self.gaussians / self.holding, 0)
-            said.append(
-                f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: the "
-                f"others lower the thresholds by a factor of up to {factor}, so fewer of the {self.holding} are pruned"
-            )
+            held = f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}"
+            effect = f"lower the thresholds by a factor of up to {decimal(self.gaussians / self.holding, 0)}"
+            said.append(f"{held}: the others {effect}, so fewer of the {self.holding} are pruned")
         if self.heavy:
             rows = f"{len(self.heavy)} of {self.gaussians} rows hold {percent(self.heavy_weight_share, 0)} of"
             effect = f"they raise the thresholds and compress the {self.quantity} of all others"
@@ -110,10 +106,8 @@ def diagnose(
     """
     if len(labels) != len(weights):
         raise InputError("clustering", "labels", expected=f"{len(weights)}, as many as weights", found=str(len(labels)))
-    pruned = prune_mask(labels, weights, tau_c, tau_n)
-    plain = plain_prune_mask(weights, tau_n)
-    clustered = labels != NOISE_LABEL
-    heavy = heavy_rows(weights)
+    pruned, plain = prune_mask(labels, weights, tau_c, tau_n), plain_prune_mask(weights, tau_n)
+    clustered, heavy = labels != NOISE_LABEL, heavy_rows(weights)
     sizes = np.bincount(labels[clustered])
     return Diagnosis(
         quantity=quantity,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gspure.files import load_array, save_array, write_json, write_provenance
-from gspure.method.clusters import Clusters, select, write_clusters
+from gspure.method.clusters import select, write_clusters
 from gspure.method.diagnosis import diagnose
 from gspure.method.pruning import prune_mask
 from gspure.method.tree import coincident_points, read_tree
@@ -17,12 +17,12 @@ from gspure.workflow.step import run
 
 def decide(model: Path, tree: Path, weights: Path, clusters: Path, mask: Path, diagnosis: Path, **how: Any) -> None:
     edges, factors = read_tree(tree), {name: how.pop(name) for name in ("tau_c", "tau_n")}
-    found = Clusters(select(edges, **how), coincident_points(edges))
-    write_clusters(clusters, found, how)
+    labels, coincident = select(edges, **how), coincident_points(edges)
+    write_clusters(clusters, labels, coincident, how)
     # These are opacities if the clusters ignore weights.
-    omega = load_array(weights, dtype=np.float32, shape=(len(found.labels),), least=0)
-    save_array(mask, prune_mask(found.labels, omega, **factors))
-    diagnosed = diagnose(found.labels, omega, **factors, coincident=found.coincident, quantity=weights.stem)
+    omega = load_array(weights, dtype=np.float32, shape=(len(labels),), least=0)
+    save_array(mask, prune_mask(labels, omega, **factors))
+    diagnosed = diagnose(labels, omega, **factors, coincident=coincident, quantity=weights.stem)
     suspicious = {reason: rows.tolist() for reason, rows in suspicious_rows(read_model(model)).items()}
     write_json(diagnosis, diagnosed.to_json() | {"suspicious": suspicious})
     inputs = {"model": model, "tree": tree, "weights": weights}

@@ -18,7 +18,7 @@ def average(indices: list[Path], model: Path, cameras: Path, weights: Path, opac
     count, cached = len(public.model), read_index(*indices)
     if how["views"]:
         cached = evenly_spread(cached, how["views"])
-    omega = accumulate((read_contributions(view.path, count) for view in cached), count, how["reduction"])
+    omega = accumulate((read_contributions(file, count) for file in cached), count, how["reduction"])
     require_in_view(omega)
     save_array(weights, omega)
     save_array(opacities, public.opacities(views_of(cameras, "train")))
