@@ -49,13 +49,18 @@ class LitScene:
 
     def radiance(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the linear radiance [N,3] that leaves places of solid `index`."""
-        return _albedo(self.scene.solids[index], faces, uv) * _interpolated(self.lightmaps[index], faces, uv)
+        solid, light = self.scene.solids[index], _interpolated(self.lightmaps[index], faces, uv)
+        places = uv * solid.extents[faces]
+        if len(solid.textures) == 1:
+            return solid.textures[0](places) * light
+        for face, texture in enumerate(solid.textures):
+            light[faces == face] *= texture(places[faces == face])
+        return light
 
     def traced(self, origins: Float64, directions: Float64) -> tuple[Float64, Float64]:
         """Return the linear radiance [N,3] that rays see (the sky's where they leave), and their distances [N]."""
         distances, solids = first_hits(self.scene, origins, directions)
-        out = np.empty((len(origins), 3))
-        out[:] = self.scene.sky
+        out = np.tile(np.asarray(self.scene.sky, np.float64), (len(origins), 1))
         for index, solid in enumerate(self.scene.solids):
             rows = np.flatnonzero(solids == index)
             points = origins[rows] + distances[rows, None] * directions[rows]
@@ -85,8 +90,7 @@ def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
     a = np.einsum("ni,ni->n", directions, directions)[:, None]
     b = directions @ centres.T - np.einsum("ni,ni->n", origins, directions)[:, None]
     squared = np.einsum("ni,ni->n", origins, origins)[:, None] - 2.0 * origins @ centres.T + (centres**2).sum(axis=1)
-    reached: Bools = ((squared - radii**2) * a < b**2) & (b > -radii * np.sqrt(a))
-    return reached
+    return np.asarray(((squared - radii**2) * a < b**2) & (b > -radii * np.sqrt(a)))
 
 
 def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:
@@ -95,9 +99,8 @@ def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:
     Nodes lie `coarseness` times as far apart, and the lamp's squares and the directions of the bounce are that many
     times as wide, along each of two axes. The cost falls with the fourth power.
     """
-    counts = [
-        int(np.clip(np.ceil(solid.extents.max() / (NODE_SPACING * coarseness)) + 1, *NODES)) for solid in scene.solids
-    ]
+    spacing = NODE_SPACING * coarseness
+    counts = [int(np.clip(np.ceil(solid.extents.max() / spacing) + 1, *NODES)) for solid in scene.solids]
     points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids, counts), strict=True))
     direct = _from_lamp(scene, points, normals, LAMP_SAMPLES // coarseness)
     once = LitScene(scene, _maps(scene, direct, counts))
@@ -115,13 +118,11 @@ def _nodes(solid: Solid, n: int) -> tuple[Float64, Float64]:
 
 def _maps(scene: Scene, light: Float64, counts: Sequence[int]) -> tuple[Lightmap, ...]:
     """Deal the light of all nodes out to the solids' maps; faces that do not exist stay dark."""
-    maps, start = [], 0
-    for solid, n in zip(scene.solids, counts, strict=True):
-        lightmap = np.zeros((len(solid.extents), n, n, 3))
-        end = start + len(solid.faces) * n * n
-        lightmap[list(solid.faces)] = light[start:end].reshape(-1, n, n, 3)
-        maps.append(lightmap)
-        start = end
+    maps = []
+    ends = np.cumsum([len(solid.faces) * n * n for solid, n in zip(scene.solids, counts, strict=True)])
+    for solid, n, part in zip(scene.solids, counts, np.split(light, ends[:-1]), strict=True):
+        maps.append(np.zeros((len(solid.extents), n, n, 3)))
+        maps[-1][list(solid.faces)] = part.reshape(-1, n, n, 3)
     return tuple(maps)
 
 
@@ -132,22 +133,9 @@ def _interpolated(lightmap: Lightmap, faces: Indices, uv: Float64) -> Float64:
     low = np.minimum(place.astype(np.intp), n - 2)
     (u0, v0), (fu, fv) = low.T, (place - low).T[..., None]
     nodes, first = lightmap.reshape(-1, 3), (faces * n + v0) * n + u0
-    low_v, high_v = (
-        (1 - fu) * nodes.take(left, axis=0) + fu * nodes.take(left + 1, axis=0) for left in (first, first + n)
-    )
-    out: Float64 = (1 - fv) * low_v + fv * high_v
-    return out
-
-
-def _albedo(solid: Solid, faces: Indices, uv: Float64) -> Float64:
-    """Return the linear reflectances [N,3] of places of a solid."""
-    places = uv * solid.extents[faces]
-    if len(solid.textures) == 1:
-        return solid.textures[0](places)
-    out = np.empty((len(uv), 3))
-    for face, texture in enumerate(solid.textures):
-        out[faces == face] = texture(places[faces == face])
-    return out
+    columns = ((nodes.take(left, axis=0), nodes.take(left + 1, axis=0)) for left in (first, first + n))
+    low_v, high_v = ((1 - fu) * left + fu * right for left, right in columns)
+    return np.asarray((1 - fv) * low_v + fv * high_v)
 
 
 def _from_lamp(scene: Scene, points: Float64, normals: Float64, squares: int) -> Float64:

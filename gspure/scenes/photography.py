@@ -10,7 +10,7 @@ from gspure.files import Bools, Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene
-from gspure.scenes.solids import GAMMA
+from gspure.scenes.textures import GAMMA
 
 EDGE = 1.0 / 64.0  # a pixel whose display value differs by more than this from a neighbour's is sampled more finely
 SAMPLES = 3  # rays along each side of such a pixel; odd, so that one is the pixel centre's
@@ -60,8 +60,7 @@ def _at_edges(image: Float64) -> Bools:
     for extreme in (np.maximum, np.minimum):
         across = extreme.reduce([padded[:, i : i + width] for i in range(3)])
         ends.append(extreme.reduce([across[i : i + height] for i in range(3)]))
-    edges: Bools = (ends[0] - ends[1] > EDGE).any(axis=2)
-    return edges
+    return np.asarray((ends[0] - ends[1] > EDGE).any(axis=2))
 
 
 def photograph(
@@ -93,10 +92,8 @@ def path_cameras(count: int, width: int, height: int) -> list[Camera]:
     focal = 0.83 * width
     K = intrinsics(focal, focal, width / 2, height / 2)
     digits, up = max(3, len(str(count - 1))), np.array([0.0, 0.0, 1.0])
-    return [
-        Camera(f"view_{i:0{digits}d}", width, height, K, looking_at(_station(i / count), TARGET, up))
-        for i in range(count)
-    ]
+    poses = (looking_at(_station(i / count), TARGET, up) for i in range(count))
+    return [Camera(f"view_{i:0{digits}d}", width, height, K, pose) for i, pose in enumerate(poses)]
 
 
 def _station(phase: float) -> Float64:

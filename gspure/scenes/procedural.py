@@ -1,31 +1,21 @@
 """Scenes by name; random ones by seed: furnished rooms, landscapes under a sky, objects over black."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from colorsys import hsv_to_rgb
 from functools import partial
+from itertools import product
 from typing import Final
 
 import numpy as np
 
 from gspure.scenes.lighting import Lamp, Scene
 from gspure.scenes.rooms import HALF_WIDTH, Placement, room, vault
-from gspure.scenes.solids import (
-    Box,
-    Room,
-    Solid,
-    Sphere,
-    Texture,
-    Vector,
-    banded,
-    checker,
-    inlaid,
-    plain,
-    rings,
-    stripes,
-)
+from gspure.scenes.solids import Box, Room, Solid, Sphere, Vector
+from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
 from gspure.settings import SEED
 
 Random = np.random.Generator
+Range = tuple[float, float]
 BuildScene = Callable[[Placement], Scene]
 BuildSolids = Callable[[Vector, Random], Iterator[Solid]]  # on a foot's place
 
@@ -50,9 +40,9 @@ def interior(seed: int, placement: Placement) -> Scene:
     """Return a room with furniture; walls, floor, objects and lamp are drawn from the seed."""
     rng = np.random.default_rng([0, seed])
     walls = _pattern(rng, 0.5, 1.1, lightness=(0.55, 0.95))
-    back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(_within(rng, 1.5, 4.5), 2.0), size=(1.5, 1.1))
+    back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(rng.uniform(1.5, 4.5), 2.0), size=(1.5, 1.1))
     tiles, rug = _pattern(rng, 0.3, 0.7), _pattern(rng, 0.15, 0.4)
-    floor = inlaid(tiles, rug, centre=(_within(rng, 2, 4), 2.9), size=(2.6, 1.8))
+    floor = inlaid(tiles, rug, centre=(rng.uniform(2, 4), 2.9), size=(2.6, 1.8))
     objects = _arranged((_table, _tower, _shelf, _balls, _balls), placement.floor, rng)
     return Scene((placement.room(walls=walls, back=back, floor=floor), *objects), _lamp(rng), _light(rng, 0.48))
 
@@ -66,7 +56,7 @@ def landscape(seed: int, placement: Placement) -> Scene:
     backdrop = Room((0.0, 0.0, placement.floor + SKY_HEIGHT / 2), size, (sky, sky, sky, sky, ground, sky))
     objects = _arranged((_tree, _tree, _hut, _balls, _tree), placement.floor, rng)
     hills = list(_hills(placement.floor, rng))
-    lamp = Lamp((_within(rng, -2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0))
+    lamp = Lamp((rng.uniform(-2.5, 2.5), -2.5, 5.0), 1.6, _light(rng, 75.0))
     return Scene((backdrop, *hills, *objects), lamp, (0.6, 0.66, 0.75))
 
 
@@ -80,11 +70,8 @@ def plinth(seed: int, placement: Placement) -> Scene:
     return Scene((base, *objects), _lamp(rng), _light(rng, 0.48))
 
 
-PROCEDURAL: Final[Mapping[str, Callable[[int, Placement], Scene]]] = {
-    "interior": interior,
-    "landscape": landscape,
-    "object": plinth,
-}
+BuildFromSeed = Callable[[int, Placement], Scene]
+PROCEDURAL: Final[dict[str, BuildFromSeed]] = {"interior": interior, "landscape": landscape, "object": plinth}
 """Random scenes, by the first part of their names. Their seeds are independent."""
 
 
@@ -92,13 +79,13 @@ def _arranged(builders: Sequence[BuildSolids], floor: float, rng: Random) -> lis
     """Return objects beside each other, in random order, so that they seldom hide each other."""
     (left, right), (front, rear) = FRONT_HALF
     width = (right - left) / len(builders)
-    places = [(left + (i + rng.uniform(0.3, 0.7)) * width, _within(rng, front, rear)) for i, _ in enumerate(builders)]
+    places = [(left + (i + rng.uniform(0.3, 0.7)) * width, rng.uniform(front, rear)) for i, _ in enumerate(builders)]
     placed = zip(builders, rng.permutation(places), strict=True)
     return [solid for build, (x, y) in placed for solid in build((x, y, floor), rng)]
 
 
 def _lamp(rng: Random) -> Lamp:
-    return Lamp((_within(rng, -1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0))
+    return Lamp((rng.uniform(-1.6, 1.6), -2.0, 4.3), 1.1, _light(rng, 90.0))
 
 
 def _table(foot: Vector, rng: Random) -> Iterator[Solid]:
@@ -106,9 +93,8 @@ def _table(foot: Vector, rng: Random) -> Iterator[Solid]:
     long, deep, high = rng.uniform((0.8, 0.6, 0.5), (1.4, 0.9, 0.8))
     wood = (_pattern(rng, 0.1, 0.2),)
     yield Box((x, y, z + high), (long, deep, 0.08), wood)
-    for side in (-0.5, 0.5):
-        for end in (-0.5, 0.5):
-            yield Box((x + side * (long - 0.15), y + end * (deep - 0.15), z + high / 2), (0.1, 0.1, high), wood)
+    for side, end in product((-0.5, 0.5), repeat=2):
+        yield Box((x + side * (long - 0.15), y + end * (deep - 0.15), z + high / 2), (0.1, 0.1, high), wood)
     radius = rng.uniform(0.12, 0.24)
     yield Sphere((x + rng.uniform(-0.2, 0.2), y, z + high + 0.04 + radius), radius, (_pattern(rng, 0.1, 0.2),))
 
@@ -160,26 +146,20 @@ def _hills(floor: float, rng: Random) -> Iterator[Solid]:
     cells = (np.arange(GRID) + 0.5) / GRID * 4 * HALF_WIDTH - 2 * HALF_WIDTH
     size = cells[1] - cells[0]
     waves = rng.uniform((0.4, 0.4, 0.0, 0.1), (1.2, 1.2, 6.3, 0.3), (4, 4))
-    for x in cells:
-        for y in cells:
-            height = sum(a * (1 + np.sin(u * x + v * y + phase)) for u, v, phase, a in waves)
-            height *= np.clip(np.hypot(x, y - 0.5) / 3.0 - 0.9, 0.0, 1.2)
-            if height > 0.05 and y > -1.5:
-                texture = _pattern(rng, 0.2, 0.5, hue=(0.12, 0.4))
-                yield Box((x, y, floor + height / 2), (size, size, height), (texture,))
+    for x, y in product(cells, repeat=2):
+        height = sum(a * (1 + np.sin(u * x + v * y + phase)) for u, v, phase, a in waves)
+        height *= np.clip(np.hypot(x, y - 0.5) / 3.0 - 0.9, 0.0, 1.2)
+        if height > 0.05 and y > -1.5:
+            texture = _pattern(rng, 0.2, 0.5, hue=(0.12, 0.4))
+            yield Box((x, y, floor + height / 2), (size, size, height), (texture,))
 
 
 def _pattern(
-    rng: Random,
-    least: float,
-    most: float,
-    *,
-    hue: tuple[float, float] = (0.0, 1.0),
-    lightness: tuple[float, float] = (0.2, 0.95),
+    rng: Random, least: float, most: float, *, hue: Range = (0.0, 1.0), lightness: Range = (0.2, 0.95)
 ) -> Texture:
     """Return a random pattern of two colours whose parts are `least` to `most` metres wide."""
     first, second = (_colour(rng, hue=hue, value=lightness) for _ in range(2))
-    size = _within(rng, least, most)
+    size = rng.uniform(least, most)
     patterns = (
         lambda: plain(first),
         lambda: checker(first, second, size),
@@ -190,16 +170,12 @@ def _pattern(
     return patterns[rng.integers(len(patterns))]()
 
 
-def _colour(rng: Random, *, hue: tuple[float, float] = (0.0, 1.0), value: tuple[float, float] = (0.2, 0.95)) -> str:
+def _colour(rng: Random, *, hue: Range = (0.0, 1.0), value: Range = (0.2, 0.95)) -> str:
     """Return a random colour ``#rrggbb``."""
-    channels = hsv_to_rgb(_within(rng, *hue), _within(rng, 0.15, 0.75), _within(rng, *value))
+    channels = hsv_to_rgb(rng.uniform(*hue), rng.uniform(0.15, 0.75), rng.uniform(*value))
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
 
 
 def _light(rng: Random, strength: float) -> Vector:
     red, green, blue = strength * rng.uniform(0.85, 1.15, 3)
     return red, green, blue
-
-
-def _within(rng: Random, low: float, high: float) -> float:
-    return float(rng.uniform(low, high))

@@ -1,5 +1,6 @@
 """The scenes of the demo, a warm studio and a blue vault as its message, and how a message stands in the scene."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -7,23 +8,8 @@ import numpy as np
 
 from gspure.files import Float64
 from gspure.scenes.lighting import Lamp, Scene
-from gspure.scenes.solids import (
-    BACK,
-    BOTTOM,
-    LEFT,
-    RIGHT,
-    Box,
-    Room,
-    Sphere,
-    Texture,
-    Vector,
-    banded,
-    checker,
-    inlaid,
-    plain,
-    rings,
-    stripes,
-)
+from gspure.scenes.solids import BACK, BOTTOM, LEFT, RIGHT, Box, Room, Sphere, Vector
+from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
 
 HALF_WIDTH = 3.0
 WALL_HEIGHT = 3.7
@@ -39,8 +25,7 @@ class Placement:
 
     def room(self, *, walls: Texture, back: Texture, floor: Texture) -> Room:
         """Return the room, with the textures of its side walls, back wall and floor."""
-        width = 2.0 * (HALF_WIDTH - self.inset)
-        height = WALL_HEIGHT - self.floor
+        width, height = 2.0 * (HALF_WIDTH - self.inset), WALL_HEIGHT - self.floor
         textures = (walls, walls, walls, back, floor, walls)
         return Room((0.0, 0.0, self.floor + height / 2.0), (width, width, height), textures, faces=self.faces)
 
@@ -62,10 +47,10 @@ of its surface points then lie outside all views of the scene. Ours."""
 
 def message_transform(protocol: str) -> Float64:
     """Return the rigid transform [4,4] of the message and its cameras into the scene's world."""
-    transform = np.eye(4)
-    if protocol == "own":
-        transform = np.diag([-1.0, -1.0, 1.0, 1.0])
-        transform[1, 3] = OWN_SHIFT
+    if protocol != "own":
+        return np.eye(4)
+    transform = np.diag([-1.0, -1.0, 1.0, 1.0])
+    transform[1, 3] = OWN_SHIFT
     return transform
 
 
@@ -131,30 +116,22 @@ _STROKES = {
 """Blocks of each letter: column, row (upwards), columns, rows."""
 
 
-def _word(word: str, foot: Vector) -> list[Box]:
-    """Return the letters of a word, its foot's middle at `foot`."""
+def _word(word: str, foot: Vector) -> Iterator[Box]:
+    """Yield the letters of a word, its foot's middle at `foot`."""
     x, y, z = foot
-    left, boxes = x - _CELL * (4 * len(word) - 1) / 2, []
+    left = x - _CELL * (4 * len(word) - 1) / 2
     for i, letter in enumerate(word):
         for column, row, columns, rows in _STROKES[letter]:
             centre = (left + (4 * i + column + columns / 2) * _CELL, y, z + (row + rows / 2) * _CELL)
-            boxes.append(Box(centre, (columns * _CELL, _CELL, rows * _CELL), (plain("#f4efe2"),)))
-    return boxes
+            yield Box(centre, (columns * _CELL, _CELL, rows * _CELL), (plain("#f4efe2"),))
 
 
-def _pyramid(foot: Vector, *, radius: float) -> list[Sphere]:
-    """Return 6 + 3 + 1 touching balls."""
+def _pyramid(foot: Vector, *, radius: float) -> Iterator[Sphere]:
+    """Yield 6 + 3 + 1 touching balls."""
     x, y, z = foot
-    balls = [(i, j, layer) for layer in range(3) for j in range(3 - layer) for i in range(3 - layer - j)]
-    return [
-        Sphere(
-            (
-                x + radius * (2 * i + j + layer - 2),
-                y + radius * 3**0.5 * (j + layer / 3 - 2 / 3),
-                z + radius * (1 + layer * (8 / 3) ** 0.5),
-            ),
-            radius,
-            (plain("#e0a526"),),
-        )
-        for i, j, layer in balls
-    ]
+    for layer in range(3):
+        for j in range(3 - layer):
+            for i in range(3 - layer - j):
+                right, back = 2 * i + j + layer - 2, j + layer / 3 - 2 / 3
+                place = (x + radius * right, y + radius * 3**0.5 * back, z + radius * (1 + layer * (8 / 3) ** 0.5))
+                yield Sphere(place, radius, (plain("#e0a526"),))
