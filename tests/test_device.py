@@ -144,7 +144,7 @@ def test_kernels_compile_without_warnings(monkeypatch, device, style) -> None:
 
     def compiled(context, source, options):
         unique = f"constant int unique_{os.urandom(8).hex()} = 0;"  # else the driver's cache may have it
-        program = devices.built(context, f"{source}\n{unique}\n", options, cache_dir=False)
+        program = devices.built(context, f"{source}\n{unique}\n", options, cached=False)
         logs.append(program.get_build_info(context.devices[0], cl.program_build_info.LOG))
         return program
 
@@ -260,3 +260,17 @@ def test_a_kernel_cache_that_cannot_be_written_is_replaced_and_said_once(variabl
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert json.loads(done.stdout)
     assert done.stderr.count("temporary folder") == 1
+
+
+def test_a_program_that_is_built_again_is_kept_as_a_binary(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    device = choose_device().cl_device
+    if device.platform.name != devices.POCL:
+        pytest.skip("other drivers keep binaries themselves")
+    context, sizes = cl.Context([device]), []
+    for _ in range(3):
+        program = devices.built(context, devices._TRIVIAL_KERNEL, ["-DFACTOR=7.0f"])
+        sizes += [path.stat().st_size for path in tmp_path.glob("gspure/*.bin")]
+    assert sizes[0] == 0 < sizes[1] == sizes[2]
+    assert program.get_info(cl.program_info.SOURCE) == ""
+    assert [kernel.function_name for kernel in program.all_kernels()] == ["scale"]

@@ -11,7 +11,7 @@ from gspure.constants import ADAM_BETA1, ADAM_BETA2, ADAM_EPSILON
 from gspure.opencl.engine import Engine
 from gspure.opencl.gradients import DeviceGradients
 
-Floats = NDArray[Any]
+Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,18 @@ class Moments:
 
 
 class Adam:
-    """Adam over the geometry [K,GEOMETRY_ATTRIBUTES] and the colours [K,channel_attributes] of K = `count` Gaussians.
+    """Adam over the geometry [K,GEOMETRY_ATTRIBUTES] and the colours [K,attributes] of K = `count` Gaussians.
 
     `activated` receives the geometry as the renderer reads it: exp of scales, logistic function of opacities.
     """
 
     def __init__(
-        self,
-        engine: Engine,
-        count: int,
-        geometry: Moments,
-        channels: Moments,
-        channel_attributes: int,
-        activated: cl.Buffer,
+        self, engine: Engine, count: int, geometry: Moments, channels: Moments, attributes: int, activated: cl.Buffer
     ) -> None:
         self.geometry, self.channels, self.activated = geometry, channels, activated
         self._count, self._items = count, engine.vectors(count)
         self._rates = engine.buffers.rates
-        self._program = engine.program("vector", "adam", CHANNEL_ATTRIBUTES=channel_attributes)
+        self._program = engine.program("vector", "adam", CHANNEL_ATTRIBUTES=attributes)
         self._program.launch("activate_geometry", self._items, count, geometry.raw, activated)
 
     def step(self, number: int, rates: LearningRates, gradients: DeviceGradients) -> None:
@@ -67,17 +61,12 @@ class Adam:
             *(self._count, *corrections, self._rates.holding(np.array(per_attribute, np.float32))),
             *(gradients.geometry, geometry.raw, geometry.first, geometry.second, self.activated),
         )
-        self._program.launch(
-            "adam_channels",
-            self._items,
-            *(self._count, float(rates.sh_dc), float(rates.sh_rest), *corrections),
-            *(gradients.channels, channels.raw, channels.first, channels.second),
-        )
+        settings = (self._count, float(rates.sh_dc), float(rates.sh_rest), *corrections)
+        moments = (gradients.channels, channels.raw, channels.first, channels.second)
+        self._program.launch("adam_channels", self._items, *settings, *moments)
 
 
-def adam_step(
-    values: Floats, first: Floats, second: Floats, gradient: Floats, rate: float | Floats, number: int
-) -> None:
+def adam_step(values: Array, first: Array, second: Array, gradient: Array, rate: float | Array, number: int) -> None:
     """Take step `number`, from 1 on, in numpy; change values and both moments in place, in their precision."""
     first *= ADAM_BETA1
     first += (1 - ADAM_BETA1) * gradient

@@ -1,27 +1,21 @@
 """The buffers that an engine keeps from frame to frame."""
 
+from collections.abc import Callable
 from math import prod
-from typing import Any, Protocol
+from typing import Any
 
 import pyopencl as cl
 from numpy.typing import NDArray
 
-
-class Memory(Protocol):
-    """What buffers need of an engine (`gspure.opencl.engine.Engine`)."""
-
-    def allocate(self, nbytes: int) -> cl.Buffer:
-        """Return a new buffer of at least `nbytes`."""
-
-    def copied(self, array: NDArray[Any], buffer: cl.Buffer) -> cl.Buffer:
-        """Copy `array` into `buffer`, and return it."""
+Allocate = Callable[[int], cl.Buffer]
+Copy = Callable[[NDArray[Any], cl.Buffer], cl.Buffer]
 
 
 class Scratch:
     """A buffer that grows as needed; growing loses its contents."""
 
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
+    def __init__(self, allocate: Allocate, copy: Copy) -> None:
+        self._allocate, self._copy = allocate, copy
         self._buffer: cl.Buffer | None = None
 
     def sized(self, *shape: int) -> cl.Buffer:
@@ -30,12 +24,12 @@ class Scratch:
         if self._buffer is None or self._buffer.size < nbytes:
             if self._buffer is not None:
                 self._buffer.release()
-            self._buffer = self._memory.allocate(nbytes)
+            self._buffer = self._allocate(nbytes)
         return self._buffer
 
     def holding(self, array: NDArray[Any]) -> cl.Buffer:
         """Return the buffer, with a copy of `array`."""
-        return self._memory.copied(array, self.sized(-(-array.nbytes // 4)))
+        return self._copy(array, self.sized(-(-array.nbytes // 4)))
 
 
 class Buffers:
@@ -93,6 +87,6 @@ class Buffers:
     centre_gradients: Scratch  # [K,2]
     rates: Scratch  # [GEOMETRY_ATTRIBUTES]
 
-    def __init__(self, memory: Memory) -> None:
+    def __init__(self, allocate: Allocate, copy: Copy) -> None:
         for name in Buffers.__annotations__:
-            setattr(self, name, Scratch(memory))
+            setattr(self, name, Scratch(allocate, copy))

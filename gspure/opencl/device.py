@@ -7,19 +7,22 @@ import shutil
 import tempfile
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 import pyopencl as cl
 
 from gspure.errors import InputError
+from gspure.files import digest, replacing
 from gspure.progress import warn
 
 DEVICE_VARIABLE: Final = "GSPURE_DEVICE"
+POCL: Final = "Portable Computing Language"
 INSTALL_HINT: Final = "see `gspure doctor`, which installs a driver with --fix"
 
 _TRIVIAL_KERNEL = """
@@ -103,7 +106,7 @@ def defect(device: Device, factor: int = 3) -> str | None:
         queue = cl.CommandQueue(context)
         source = cl.Buffer(context, cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, hostbuf=numbers)
         target = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, size=scaled.nbytes)
-        program = built(context, _TRIVIAL_KERNEL, [f"-DFACTOR={factor}.0f"], cache_dir=False)
+        program = built(context, _TRIVIAL_KERNEL, [f"-DFACTOR={factor}.0f"], cached=False)
         cl.Kernel(program, "scale")(queue, (numbers.size // 16,), None, source, target)
         cl.enqueue_copy(queue, scaled, target)
     except cl.Error as error:
@@ -111,19 +114,39 @@ def defect(device: Device, factor: int = 3) -> str | None:
     return None if np.array_equal(scaled, factor * numbers + 1) else "a trivial program gives wrong results"
 
 
-def built(context: cl.Context, source: str, options: Sequence[str], **settings: Any) -> cl.Program:
+def built(context: cl.Context, source: str, options: Sequence[str], *, cached: bool = True) -> cl.Program:
     """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some.
 
-    Raise MemoryError if the driver runs out of memory; a process that then releases the program would hang in PoCL, so
-    it is kept.
+    From its own cache, PoCL takes 20 ms for any program, from a binary 2 ms. So programs that are built a second time
+    are kept as binaries: making one takes as long as the build.
+
+    Raise MemoryError if the driver runs out of memory; PoCL would hang on releasing the program then, so it is kept.
     """
+    device = context.devices[0]
+    file = _binary(device, source, options) if cached and device.platform.name == POCL else None
+    known = file.read_bytes() if file and file.is_file() else None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
         try:
-            return cl.Program(context, source).build(list(options), **settings)
+            if known:
+                with suppress(cl.Error):  # another PoCL of the same version
+                    return cl.Program(context, [device], [known]).build(list(options))
+            program = cl.Program(context, source).build(list(options), cache_dir=None if cached else False)
+            content = b"" if known is None else program.binaries[0]
         except MemoryError as error:
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(error))  # its traceback refers to the program
             raise MemoryError("no room to build the kernels") from None
+    if file:
+        with suppress(OSError), replacing(file) as temporary:
+            temporary.write_bytes(content)
+    return program
+
+
+def _binary(device: cl.Device, source: str, options: Sequence[str]) -> Path:
+    """Return the file of a program's binary; it is empty after the first build."""
+    cache = os.environ.get("POCL_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    driver = (device.platform.version, device.driver_version, device.name, device.version)
+    return Path(cache).expanduser() / "gspure" / f"{digest(*driver, source, *options)}.bin"
 
 
 def works(device: Device) -> bool:
@@ -150,11 +173,7 @@ def choose_device(spec: str | None = None) -> Device:
 
 
 def _platforms() -> list[cl.Platform]:
-    for variable, place in _caches().items():
-        if not _is_writable(place):
-            os.environ[variable] = folder = tempfile.mkdtemp(prefix="gspure-cache-")
-            atexit.register(shutil.rmtree, folder, ignore_errors=True)
-            warn(f"{place} cannot be written to: this process caches its kernels in a temporary folder")
+    _redirect_caches()
     _register_intel()
     try:
         platforms: list[cl.Platform] = cl.get_platforms()
@@ -162,6 +181,22 @@ def _platforms() -> list[cl.Platform]:
         return []
     # PoCL 3.0, that of PyPI, hangs or ends the process on processors made since 2022.
     return sorted(platforms, key=lambda platform: "PoCL 3.0" in platform.version)
+
+
+def _redirect_caches() -> None:
+    """Replace folders of kernel caches that cannot be written to: if one is read-only, PoCL lists no device."""
+    for variable, default in {"XDG_CACHE_HOME": "~/.cache", "POCL_CACHE_DIR": None}.items():
+        if not (place := os.environ.get(variable) or default):
+            continue
+        try:
+            (folder := Path(place).expanduser()).mkdir(parents=True, exist_ok=True)
+            writable = os.access(folder, os.W_OK)
+        except (OSError, RuntimeError):  # a user without a home
+            writable = False
+        if not writable:
+            os.environ[variable] = temporary = tempfile.mkdtemp(prefix="gspure-cache-")
+            atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+            warn(f"{place} cannot be written to: this process caches its kernels in a temporary folder")
 
 
 def _register_intel() -> None:
@@ -180,22 +215,6 @@ def _register_intel() -> None:
             (folder / file.name).symlink_to(file)
     (folder / "intel-pypi.icd").write_text(library)
     os.environ["OCL_ICD_VENDORS"] = str(folder)
-
-
-def _caches() -> dict[str, str]:
-    """Return the folders of kernel caches by variable: if one is read-only, PoCL lists no device."""
-    places = {"XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")}  # noqa: PTH111
-    return places | {name: place for name in ("POCL_CACHE_DIR",) if (place := os.environ.get(name))}
-
-
-def _is_writable(folder: str) -> bool:
-    if folder.startswith("~"):  # a user without a home
-        return False
-    try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK)
 
 
 def _devices(platform: cl.Platform) -> list[cl.Device]:

@@ -39,8 +39,7 @@ def device_identity(device: Device, style: Style | None = None) -> str:
     Drivers, CPUs and kernel styles round differently: results are bit-identical only where this text is the same. The
     version strings of a driver name its compiler and the CPU that it targets.
     """
-    target = device.cl_device
-    driver = (device.platform, device.version, device.driver)
+    driver, target = (device.platform, device.version, device.driver), device.cl_device
     return "; ".join([*driver, device.name, target.version.strip(), f"{style or suited_style(target)} style"])
 
 
@@ -67,12 +66,9 @@ def _context(device: cl.Device) -> cl.Context:
 
 @cache
 def _kernels(
-    context: cl.Context,
-    sources: tuple[str, ...],
-    defines: tuple[tuple[str, int], ...],
-    thread: int,  # noqa: ARG001  (kernels hold their arguments)
+    context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...], _thread: int
 ) -> dict[str, cl.Kernel]:
-    """Return the kernels of a program by name, built once per process and `thread`."""
+    """Return the kernels of a program by name, built once per process and thread, as they hold their arguments."""
     try:
         return by_name(built(context, kernel_source(*sources), build_options(dict(defines))))
     except cl.Error as error:
@@ -89,9 +85,7 @@ class Program:
     """The kernels of a program, launched in one queue in work-groups of `group` items by default."""
 
     def __init__(self, kernels: Mapping[str, cl.Kernel], queue: cl.CommandQueue, group: int) -> None:
-        self._kernels = kernels
-        self._queue = queue
-        self._group = group
+        self._kernels, self._queue, self._group = kernels, queue, group
 
     def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> cl.Event | None:
         """Enqueue a kernel over `items` work-items, rounded up to whole groups; return its event, None without items.
@@ -123,14 +117,14 @@ class Engine:
         self.context = _context(device)
         with _in_memory(device):
             self.queue = cl.CommandQueue(self.context)
-        self.buffers = Buffers(self)
+        self.buffers = Buffers(self.allocate, self.copied)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
 
     def beside(self) -> Engine:
         """Return an engine with the same device, queue and programs, but its own buffers."""
         engine = copy(self)
-        engine.buffers = Buffers(engine)
+        engine.buffers = Buffers(engine.allocate, engine.copied)
         return engine
 
     def program(self, *sources: str, **defines: int) -> Program:

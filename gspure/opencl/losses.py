@@ -12,7 +12,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 
 _MARGIN = SSIM_WINDOW // 2
-
+_BELL = np.exp(-0.5 * ((np.arange(SSIM_WINDOW) - _MARGIN) / SSIM_SIGMA) ** 2)  # a factor of SSIM's Gaussian window
 SSIM_WEIGHT = 0.2  # share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al. 2023)
 
 
@@ -28,7 +28,7 @@ class Planes:
         # A margin on either side, and room for whole vectors.
         self.stride = -(-(self.values + 2 * _MARGIN * channels + 16) // 16) * 16
         self.program = engine.program("vector", "losses", CHANNELS=channels)
-        self.window = engine.uploaded(ssim_window())
+        self.window = engine.uploaded(np.asarray(_BELL / _BELL.sum(), np.float32))
         self.image, self.moments, self.maps = (engine.uploaded(self._zeros(planes)) for planes in (1, 5, 3))
 
     def padded(self, image: Float32) -> cl.Buffer:
@@ -58,11 +58,10 @@ class Photograph:
         """
         planes, target, weight = self.planes, self.plane, float(ssim_weight)
         engine, window, padded, moments = planes.engine, planes.window, planes.image, planes.moments
-        height, width, channels = planes.shape
-        vectors = height * engine.vectors(planes.values)
+        height, vectors = planes.shape[0], planes.shape[0] * engine.vectors(planes.values)
         items = height if engine.style == "cpu" else vectors
         vector_losses = engine.buffers.vector_losses.sized(vectors)
-        gradient = engine.buffers.image_gradient.sized(height, width, channels)
+        gradient = engine.buffers.image_gradient.sized(*planes.shape)
 
         def launch(kernel: str, *args: cl.Buffer | float) -> None:
             planes.program.launch(kernel, items, height, planes.values, planes.stride, *args)
@@ -94,10 +93,3 @@ def upload_photographs(engine: Engine, images: Sequence[Float32]) -> list[Photog
     """Upload photographs [H,W,C], values 0 to 1; those of one size share their planes."""
     planes = {shape: Planes(engine, *shape) for shape in {image.shape for image in images}}
     return [Photograph(planes[image.shape], planes[image.shape].padded(image)) for image in images]
-
-
-def ssim_window() -> Float32:
-    """Return the 1-D factor of SSIM's 11 x 11 Gaussian window, sigma 1.5, normalized."""
-    offsets = np.arange(SSIM_WINDOW) - _MARGIN
-    window = np.exp(-0.5 * (offsets / SSIM_SIGMA) ** 2)
-    return np.asarray(window / window.sum(), np.float32)

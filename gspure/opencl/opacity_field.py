@@ -1,6 +1,5 @@
 """Blending along the rays through points in space in one view (opacity_field.cl)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,15 +16,6 @@ from gspure.opencl.projection import project
 from gspure.opencl.storage import Rows, Storage
 
 FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
-
-
-@dataclass(frozen=True)
-class Placed:
-    """The S points that a view shows, tile by tile: `rows`, `tiles`, and `positions` (u, v, z) [S,3]."""
-
-    rows: Indices
-    tiles: Indices
-    positions: Float32
 
 
 class Rays:
@@ -47,44 +37,47 @@ class Rays:
         If the points are the centres of Gaussians, at the positions `owners` [P] in storage, return the contribution of
         each on the ray through its centre; 0 where the view does not show it.
         """
-        placed, columns = place(self.frame, points), self.frame.tiles[0]
+        columns, _ = self.frame.tiles
+        rows, tiles, positions = _by_tile(self.frame, points)
         values = np.full(len(points), owners is None, np.float32)
         for band in self.bands:
-            begin, end = np.searchsorted(placed.tiles, (band.start * columns, band.stop * columns))
-            if begin < end:
-                inside = Placed(*(part[begin:end] for part in vars(placed).values()))
-                values[inside.rows] = self._blend_band(band, inside, owners, least)
+            inside = slice(*np.searchsorted(tiles, (band.start * columns, band.stop * columns)))
+            if len(shown := rows[inside]):
+                owning = None if owners is None else owners[shown]
+                values[shown] = self._blend_band(band, tiles[inside], positions[inside], owning, least)
         return values
 
-    def _blend_band(self, band: range, placed: Placed, owners: Rows | None, least: float) -> Float32:
+    def _blend_band(
+        self, band: range, tiles: Indices, positions: Float32, owners: Rows | None, least: float
+    ) -> Float32:
         """Return the values of a band's points."""
         frame, engine, buffers = self.frame, self.frame.engine, self.frame.engine.buffers
         if self.lists is None or self.lists.band != band:
             self.lists = bin_tiles(frame, self.projected, self.bounds, band)
-        tiles, sources = _work_items(placed.tiles, LANES[engine.style])
+        tiles, sources = _work_items(tiles, LANES[engine.style])
         computed = buffers.point_values.sized(*sources.shape)
         frame.program("vector", "layout", "blending", "opacity_field").launch(
             "blend_points" if owners is None else "blend_centres",
             len(tiles),
-            *(len(tiles), buffers.points.holding(placed.positions[sources].transpose(0, 2, 1))),
+            *(len(tiles), buffers.points.holding(positions[sources].transpose(0, 2, 1))),
             buffers.point_tiles.holding((tiles - band.start * frame.tiles[0]).astype(np.uint32)),
             *(self.projected.splats, self.lists.entries, self.lists.tile_starts, computed),
-            least if owners is None else buffers.point_owners.holding(owners[placed.rows[sources]]),
+            least if owners is None else buffers.point_owners.holding(owners[sources]),
         )
-        values = np.empty(len(placed.rows), np.float32)
+        values = np.empty(len(positions), np.float32)
         values[sources] = engine.read(computed, sources.shape, np.float32)
         return values
 
 
-def place(frame: Frame, points: NDArray[np.floating]) -> Placed:
-    """Project points, and sort those that the view shows by tile."""
+def _by_tile(frame: Frame, points: NDArray[np.floating]) -> tuple[Indices, Indices, Float32]:
+    """Return the points that a view shows, by tile: their rows [S], tiles [S] and positions (u, v, z) [S,3]."""
     rows, positions = points_shown(frame.camera, points)
-    columns, _ = frame.tiles
+    columns, lines = frame.tiles
     column, row = (positions[:, :2].astype(np.int32) // np.int32(TILE)).T
     tiles = row * np.int32(columns) + column
-    is_few = frame.tiles[0] * frame.tiles[1] < 1 << 16  # of which numpy has a radix sort
+    is_few = columns * lines < 1 << 16  # of which numpy has a radix sort
     order = np.argsort(tiles.astype(np.uint16) if is_few else tiles, kind="stable")
-    return Placed(rows[order], tiles[order], positions[order].astype(np.float32))
+    return rows[order], tiles[order], positions[order].astype(np.float32)
 
 
 def _work_items(tiles: Indices, lanes: int) -> tuple[Indices, Indices]:
@@ -95,6 +88,6 @@ def _work_items(tiles: Indices, lanes: int) -> tuple[Indices, Indices]:
     present, starts, counts = np.unique(tiles, return_index=True, return_counts=True)
     items = -(-counts // lanes)
     owners = np.repeat(np.arange(len(present)), items)
-    first = np.arange(len(owners)) - np.repeat(np.cumsum(items) - items, items)
-    sources = (starts[owners] + lanes * first)[:, None] + np.arange(lanes)
+    within = np.arange(len(owners)) - np.repeat(np.cumsum(items) - items, items)
+    sources = (starts[owners] + lanes * within)[:, None] + np.arange(lanes)
     return present[owners], np.minimum(sources, (starts + counts - 1)[owners, None])

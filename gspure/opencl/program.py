@@ -32,10 +32,7 @@ BUILD_OPTIONS = ("-cl-std=CL1.2",)
 def kernel_folder() -> Path:
     """Return the folder of the .cl files: inside an installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parents[1]
-    for folder in (package / "kernels_cl", package.parent / "kernels_cl"):
-        if folder.is_dir():
-            return folder
-    raise FileNotFoundError(f"the OpenCL sources (kernels_cl) are missing beside {package}")
+    return next(folder for place in (package, package.parent) if (folder := place / "kernels_cl").is_dir())
 
 
 def kernel_source(*names: str) -> str:
@@ -45,7 +42,8 @@ def kernel_source(*names: str) -> str:
 
 def build_options(defines: Mapping[str, int]) -> list[str]:
     """Return compiler options: the renderer's constants and `defines` as -D."""
-    numbers = [f"-D{name}={_literal(value)}" for name, value in RENDERER_CONSTANTS.items()]
+    suffixes = {int: "", float: "f"}
+    numbers = [f"-D{name}={value!r}{suffixes[type(value)]}" for name, value in RENDERER_CONSTANTS.items()]
     return [*BUILD_OPTIONS, *numbers, *(f"-D{name}={value}" for name, value in sorted(defines.items()))]
 
 
@@ -53,7 +51,3 @@ def kernel_digest() -> str:
     """Return a digest of all kernel sources, constants and build options: of all that can change a rendering."""
     names = sorted(path.stem for path in kernel_folder().glob("*.cl"))
     return digest(*names, kernel_source(*names), " ".join(build_options({})))
-
-
-def _literal(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value!r}f"

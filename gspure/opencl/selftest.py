@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any, Final
 from gspure.errors import InputError
 
 if TYPE_CHECKING:  # imported in children only, so that `gspure doctor` reports missing packages
-    from gspure.cameras import Camera
-    from gspure.model import Gaussians
     from gspure.opencl.device import Device
 
 _SECONDS: Final = 20
@@ -55,14 +53,11 @@ def try_devices() -> list[Trial]:
 def _try(device: dict[str, Any]) -> Trial:
     began = time.monotonic()
     child = _child(str(device["index"]))
-    return Trial(**device, problem=_problem(child), seconds=time.monotonic() - began)
-
-
-def _problem(child: subprocess.CompletedProcess[str]) -> str | None:
-    if child.returncode == 0:
-        return None
-    reason = _REASON.search(child.stderr)
-    return reason[1] or reason[2] if reason else f"the driver ended the process (status {child.returncode})"
+    problem = None
+    if child.returncode:
+        reason = _REASON.search(child.stderr)
+        problem = reason[1] or reason[2] if reason else f"the driver ended the process (status {child.returncode})"
+    return Trial(**device, problem=problem, seconds=time.monotonic() - began)
 
 
 def _child(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -93,11 +88,12 @@ def _main(arguments: list[str]) -> str | None:
 def frame_problem(device: Device) -> str | None:
     """Return why a trivial program or a small frame is wrong on `device`; None if both are correct.
 
-    A frame is correct if the contributions add up to the light that is missing from the background: sum_k omega_k =
-    sum over pixels of (1 - T).
+    A frame is correct if its contributions add up to the light that is missing from the background.
     """
     import numpy as np
 
+    from gspure.cameras import Camera, intrinsics
+    from gspure.model import Gaussians
     from gspure.opencl.device import defect
     from gspure.opencl.engine import Engine
     from gspure.opencl.frame import Frame, Traversal
@@ -106,33 +102,21 @@ def frame_problem(device: Device) -> str | None:
 
     if trivial := defect(device, factor=3 + os.getpid() % 1000):
         return trivial
-    model, camera = _small_scene()
-    engine = Engine(device.cl_device)
-    canvas = forward(Frame(engine, store(engine, model), camera, Traversal("ray", contributions=True))).canvas
-    contributed = float(engine.read(canvas.records, (len(model), 4), np.float32)[:, 1].sum(dtype=float))
-    transmittance = engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
-    absorbed = float((1 - transmittance).sum(dtype=float))
-    is_correct = absorbed > 1 and abs(contributed - absorbed) < 1e-4 * absorbed
-    return None if is_correct else "a small frame gives wrong results"
-
-
-def _small_scene() -> tuple[Gaussians, Camera]:
-    import numpy as np
-
-    from gspure.cameras import Camera, intrinsics
-    from gspure.model import Gaussians
-
-    rng, count = np.random.default_rng(0), 64
+    rng, count, size = np.random.default_rng(0), 64, 48
     model = Gaussians.from_parameters(
-        means=rng.uniform(-1, 1, (count, 3)),
+        means=rng.uniform((-1, -1, 3), (1, 1, 5), (count, 3)),
         quats=rng.normal(size=(count, 4)),
         scales=rng.uniform(0.05, 0.2, (count, 3)),
         opacities=rng.uniform(0.1, 0.9, count),
-        sh_coeffs=rng.normal(size=(count, 1, 3)),
+        sh_coeffs=np.zeros((count, 1, 3)),
     )
-    viewmat = np.eye(4)
-    viewmat[2, 3] = 4
-    return model, Camera("trial", 48, 48, intrinsics(48, 48, 24, 24), viewmat)
+    camera = Camera("trial", size, size, intrinsics(size, size, size / 2, size / 2), np.eye(4))
+    engine = Engine(device.cl_device)
+    canvas = forward(Frame(engine, store(engine, model), camera, Traversal("ray", contributions=True))).canvas
+    contributed = float(engine.read(canvas.records, (count, 4), np.float32)[:, 1].sum(dtype=float))
+    absorbed = float((1 - engine.read(canvas.transmittance, (size, size), np.float32)).sum(dtype=float))
+    is_correct = absorbed > 1 and abs(contributed - absorbed) < 1e-4 * absorbed
+    return None if is_correct else "a small frame gives wrong results"
 
 
 if __name__ == "__main__":

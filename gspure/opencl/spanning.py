@@ -23,8 +23,7 @@ class _Search:
         self.count, columns = points.shape
         self.levels = max(0, int(np.ceil(np.log2(self.count / LEAF))))
         self.leaves = 1 << self.levels
-        self._engine = engine
-        self._shape = (self.count, self.levels)
+        self._engine, self._shape = engine, (self.count, self.levels)
         singles = np.array_equal(points, points.astype(np.float32))
         self._real = 4 if singles else 8  # bytes of a number that is searched
         defines = {"COLUMNS": columns, "NEIGHBOURS": min_samples, "SINGLES": int(singles)}
@@ -39,12 +38,12 @@ class _Search:
         keys = engine.allocate(8 * self.count)
         for level in range(self.levels):
             self._launch("split_nodes", 1 << level, *self._shape, level, self._points, self._order, keys)
-        self._blocks = engine.allocate(8 * self.leaves * columns * LEAF)
-        self._searched = engine.allocate(self._real * self.leaves * columns * LEAF)
-        self._boxes = engine.allocate(self._real * 2 * self.leaves * 2 * columns)
-        places = (self._blocks, self._searched, self._boxes)
-        self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, *places)
-        self._join("join_boxes", self._boxes)
+        blocks = engine.allocate(8 * self.leaves * columns * LEAF)
+        searched = engine.allocate(self._real * self.leaves * columns * LEAF)
+        boxes = engine.allocate(self._real * 2 * self.leaves * 2 * columns)
+        self._places = (blocks, searched, boxes)
+        self._launch("fill_leaves", self.leaves, *self._shape, self._points, self._order, *self._places)
+        self._join("join_boxes", boxes)
         self.order = engine.read(self._order, (self.count,), np.uint32)
 
     def _find_cores(self, copies: NDArray[Any], min_samples: int) -> None:
@@ -52,12 +51,8 @@ class _Search:
         self._neighbours = engine.allocate(4 * self.count * min_samples)
         self._core = engine.allocate(8 * self.count)
         copies = engine.uploaded(copies[self.order].astype(np.uint32))
-        self._launch(
-            "find_neighbours",
-            self.leaves,
-            *(*self._shape, min_samples),
-            *(self._blocks, self._searched, self._boxes, copies, self._neighbours, self._core),
-        )
+        found = (copies, self._neighbours, self._core)
+        self._launch("find_neighbours", self.leaves, *self._shape, min_samples, *self._places, *found)
         self._cores = engine.allocate(self._real * self.leaves * LEAF)
         self._least_cores = engine.allocate(self._real * 2 * self.leaves)
         self._launch("fill_cores", self.leaves, *self._shape, self._core, self._cores, self._least_cores)
@@ -75,9 +70,8 @@ class _Search:
         """Return (points, partners, squared lengths) of the shortest edge that leaves each component."""
         engine = self._engine
         engine.copied(component, self._component)
-        self._launch(
-            "fill_components", self.leaves, *self._shape, self._component, self._components, self._node_components
-        )
+        filled = (self._component, self._components, self._node_components)
+        self._launch("fill_components", self.leaves, *self._shape, *filled)
         self._join("join_components", self._node_components)
         unbounded = np.full(components, np.inf, np.float32)
         bounds, shortest = engine.uploaded(unbounded), engine.uploaded(unbounded)
@@ -90,7 +84,7 @@ class _Search:
         self._launch(
             "find_edges",
             self.leaves,
-            *(*self._shape, self._blocks, self._searched, self._boxes, self._core, self._cores, self._least_cores),
+            *(*self._shape, *self._places, self._core, self._cores, self._least_cores),
             *(self._components, self._node_components, bounds),
             *(self._partners, self._lengths, self._least_lengths, shortest),
         )
@@ -121,8 +115,7 @@ def minimum_spanning_tree(
     """
     search = _Search(engine, points, copies, min_samples)
     component, components = np.arange(search.count, dtype=np.uint32), search.count
-    ends: list[UInt32] = []
-    squares: list[Float64] = []
+    ends, squares = [], []
     while components > 1:
         near, far, lengths = search.edges(component, components)
         kept, components, labels = _join(component[far], lengths)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,18 +50,16 @@ class Parameters:
     @staticmethod
     def of(geometry: Float32, sh_coeffs: Float32) -> Parameters:
         """Split `geometry` [K,GEOMETRY_ATTRIBUTES] and `sh_coeffs` [K,3 S] into parameters."""
-        means, quats, log_scales, logits = (
-            np.ascontiguousarray(part) for part in np.split(geometry, [3, 7, 10], axis=1)
-        )
+        means, quats, log_scales, logits = map(np.ascontiguousarray, np.split(geometry, [3, 7, 10], axis=1))
         return Parameters(means, quats, log_scales, logits[:, 0], sh_coeffs.reshape(-1, sh_coeffs.shape[1] // 3, 3))
 
     def rows(self, rows: NDArray[Any]) -> Parameters:
         """Return these rows: indices, or a mask."""
-        return Parameters(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return Parameters(*(values[rows] for values in vars(self).values()))
 
     def zeros(self) -> Parameters:
         """Return zeros of the same shapes."""
-        return Parameters(*(np.zeros_like(getattr(self, field.name)) for field in fields(self)))
+        return Parameters(*map(np.zeros_like, vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -121,19 +120,20 @@ class TrainableModel:
         self._photographs = upload_photographs(self.engine, images)
 
     def step(
-        self,
-        camera: Camera,
-        target: int,
-        rates: LearningRates,
-        *,
-        background: Sequence[float] = (0.0, 0.0, 0.0),
+        self, camera: Camera, target: int, rates: LearningRates, *, background: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> float:
         """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss.
 
-        Raise ValueError if the photograph is not of the camera's size.
+        The photograph has the camera's size. The view counts in the statistics (statistics.cl).
         """
         loss, rendered, gradients = self.differentiate(camera, target, background)
-        self._count_view(rendered, gradients)
+        self.engine.program("vector", "layout", "statistics").launch(
+            "accumulate_statistics",
+            self.count,
+            *(self.count, camera.width / 2, camera.height / 2),
+            *(rendered.projected.depth_keys, gradients.centres, *self.statistics_buffers),
+            group=SUM_GROUP,
+        )
         self.update(rates, gradients)
         return loss
 
@@ -141,12 +141,8 @@ class TrainableModel:
         self, camera: Camera, target: int, background: Sequence[float]
     ) -> tuple[float, Rendered, DeviceGradients]:
         """Return the loss of a view, its frame and gradients; these stay valid until the next view."""
-        photograph = self._photographs[target]
-        height, width, _ = photograph.planes.shape
-        if (width, height) != (camera.width, camera.height):
-            raise ValueError(f"a photograph of {width}x{height} for a view of {camera.width}x{camera.height}")
         rendered = self._forward(camera, background)
-        loss, image_gradient = photograph.compare(rendered.canvas.image, SSIM_WEIGHT)
+        loss, image_gradient = self._photographs[target].compare(rendered.canvas.image, SSIM_WEIGHT)
         return loss, rendered, backward(rendered, image_gradient)
 
     def update(self, rates: LearningRates, gradients: DeviceGradients) -> None:
@@ -160,35 +156,24 @@ class TrainableModel:
 
     def statistics(self) -> Statistics:
         """Read the statistics."""
-        order, count = self._storage.order, self.count
-        norms, views = np.empty(count, np.float32), np.empty(count, np.uint32)
+        norms, views = np.empty(self.count, np.float32), np.empty(self.count, np.uint32)
         for values, buffer in zip((norms, views), self.statistics_buffers, strict=True):
-            values[order] = self.engine.read(buffer, (count,), values.dtype)
+            values[self._storage.order] = self.engine.read(buffer, (self.count,), values.dtype)
         return Statistics(norms, views)
 
     def state(self) -> TrainState:
         """Read parameters and moments."""
-        attributes = 3 * (self.sh_degree + 1) ** 2
-        groups = zip(*(vars(group).values() for group in (self._adam.geometry, self._adam.channels)), strict=True)
-        return TrainState(
-            *(
-                Parameters.of(
-                    by_row(self.engine, self._storage, geometry, GEOMETRY_ATTRIBUTES),
-                    by_row(self.engine, self._storage, channels, attributes),
-                )
-                for geometry, channels in groups
-            )
-        )
+        read, attributes = partial(by_row, self.engine, self._storage), 3 * (self.sh_degree + 1) ** 2
+        groups = zip(vars(self._adam.geometry).values(), vars(self._adam.channels).values(), strict=True)
+        return TrainState(*(Parameters.of(read(g, GEOMETRY_ATTRIBUTES), read(c, attributes)) for g, c in groups))
 
     def replace(self, state: TrainState) -> None:
         """Continue from `state`, of any number of Gaussians, with statistics of zero."""
         engine, parameters, count = self.engine, state.parameters, len(state.parameters)
         order = morton_order(parameters.means)
 
-        def uploaded(raw: Float32, first: Float32, second: Float32) -> Moments:
-            return Moments(
-                *(upload_attributes(engine, order, raw.shape[1], part.__getitem__) for part in (raw, first, second))
-            )
+        def uploaded(*parts: Float32) -> Moments:
+            return Moments(*(upload_attributes(engine, order, part.shape[1], part.__getitem__) for part in parts))
 
         parts = (parameters, state.first, state.second)
         geometry, channels = uploaded(*(part.geometry for part in parts)), uploaded(*(part.channels for part in parts))
@@ -198,17 +183,6 @@ class TrainableModel:
         self.statistics_buffers = engine.allocate(4 * count), engine.allocate(4 * count)
         for buffer in self.statistics_buffers:
             engine.clear(buffer, 4 * count)
-
-    def _count_view(self, rendered: Rendered, gradients: DeviceGradients) -> None:
-        """Add a view to the statistics (statistics.cl)."""
-        camera = rendered.frame.camera
-        self.engine.program("vector", "layout", "statistics").launch(
-            "accumulate_statistics",
-            self.count,
-            *(self.count, camera.width / 2, camera.height / 2),
-            *(rendered.projected.depth_keys, gradients.centres, *self.statistics_buffers),
-            group=SUM_GROUP,
-        )
 
     def _forward(self, camera: Camera, background: Sequence[float]) -> Rendered:
         traversal = Traversal("ewa", channels=3, sh_degree=self.sh_degree_active, stored_sh_degree=self.sh_degree)
@@ -276,8 +250,7 @@ class TwinModel:
 
     def states(self) -> States:
         """Read parameters and moments."""
-        first, second = (model.state() for model in self.models)
-        return first, second
+        return self.models[0].state(), self.models[1].state()
 
     def replace(self, states: States) -> None:
         """Continue from `states`, of any number of Gaussians, with statistics of zero."""
