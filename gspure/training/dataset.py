@@ -33,7 +33,6 @@ from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_p
 
 EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
 ASPECT_TOLERANCE: Final = 0.01  # relative; rounding to whole pixels stays within it, cropping and turning do not
-
 MOST_ROUNDING: Final = 1e-5  # of float32, relative to the distance of the farthest camera from the mean; ours
 
 POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
@@ -41,7 +40,6 @@ POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.pl
 3DGS's output."""
 
 _GREY: Final = 128
-
 BLENDER: Final = "transforms_train.json"  # training views of a Blender scene (NeRF)
 BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")  # the first of these that exists
 _NERFSTUDIO_HELD_OUT: Final = ("test_filenames", "val_filenames")  # the first of these lists that exists
@@ -138,10 +136,8 @@ def read_views(source: Path) -> Views:
     cameras, scene = read_cameras(source), camera_object(source)
     if scene and any(name in scene for name in _NERFSTUDIO_HELD_OUT):
         return _nerfstudio_views(scene, cameras)
-    if not (source.is_dir() and scene and Path(scene.source).name == BLENDER):
-        return Views(cameras)
     file = next((source / name for name in BLENDER_HELD_OUT if (source / name).is_file()), None)
-    if file is None:
+    if not (file and scene and Path(scene.source).name == BLENDER):
         return Views(cameras)
     both = [*cameras, *read_cameras(file)]
     names = kept_apart([camera.name for camera in both], [str(camera.image) for camera in both], file)
@@ -158,8 +154,6 @@ def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     train = _names(entry, "train_filenames", views) if "train_filenames" in entry else {*views.values()} - held_out
     if missing := (train | held_out) - {camera.name for camera in cameras}:
         raise entry.refusal(key, expected="views of the file", found=min(missing))
-    if both := train & held_out:
-        raise entry.refusal(key, expected="no training views", found=min(both))
     return Views([camera for camera in cameras if camera.name in train | held_out], frozenset(held_out))
 
 
@@ -210,12 +204,14 @@ def _remedy(cameras: Sequence[Camera], source: Path) -> str:
     if len(missing_photographs(cameras)) < len(cameras):
         return "`gspure train --skip-missing` leaves out their views"
     names, suffixes = {camera.name for camera in cameras}, {*chain(*FORMATS.values())}
-    files = (
-        file for file in (source if source.is_dir() else source.parent).rglob("*") if safe_name(file.name) in names
-    )
-    folders = sorted({file.parent for file in files if file.suffix.lower() in suffixes})
+    images = (file for file in _folder(source).rglob("*") if file.suffix.lower() in suffixes)
+    folders = sorted({image.parent for image in images if safe_name(image.name) in names})
     hint = f"there are some in {folders[0]}" if folders else "there are none here"
     return f"`gspure train --images DIR` names a folder of photographs named as the views; {hint}"
+
+
+def _folder(source: Path) -> Path:
+    return source if source.is_dir() else source.parent
 
 
 def _with_photographs(cameras: list[Camera], photographs: Path | None, source: Path) -> list[Camera]:
@@ -224,8 +220,7 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None, source: P
     If it is None, views that name no photograph get those in the capture.
     """
     if photographs is None:
-        place = source if source.is_dir() else source.parent
-        images = located([c.name for c in cameras], [c.image for c in cameras], place)
+        images = located([c.name for c in cameras], [c.image for c in cameras], _folder(source))
         return [replace(c, image=image) for c, image in zip(cameras, images, strict=True)]
     named: dict[str, Path] = {}
     views = {camera.name for camera in cameras}

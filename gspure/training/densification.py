@@ -4,12 +4,11 @@
 test, so no published model was trained with it.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import EllipsisType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gspure.files import Bools, Float32, Indices
 from gspure.model.activations import logit, sigmoid
@@ -72,8 +71,8 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
     after, first, second = (part.rows(growth.rows) for part in (state.parameters, state.first, state.second))
     after.means[growth.half] += growth.offsets
     after.log_scales[growth.half] -= np.float32(np.log(SPLIT_SHRINK))
-    for array in (*_arrays(first), *_arrays(second)):
-        array[growth.new] = 0
+    for moments in (*vars(first).values(), *vars(second).values()):
+        moments[growth.new] = 0
     return TrainState(after, first, second)
 
 
@@ -106,7 +105,3 @@ def _offsets(parameters: Parameters, rng: np.random.Generator) -> Float32:
     local = np.exp(parameters.log_scales) * rng.standard_normal(parameters.means.shape)
     turned = 2 * np.cross(vector, local)  # q v q* = v + w t + u x t, with t = 2 u x v
     return np.asarray(local + scalar * turned + np.cross(vector, turned), np.float32)
-
-
-def _arrays(parameters: Parameters) -> list[NDArray[Any]]:
-    return [getattr(parameters, field.name) for field in fields(parameters)]

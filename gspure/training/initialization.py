@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera
-from gspure.constants import MAX_SH_DEGREE, NEAR_PLANE, SH_DC
+from gspure.cameras.camera import Camera, points_shown
+from gspure.constants import MAX_SH_DEGREE, SH_DC
 from gspure.files import Float64, Indices, UInt8
 from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
@@ -16,13 +16,11 @@ from gspure.opencl.trainable import Parameters
 OPACITY: Final = 0.1  # initial opacity (3DGS)
 NEIGHBOURS: Final = 3  # the initial scale is the root mean square distance to this many nearest points (3DGS)
 LEAST_SQUARED_DISTANCE: Final = 1e-7  # lower bound of squared distances, in square world units (3DGS)
-
 LEAST_POINTS: Final = NEIGHBOURS + 1
 
 RANDOM_POINTS: Final = 10_000  # number of random points, if none are stored; ours
 RANDOM_DEPTHS: Final = (0.1, 10.0)  # range of their view depths, as multiples of the scene's extent; ours
 COMMON_SHARE: Final = 0.25  # at least this share of the views, and two, contain each of them
-
 _ROUNDS = 20
 
 
@@ -74,14 +72,12 @@ def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
     """Return the number of views [P] whose image contains each point [P,3]."""
     views = np.zeros(len(points), np.intp)
     for camera in cameras:
-        x, y, z = camera.K @ (camera.viewmat[:3, :3] @ points.T + camera.viewmat[:3, 3:])
-        views += (z > NEAR_PLANE) & (x >= 0) & (x < camera.width * z) & (y >= 0) & (y < camera.height * z)
+        views[points_shown(camera, points)[0]] += 1
     return views
 
 
 def _on_rays(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
-    chosen = rng.integers(len(cameras), size=count)
-    places = rng.random((count, 2))
+    chosen, places = rng.integers(len(cameras), size=count), rng.random((count, 2))
     near, far = np.log(RANDOM_DEPTHS)
     depths = extent * np.exp(rng.uniform(near, far, count))
     points = np.empty((count, 3))

@@ -45,13 +45,7 @@ def as_gaussians(parameters: Parameters) -> Gaussians:
 
 
 def write_output(
-    folder: Path,
-    dataset: Dataset,
-    parameters: Parameters,
-    iteration: int,
-    background: Sequence[float],
-    *,
-    place: Path,
+    folder: Path, dataset: Dataset, parameters: Parameters, iteration: int, background: Sequence[float], *, place: Path
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
@@ -122,14 +116,10 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
     arrays = load_arrays(path, kinds | {"run": (np.str_, ())}, _CONTENT)
     with reading(path, _CONTENT):
         run = json.loads(str(arrays["run"]))
-        _require_same(path, run["settings"], settings)
+        for name, value in json.loads(json.dumps(settings)).items():
+            if (stored := run["settings"].get(name)) != value:
+                hint = "delete it to begin anew, since --resume continues the same run only"
+                raise InputError(path, name, expected=json.dumps(value), found=json.dumps(stored), hint=hint)
         parts = [Parameters(*(arrays[f"{part}.{group}"] for group in _SHAPES)) for part in _PARTS]
         np.random.default_rng().bit_generator.state = run["rng"]  # raises what `reading` reports
         return Snapshot(run["iteration"], TrainState(*parts), tuple(run["unseen"]), run["rng"])
-
-
-def _require_same(path: Path, stored: Mapping[str, Any], settings: Mapping[str, Any]) -> None:
-    for name, value in json.loads(json.dumps(settings)).items():
-        if stored.get(name) != value:
-            hint = "delete it to begin anew, since --resume continues the same run only"
-            raise InputError(path, name, expected=json.dumps(value), found=json.dumps(stored.get(name)), hint=hint)

@@ -18,16 +18,13 @@ from gspure.opencl.adam import LearningRates
 
 ITERATIONS: Final = 30_000  # length of 3DGS's own schedule
 MEANS_RATES: Final = (1.6e-4, 1.6e-6)  # first and last one, as a share of the scene's extent; log-linear between them
-
 QUATS_RATE: Final = 1e-3
 SCALES_RATE: Final = 5e-3
 OPACITIES_RATE: Final = 0.05  # as in the paper's release; later releases halve it
-
 SH_DC_RATE: Final = 2.5e-3
 SH_REST_RATE: Final = SH_DC_RATE / 20
 
 SH_EVERY: Final = 1_000  # iterations after which the degree of spherical harmonics rises by one
-
 DENSIFY_FROM: Final = 500
 DENSIFY_EVERY: Final = 100
 DENSIFY_UNTIL: Final = ITERATIONS // 2
@@ -58,8 +55,6 @@ class Schedule:
     @classmethod
     def scaled(cls, iterations: int) -> Schedule:
         """Return 3DGS's schedule for a run of this length."""
-        if iterations < 1:
-            raise ValueError(f"a run has at least one iteration, not {iterations}")
 
         def share(of: int, least: int) -> int:
             return max(least, round(of * iterations / ITERATIONS))
@@ -77,14 +72,8 @@ class Schedule:
     def rates(self, iteration: int, extent: float) -> LearningRates:
         """Return the learning rates of one iteration; `extent` is the scene's, in world units."""
         first, last = MEANS_RATES
-        return LearningRates(
-            means=extent * first * (last / first) ** (iteration / self.iterations),
-            quats=QUATS_RATE,
-            scales=SCALES_RATE,
-            opacities=OPACITIES_RATE,
-            sh_dc=SH_DC_RATE,
-            sh_rest=SH_REST_RATE,
-        )
+        means = extent * first * (last / first) ** (iteration / self.iterations)
+        return LearningRates(means, QUATS_RATE, SCALES_RATE, OPACITIES_RATE, SH_DC_RATE, SH_REST_RATE)
 
     def settling(self, iteration: int) -> float:
         """Return the factor of networks' learning rates: 1 while Gaussians grow, then falling linearly to 0.

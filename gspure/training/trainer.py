@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
@@ -18,9 +17,7 @@ from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import Snapshot, as_gaussians
 from gspure.training.schedule import Schedule
 
-Show = Callable[[int, str], None]
-
-_SECONDS: Final = {True: 1.0, False: 10.0}  # between two reports, on a terminal (True) and in a log (False)
+_SECONDS: Final = 10.0  # between two reports
 
 
 class Trainer:
@@ -42,13 +39,9 @@ class Trainer:
         background: Sequence[float] = (0.0, 0.0, 0.0),
         max_gaussians: int | None = None,
     ) -> None:
-        self.model = model
-        self.iteration = snapshot.iteration
-        self._views = views
-        self._schedule = schedule
-        self._extent = extent
-        self._background = background
-        self._max_gaussians = max_gaussians
+        self.model, self.iteration = model, snapshot.iteration
+        self._views, self._schedule, self._extent = views, schedule, extent
+        self._background, self._max_gaussians = background, max_gaussians
         self._pending_views = list(snapshot.pending_views)
         self._rng = np.random.default_rng()
         self._rng.bit_generator.state = dict(snapshot.rng)
@@ -69,7 +62,9 @@ class Trainer:
     def _iterate(self) -> float:
         iteration = self.iteration = self.iteration + 1
         self.model.sh_degree_active = self._schedule.sh_degree(iteration)
-        view = self._next_view()
+        if not self._pending_views:  # a new random order after each pass
+            self._pending_views = self._rng.permutation(len(self._views)).tolist()
+        view = self._pending_views.pop()
         rates = self._schedule.rates(iteration, self._extent)
         loss = self.model.step(self._views[view], view, rates, background=self._background)
         if self._schedule.densifies(iteration):
@@ -82,12 +77,6 @@ class Trainer:
                 )
             )
         return loss
-
-    def _next_view(self) -> int:
-        """Return the next view of a random order that is drawn anew after each pass."""
-        if not self._pending_views:
-            self._pending_views = self._rng.permutation(len(self._views)).tolist()
-        return self._pending_views.pop()
 
 
 def train(
@@ -151,39 +140,20 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
     """Yield `losses`, one per iteration, and report their mean since the last report, `state` and speed.
 
     `state` describes the current model, such as ``"PSNR 30.12 12000 Gaussians"``, and is called once per report; `done`
-    iterations were done before.
+    iterations were done before. On a terminal, a bar shows how far along the run is.
     """
-    terminal = shows_bars()
-    with (_bar if terminal else _lines)(iterations) as show:
-        recent: list[float] = []
-        last = time.monotonic()
-        for iteration, loss in enumerate(losses, done + 1):
-            yield loss
-            recent.append(loss)
-            seconds = time.monotonic() - last
-            if seconds > _SECONDS[terminal] or iteration == iterations:
-                show(iteration, f"loss {np.mean(recent):.4f}  {state()}  {len(recent) / seconds:.1f} it/s")
-                recent, last = [], time.monotonic()
+    if shows_bars():
+        from rich.console import Console
+        from rich.progress import track
 
-
-@contextmanager
-def _bar(iterations: int) -> Iterator[Show]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False), TimeRemainingColumn())
-    with Progress(TextColumn("train"), *columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("", total=iterations)
-
-        def show(iteration: int, text: str) -> None:
-            progress.update(task, completed=iteration, description=text)
-
-        yield show
-
-
-@contextmanager
-def _lines(iterations: int) -> Iterator[Show]:
-    def show(iteration: int, text: str) -> None:
-        say(f"train: {iteration} of {iterations}  {text}")
-
-    yield show
+        losses = track(losses, "train", iterations - done, console=Console(stderr=True))
+    recent: list[float] = []
+    last = time.monotonic()
+    for iteration, loss in enumerate(losses, done + 1):
+        yield loss
+        recent.append(loss)
+        seconds = time.monotonic() - last
+        if seconds > _SECONDS or iteration == iterations:
+            speed = f"{len(recent) / seconds:.1f} it/s"
+            say(f"train: {iteration} of {iterations}  loss {np.mean(recent):.4f}  {state()}  {speed}")
+            recent, last = [], time.monotonic()
