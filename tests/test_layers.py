@@ -42,13 +42,13 @@ OWNERS = {
     "argparse": ("cli",),
     "plyfile": ("model",),
     "gsply": ("model/compression.py",),
-    "hdbscan": ("method/tree.py",),
+    "hdbscan": (),
     "snakemake": (),
     "requests": ("datasets.py",),
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }
-HEAVY = {"gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pyvista", "requests"}
+HEAVY = {"gsply", "zstandard", "jinja2", "matplotlib", "pyvista", "requests"}
 HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 
@@ -147,14 +147,14 @@ BUDGETS = {
     "cli": (2085, 21),
     "evaluation": (2400, 16),
     "figures": (1336, 11),
-    "method": (1115, 10),
+    "method": (988, 10),
     "model": (1751, 15),
-    "opencl": (2330, 20),
+    "opencl": (2229, 20),
     "report": (1752, 14),
-    "scenes": (950, 8),
+    "scenes": (893, 8),
     "schemes": (3098, 28),
-    "surface": (300, 4),
-    "training": (1209, 9),
+    "surface": (293, 4),
+    "training": (1139, 9),
     "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -108,17 +108,9 @@ class _Frames:
         self._engine = engine
         self.last = 0
 
-    def draw(
-        self,
-        camera: Camera,
-        background: Float32,
-        means: Float32,
-        quats: Float32,
-        scales: Float32,
-        opacities: Float32,
-        channels: Float32,
-    ) -> int:
-        """Render, and return the frame's number; `channels` are features [K,C] or spherical harmonics [K,S,3]."""
+    def draw(self, camera: Camera, *arrays: Float32) -> int:
+        """Render the arrays of `_Image`, and return the frame's number."""
+        background, means, quats, scales, opacities, channels = arrays
         self.last += 1
         engine, order = self._engine, storage_order(means)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
@@ -142,7 +134,7 @@ class _Frames:
         """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
         engine, rendered = self._engine, self._rendered
         storage, attributes = rendered.frame.storage, rendered.frame.traversal.channel_attributes
-        gradients: list[Float32 | None] = [None] * 6
+        gradients: list[Float32 | None] = [None] * len(requested)
         by_splat = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
         if requested[0]:
             transmittance = engine.read(rendered.canvas.transmittance, image_gradient.shape[:2], np.float32)
@@ -157,7 +149,10 @@ class _Frames:
 
 
 class _Image(torch.autograd.Function):  # type: ignore[misc]
-    """An image as autograd sees it. Tensors: background, means, quats, scales, opacities, channels."""
+    """An image as autograd sees it.
+
+    Tensors: background, means, quats, scales, opacities, and features [K,C] or spherical harmonics [K,S,3].
+    """
 
     @staticmethod
     def forward(ctx: Any, frames: _Frames, camera: Camera, *tensors: torch.Tensor) -> torch.Tensor:
