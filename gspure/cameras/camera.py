@@ -76,12 +76,8 @@ class Camera(Described):
     @property
     def facts(self) -> dict[str, str]:
         """Name, size, focal length and place."""
-        return {
-            "name": self.name,
-            "size": f"{self.width}x{self.height}",
-            "focal length": f"{self.K[0, 0]:.4g} px",
-            "centre": " ".join(f"{x:.3g}" for x in self.centre),
-        }
+        size, centre = f"{self.width}x{self.height}", " ".join(f"{x:.3g}" for x in self.centre)
+        return {"name": self.name, "size": size, "focal length": f"{self.K[0, 0]:.4g} px", "centre": centre}
 
     @property
     def centre(self) -> Float64:

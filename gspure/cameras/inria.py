@@ -56,16 +56,9 @@ def _camera(entry: Entry, name: str, folder: Path) -> Camera:
 
 def _values(index: int, camera: Camera, place: Path) -> dict[str, Any]:
     fx, fy, cx, cy = camera.numbers[2:6].tolist()
-    values: dict[str, Any] = {
-        "id": index,
-        "img_name": camera.name,
-        "width": camera.width,
-        "height": camera.height,
-        "position": camera.centre.tolist(),
-        "rotation": camera.viewmat[:3, :3].T.tolist(),
-        "fx": fx,
-        "fy": fy,
-    }
+    pose = {"position": camera.centre.tolist(), "rotation": camera.viewmat[:3, :3].T.tolist()}
+    size = {"width": camera.width, "height": camera.height}
+    values: dict[str, Any] = {"id": index, "img_name": camera.name, **size, **pose, "fx": fx, "fy": fy}
     if (cx, cy) != (camera.width / 2, camera.height / 2):
         values |= {"cx": cx, "cy": cy}
     if camera.image is not None:

@@ -97,10 +97,9 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
 def _require_opengl_pinhole(entry: Entry) -> None:
     if "camera_model" in entry and (model := entry.text("camera_model")) not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
-    for key in (*_OTHER_LENSES, *_OTHER_AXES):
-        if value := entry.values.get(key):
-            expected, hint = ("OpenGL axes", None) if key in _OTHER_AXES else ("a pinhole camera", _HINT)
-            raise entry.refusal(key, expected=expected, found=repr(value), hint=hint)
+    for key in filter(entry.values.get, (*_OTHER_LENSES, *_OTHER_AXES)):
+        expected, hint = ("OpenGL axes", None) if key in _OTHER_AXES else ("a pinhole camera", _HINT)
+        raise entry.refusal(key, expected=expected, found=repr(entry.values[key]), hint=hint)
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:

@@ -68,15 +68,13 @@ def read_packed(path: Path, file: Header) -> Gaussians:
         colours = _numbers(packed["packed_color"], _COLOUR)
         if "min_r" in header["chunk"]:
             colours = _placed(chunks, ("r", "g", "b"), colours)
+        means = _placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE))
         three = (_numbers(packed["packed_rotation"], _ROTATION) - 0.5) * np.float32(np.sqrt(2))
-        model = from_bytes(
-            _placed(chunks, ("x", "y", "z"), _numbers(packed["packed_position"], _THREE)),
-            smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp)),
-            _placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE)),
-            (packed["packed_color"] & 255).astype(np.uint8),
-            (colours - 0.5) / SH_DC,
-            _harmonics(tables["sh"]) if "sh" in tables else None,
-        )
+        quats = smallest_three(three, (packed["packed_rotation"] >> 30).astype(np.intp))
+        scales = _placed(chunks, ("scale_x", "scale_y", "scale_z"), _numbers(packed["packed_scale"], _THREE))
+        opacities = (packed["packed_color"] & 255).astype(np.uint8)
+        sh = _harmonics(tables["sh"]) if "sh" in tables else None
+        model = from_bytes(means, quats, scales, opacities, (colours - 0.5) / SH_DC, sh)
         return Gaussians(model.table, file.comments)
 
 
@@ -93,14 +91,9 @@ def from_bytes(
     means: Any, quats: Any, log_scales: Any, opacities: UInt8, colours: Any, harmonics: Float32 | None = None
 ) -> Gaussians:
     """Return the model of decoded columns: opacities 0 to 255, zeroth coefficients [K,3] and others [K,S,3]."""
-    colours = np.asarray(colours, np.float32)[:, None]
-    return Gaussians.from_stored(
-        means=means,
-        quats=quats,
-        log_scales=log_scales,
-        opacity_logits=logit(opacities / 255, LEAST_OPACITY),
-        sh_coeffs=colours if harmonics is None else np.concatenate([colours, harmonics], 1),
-    )
+    colours, logits = np.asarray(colours, np.float32)[:, None], logit(opacities / 255, LEAST_OPACITY)
+    sh = colours if harmonics is None else np.concatenate([colours, harmonics], 1)
+    return Gaussians.from_stored(means=means, quats=quats, log_scales=log_scales, opacity_logits=logits, sh_coeffs=sh)
 
 
 def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
@@ -114,14 +107,13 @@ def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
 
 def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:
     """Return the rows of each element."""
-    header, offset = file.content, file.size
+    header, offset, tables = file.content, file.size, {}
     dtypes = {element.name: np.dtype(element.dtype("<")) for element in header.elements}
     if header.text or header.byte_order != "<":
         raise ValueError("a header that does not say binary_little_endian")
     size = sum(element.count * dtypes[element.name].itemsize for element in header.elements)
     last = header.elements[-1]
     require_size(path, file, last.count, dtypes[last.name].itemsize, size)
-    tables = {}
     for element in header.elements:
         tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)
         offset += tables[element.name].nbytes

@@ -66,12 +66,10 @@ class Gaussians(Described):
     def facts(self) -> dict[str, str]:
         """Size, colour and extent."""
         low, high = np.nanpercentile(self.means, [5, 95], axis=0) if len(self) else np.zeros((2, 3))
-        return {
-            "rows": f"{len(self):,}",
-            "SH degree": str(self.sh_degree) if self.sh_degree >= 0 else "none",
-            "columns": str(len(self.names)),
-            "extent of 90 %": " x ".join(f"{length:.3g}" for length in high - low),
-        }
+        degree = str(self.sh_degree) if self.sh_degree >= 0 else "none"
+        extent = " x ".join(f"{length:.3g}" for length in high - low)
+        columns = str(len(self.names))
+        return {"rows": f"{len(self):,}", "SH degree": degree, "columns": columns, "extent of 90 %": extent}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -128,10 +126,8 @@ class Gaussians(Described):
 
     def sh_coeffs_of(self, degree: int) -> Float32:
         """Return coefficients [K,S,3] of this degree: higher ones are dropped, missing ones are zero."""
-        coefficients = np.zeros((len(self), (degree + 1) ** 2, 3), np.float32)
-        shared = min(coefficients.shape[1], self.sh_coeffs.shape[1])
-        coefficients[:, :shared] = self.sh_coeffs[:, :shared]
-        return coefficients
+        shared = self.sh_coeffs[:, : (degree + 1) ** 2]
+        return np.pad(shared, ((0, 0), (0, (degree + 1) ** 2 - shared.shape[1]), (0, 0)))
 
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""

@@ -44,13 +44,12 @@ def require_size(path: Path, header: Header, count: int, row: int, size: int) ->
 
     Its `count` rows have `row` bytes. If the further bytes are as many for each, the header lacks properties.
     """
-    found = path.stat().st_size - header.size
-    more = found - size
+    more = path.stat().st_size - header.size - size
     each, rest = divmod(more, max(count, 1))
     if more < 0 or (not rest and (more % row or 0 < each <= _FEW) and (each < 4 or each % 4 == 0)):
         hint = "cut short: copy or download it again" if more < 0 else f"rows of {row + each} bytes?"
-        expected = f"{header.size + size} bytes"
-        raise InputError(path, "file", expected=expected, found=f"{header.size + found} bytes", hint=hint)
+        most = header.size + size
+        raise InputError(path, "file", expected=f"{most} bytes", found=f"{most + more} bytes", hint=hint)
     if more:
         text = f"{more // row} rows" if more % row == 0 else f"{more} bytes"
         warn(f"{path}: {text} after the last of {count} rows that the header names are not read")

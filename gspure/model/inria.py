@@ -39,8 +39,8 @@ def point_cloud(folder: Path) -> Path:
 def saved_iterations(folder: Path) -> dict[int, Path]:
     """Return the saved model files by iteration, in ascending order."""
     files = folder.glob(f"point_cloud/iteration_*/{_POINT_CLOUD}")
-    by_number = {file.parent.name.removeprefix("iteration_"): file for file in files}
-    return dict(sorted((int(number), file) for number, file in by_number.items() if number.isdecimal()))
+    numbered = ((file.parent.name.removeprefix("iteration_"), file) for file in files)
+    return dict(sorted((int(number), file) for number, file in numbered if number.isdecimal()))
 
 
 def training_arguments(folder: Path) -> dict[str, Argument]:

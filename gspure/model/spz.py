@@ -124,9 +124,8 @@ def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
 
 
 def _model(header: _Header, body: UInt8) -> Gaussians:
-    centres, alphas, colours, scales, rotations, *bytes_of_sh = (
-        part.reshape(header.rows, -1) for part in np.split(body, np.cumsum(header.sizes())[:-1])
-    )
+    streams = (part.reshape(header.rows, -1) for part in np.split(body, np.cumsum(header.sizes())[:-1]))
+    centres, alphas, colours, scales, rotations, *bytes_of_sh = streams
     sh = np.zeros((header.rows, COEFFICIENTS[header.degree], 3), np.float32)
     if bytes_of_sh:
         sh[:] = (bytes_of_sh[0].reshape(sh.shape) - np.float32(128)) / 128

@@ -14,9 +14,7 @@ from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 
 LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median
 
-NEEDLE_ASPECT: Final = 1e4
-"""Largest ratio of the longest to the second longest axis; the shortest may be shorter, as surfaces are flat."""
-
+NEEDLE_ASPECT: Final = 1e4  # largest ratio of the longest to the second longest axis; the shortest may be shorter
 FAR: Final = 1e3  # largest distance of a centre from the median centre, as a multiple of the extent
 PILE: Final = 10  # least number of rows with the same centre that are a pile
 BULK: Final = (0.05, 0.95)  # the extent is the diagonal of the box between these quantiles of the centres
@@ -60,11 +58,8 @@ def summarize(model: Gaussians) -> Summary:
     """Return statistics of `model`."""
     vanilla = {*CORE, *COLOUR, *NORMALS, *model.columns_named("f_rest_")}
     non_finite = non_finite_rows(model, model.names)
-    quantities = dict(zip("xyz", model.means.T, strict=True)) | {
-        "opacity": model.opacities,
-        "largest_scale": model.scales.max(axis=1),
-        "smallest_scale": model.scales.min(axis=1),
-    }
+    quantities = dict(zip("xyz", model.means.T, strict=True)) | {"opacity": model.opacities}
+    quantities |= {"largest_scale": model.scales.max(axis=1), "smallest_scale": model.scales.min(axis=1)}
     finite = model.means[np.isfinite(model.means).all(axis=1)]
     return Summary(
         kind=kind(model),
@@ -94,12 +89,9 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     Scales include the 3-D filter.
     """
     undrawable = undrawable_rows(model)
-    drawn = np.ones(len(model), bool)
-    drawn[undrawable] = False
-    rows = np.flatnonzero(drawn)
-    means = model.means[rows].astype(np.float64)
+    rows = np.delete(np.arange(len(model)), undrawable)
     scales = np.sort(filtered(model).scales[rows].astype(np.float64), axis=1)
-    extent, distances = extent_and_distances(means)
+    extent, distances = extent_and_distances(model.means[rows].astype(np.float64))
     _, place, sizes = np.unique(_bits(model.means[rows]), return_inverse=True, return_counts=True)
     sharing = sizes[place]
     twins = rows[sharing > 1]
@@ -119,12 +111,10 @@ def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]
     """Return the suspicious rows of `total` as lines of text; empty if there are none."""
     if not suspicious:
         return []
-    count = len(np.unique(np.concatenate([*suspicious.values()])))
-    lines = [
-        f"  {reason:<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {listed(rows)}"
-        for reason, rows in suspicious.items()
-    ]
-    return [f"suspicious rows   {count:,} of {total:,}", *lines]
+    lines = [f"suspicious rows   {len(np.unique(np.concatenate([*suspicious.values()]))):,} of {total:,}"]
+    for reason, rows in suspicious.items():
+        lines.append(f"  {reason:<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {listed(rows)}")
+    return lines
 
 
 def _bits(means: Float32) -> NDArray[np.void]:
