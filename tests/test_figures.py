@@ -9,6 +9,7 @@ import pytest
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.figures import gallery, plates, style, viewpoint
+from gspure.figures.clouds import by_cluster
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
 from gspure.figures.panels import chosen, draw_before_after
 from gspure.figures.plates import opengl_renderer
@@ -85,6 +86,11 @@ def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: P
 )
 def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) -> None:
     assert [o.variant for o in chosen([attacked(name, 0, drop) for name, drop in drops.items()], sweeps)] == shown
+
+
+def test_the_largest_clusters_have_numbers() -> None:
+    named = by_cluster(np.array([1, 1, -1, 0, 1, 0, 2], np.int32), np.zeros(7, bool)).named
+    assert {name: rows.tolist() for name, rows in named.items()} == {"1": [0, 1, 4], "2": [3, 5], "3": [6]}
 
 
 @needs_gl

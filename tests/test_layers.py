@@ -150,7 +150,7 @@ BUDGETS = {
     "method": (988, 10),
     "model": (1727, 15),
     "opencl": (2229, 20),
-    "report": (1752, 14),
+    "report": (1745, 14),
     "scenes": (893, 8),
     "schemes": (3098, 28),
     "surface": (293, 4),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation import paper
-from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.csv_tables import csv_text, read_table
 from gspure.evaluation.names import display_name
 from gspure.evaluation.survival import Survival
 from gspure.files import write_text
@@ -29,7 +29,7 @@ def run(args: Arguments) -> None:
     checks = paper.check_claims(printed)
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
-        write_text(args.out, _all(checks).csv())
+        write_text(args.out, _all(checks))
     title = "Scores in dB, recomputed from Table 1 with the 95% interval over its scenes"
     rows = [_score(check, printed) for check in checks if check.claim.quantity == "score"]
     scores = _table(title, ["scheme", "attack", "printed", "recomputed", "difference", "follows"], rows)
@@ -55,13 +55,13 @@ def _number(check: paper.Check) -> list[str]:
     return [f"{check.claim.place}: {check.claim.words}", *numbers, "yes" if check.holds else "no"]
 
 
-def _all(checks: Sequence[paper.Check]) -> Table:
+def _all(checks: Sequence[paper.Check]) -> str:
     rows = []
     for check in checks:
         *claim, value = check.claim
         numbers = (f"{value:.2f}", f"{check.recomputed:.4f}", f"{check.difference:.4f}")
         rows.append([*map(str, claim), *numbers, str(check.holds)])
-    return _table("Printed numbers", [*paper.Claim._fields[:-1], "printed", "recomputed", "difference", "holds"], rows)
+    return csv_text([*paper.Claim._fields[:-1], "printed", "recomputed", "difference", "holds"], rows)
 
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

@@ -12,8 +12,8 @@ from gspure.evaluation.matched import Matched
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name
 from gspure.evaluation.outcomes import Condition, is_picture, ordered
 from gspure.evaluation.survival import MARGIN, Survival
-from gspure.progress import decimal, significant
-from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document, share
+from gspure.progress import decimal, percent, significant
+from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
 from gspure.report.tables import scenes_of, text_of
 
 _SPREAD: Final = (
@@ -95,7 +95,7 @@ def survival_table(attacks: Sequence[Survival]) -> Table:
         if has_controls:
             retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
             cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
-            cells.append(share(row.share_left.mean if row.share_left else nan))
+            cells.append(Cell(percent(row.share_left.mean if row.share_left else nan)))
             cells += [interval(above, row.scenes, text) for above in (row.above_floor, row.above_wrong_key)]
             if scenes > 1:
                 auc = row.detectability

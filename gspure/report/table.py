@@ -1,12 +1,11 @@
-"""One model of a table, rendered as Markdown, LaTeX or CSV."""
+"""One model of a table, rendered as Markdown or LaTeX."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.csv_tables import csv_text
 from gspure.evaluation.intervals import LEVEL, Interval
-from gspure.progress import UNKNOWN, decimal, percent
+from gspure.progress import UNKNOWN, decimal
 
 _LATEX: Final = {ord(character): f"\\{character}" for character in "&%$#_{}"} | str.maketrans(
     {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}"}
@@ -81,11 +80,6 @@ class Table:
             lines += [r"\midrule"] * (row.begins or not i) + [_latex_row(map(str, row.cells))]
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
-    def csv(self) -> str:
-        """Return rows below their titles as CSV."""
-        rows = ([str(cell) for cell in row.cells] for row in self.rows)
-        return csv_text([column.full_title for column in self.columns], rows)
-
     @property
     def _words(self) -> list[bool]:
         """Whether each column holds words."""
@@ -102,11 +96,6 @@ def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
             lines += [f"### {table.title}", "", table.markdown(), ""]
             lines += [table.note, ""] if last[table.note] is table and table.note else []
     return "\n".join(lines)
-
-
-def share(value: float) -> Cell:
-    """Return a share in percent."""
-    return Cell(percent(value))
 
 
 def interval(value: Interval | None, scenes: int, text: Callable[[float], str] = decimal) -> Cell:

@@ -14,7 +14,7 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, is_pic
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.progress import UNKNOWN, decimal, percent, signed, significant
-from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document, share
+from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
 
 SHARES: Final = ("pruned_share", "precision", "recall")
 _MODEL: Final = (
@@ -63,11 +63,15 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     for name, bits in detectors.items():
         group, reads = display_name(name), [o.detections.get(name) for o in measured]
         columns[Column("correct bits" if bits else "score", group)] = [*map(_reading, reads)]
-        columns[Column("TPR 1%", group)] = [share(read.tpr) if read else Cell() for read in reads]
-        columns[Column("TPR 0.1%", group, main=False)] = [share(read.tpr_strict) if read else Cell() for read in reads]
+        columns[Column("TPR 1%", group)] = [Cell(percent(read.tpr)) if read else Cell() for read in reads]
+        columns[Column("TPR 0.1%", group, main=False)] = [
+            Cell(percent(read.tpr_strict)) if read else Cell() for read in reads
+        ]
     for name in SHARES:
         if any(map(isfinite, shares := [getattr(o, name) for o in measured])):
-            columns[Column(name.removesuffix("_share"), main=name == "pruned_share")] = [*map(share, shares)]
+            columns[Column(name.removesuffix("_share"), main=name == "pruned_share")] = [
+                Cell(percent(share)) for share in shares
+            ]
     rows = [
         Row(cells, "control" if o.is_control else "best" if o.score == best else "")
         for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True)
