@@ -7,9 +7,13 @@ import pytest
 from findings import Findings
 from timing import Measure
 
+from gspure.constants import MIN_SAMPLES
 from gspure.method.clusters import SELECTIONS, select
 from gspure.method.features import features
-from gspure.method.tree import spanning_tree
+from gspure.method.tree import hdbscan_tree, spanning_tree
+
+ORACLE = 200_000
+"""Most points of which hdbscan computes the tree too, in a minute of CPU time."""
 
 
 def scene(count: int) -> np.ndarray:
@@ -41,7 +45,13 @@ def tree(points: np.ndarray) -> np.ndarray:
 
 def test_spanning_tree(points: np.ndarray, measure: Measure, findings: Findings) -> None:
     spanning_tree(points[:100])  # builds the kernels
-    times = measure({"spanning tree": partial(spanning_tree, points)}, rounds=1, warm_ups=0)
+    variants = {"spanning tree": partial(spanning_tree, points)}
+    if len(points) <= ORACLE:
+        ones = np.ones(len(points), int)
+        variants["by hdbscan"] = partial(hdbscan_tree, points, ones, MIN_SAMPLES)
+    times = measure(variants, rounds=1, warm_ups=0)
+    if "by hdbscan" in times:
+        findings.figure("by hdbscan / spanning tree", times["by hdbscan"] / times["spanning tree"])
     findings.figure("CPU seconds per million", 1e6 / len(points) * times["spanning tree"].cpu[0], at_most=9.0)
 
 

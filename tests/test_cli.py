@@ -17,7 +17,7 @@ from gspure.errors import InputError
 from gspure.model import read_model, write_model
 from tests.models import blobs, camera
 
-HEAVY = ("numpy", "scipy", "pyopencl", "sklearn", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
+HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
 RENDER = ["render", "model.ply", "--cameras", "cameras.json", "--split", "test", "--out", "out"]
 
 

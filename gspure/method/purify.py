@@ -21,12 +21,19 @@ from gspure.method.features import features
 from gspure.method.tree import coincident_points, spanning_tree
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
-from gspure.progress import Described, percent, say, track
+from gspure.progress import Described, decimal, percent, say, track
 from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
     from gspure.opencl.frame import Energy
+
+Array = NDArray[Any]
+Weights = Float32
+
+_MEMORY = 500e6, 1150, 120
+"""Bytes that purification needs besides the stored rows: of Python and the driver, per Gaussian, and per pixel of the
+largest view. Measured with up to six million Gaussians and 32 million pixels (benchmarks/bench_purify.py)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -49,7 +56,7 @@ class Purification(Described):
     """
 
     model: Gaussians
-    weights: Float32
+    weights: Weights
     labels: Labels
     prune_mask: Bools
     diagnosis: Diagnosis
@@ -112,7 +119,7 @@ def purify(
     from gspure.opencl.device import choose_device
     from gspure.renderer import CONTRIBUTION
 
-    def decide(means: NDArray[Any], opacities: NDArray[Any], weights: Float32) -> tuple[Labels, Bools, Diagnosis]:
+    def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Bools, Diagnosis]:
         tree = spanning_tree(features(means, opacities, weights), min_samples, device=device)
         labels = select(tree, min_cluster_size, selection, max_cluster_share, device=device)
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
@@ -127,6 +134,8 @@ def purify(
 
     device = device or choose_device()
     say(f"{len(rows)} Gaussians, {len(cameras)} views, on {device}")
+    if public.rows_are_gaussians:
+        say(f"memory: at most about {decimal(peak_memory(rows, cameras) / 1e9, 1)} GB")
     views = sorted(cameras, key=lambda camera: camera.name)
     touched = map(public.contributions(device, energy), track(views, "contributions"))
     weights = accumulate(touched, len(rows), reduction)
@@ -144,3 +153,10 @@ def purify(
         pruned,
         diagnosis,
     )
+
+
+def peak_memory(model: Gaussians, cameras: Sequence[Camera]) -> float:
+    """Return an upper estimate of the memory in bytes that `gspure purify` needs, with the rows of a mapped file."""
+    fixed, each, pixel = _MEMORY
+    largest = max((camera.width * camera.height for camera in cameras), default=0)
+    return fixed + model.table.nbytes + each * len(model) + pixel * largest
