@@ -15,7 +15,7 @@ import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, located, view_names
+from gspure.cameras.photographs import located, view_names
 from gspure.errors import InputError, reading
 from gspure.files import Float64, UInt8
 from gspure.model.ply import require_coordinates
@@ -61,10 +61,10 @@ def read_colmap(folder: Path) -> list[Camera]:
     _mention_larger(images_file)
     above = images_file.absolute().parents[:3]
     photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
-    files, names = [pose.text("name") for pose in poses], view_names(poses, "name")
+    files, names = [pose.text("name") for pose in poses], view_names(poses, "name", images_file)
     images = located(files, [photographs and photographs / file for file in files], images_file.parent)
     views = zip(poses, names, images, strict=True)
-    return distinct([_camera(pose, optics, name, image) for pose, name, image in views], images_file)
+    return [_camera(pose, optics, name, image) for pose, name, image in views]
 
 
 def _mention_larger(images_file: Path) -> None:

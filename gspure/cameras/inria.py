@@ -9,6 +9,7 @@ the lens. Programs that read the original format read ours.
 
 import json
 import os
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, view_names
+from gspure.cameras.photographs import view_names
+from gspure.errors import InputError
 from gspure.files import write_text
 
 
@@ -28,8 +30,8 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     rotation not rigid.
     """
     entries = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
-    names = view_names(entries, "img_name")
-    return distinct([_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)], source)
+    names = view_names(entries, "img_name", source)
+    return [_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)]
 
 
 def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | None = None) -> None:
@@ -38,7 +40,8 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
     Photographs are named relative to `place`, the folder that the file is for, by default its own.
     """
     path = Path(path)
-    distinct(cameras, path)
+    if cameras and (most := Counter(camera.name for camera in cameras).most_common(1)[0])[1] > 1:
+        raise InputError(path, "view names", expected="each name once", found=f"{most[1]} times {most[0]!r}")
     lines = (json.dumps(_values(i, camera, place or path.parent)) for i, camera in enumerate(cameras))
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
 from gspure.cameras.entry import Entry
-from gspure.cameras.photographs import distinct, located, photograph_size, safe_name, view_names
+from gspure.cameras.photographs import located, photograph_size, safe_name, view_names
 from gspure.errors import InputError
 from gspure.files import read_json
 
@@ -42,12 +42,12 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
     entries = [_completed(Entry(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
-    names = view_names(entries, "file_path")
+    names = view_names(entries, "file_path", source)
     files = [entry.text("file_path") for entry in entries]
     named = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]  # Blender scenes omit it
     images = located(files, named, source.parent)
     existing = next((image for image in images if image and image.is_file()), None)
-    return distinct([_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)], source)
+    return [_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)]
 
 
 def parse_poses(source: Path, content: list[Any]) -> list[Camera]:

@@ -29,13 +29,15 @@ _DEEPEST: Final = 3  # folders below a capture in which its photographs are look
 _RULE = re.compile(r"native|photographs|1/(?P<factor>[1-9]\d{0,4})|(?P<width>[1-9]\d{0,4})px")
 
 
-def view_names(entries: Sequence[Entry], key: str) -> list[str]:
-    """Return the names of views: the `safe_name` of the file under `key`, which must not be empty, `kept_apart`."""
+def view_names(entries: Sequence[Entry], key: str, source: Path) -> list[str]:
+    """Return the names of views, at least one: the `safe_name` of the file under `key`, not empty, `kept_apart`."""
+    if not entries:
+        raise InputError(source, "views", expected="at least one", found="none")
     for entry in entries:
         if not safe_name(entry.text(key)):
             raise entry.refusal(key, expected="a file name", found=repr(entry.text(key)))
     files = [entry.text(key) for entry in entries]
-    return kept_apart([*map(safe_name, files)], files, entries[0].source if entries else "")
+    return kept_apart([*map(safe_name, files)], files, source)
 
 
 def kept_apart(names: list[str], files: Sequence[str], source: Path | str) -> list[str]:
@@ -86,16 +88,6 @@ def safe_name(text: str) -> str:
 def _parts(text: str) -> tuple[str, ...]:
     """Return folders and name of a file, with either kind of slash."""
     return PurePosixPath(unicodedata.normalize("NFC", text).replace("\\", "/")).parts
-
-
-def distinct(cameras: Sequence[Camera], source: Path) -> list[Camera]:
-    """Return the cameras if there is at least one and no two share a name."""
-    if not cameras:
-        raise InputError(source, "views", expected="at least one", found="none")
-    name, views = Counter(camera.name for camera in cameras).most_common(1)[0]
-    if views > 1:
-        raise InputError(source, "view names", expected="each name once", found=f"{views} times {name!r}")
-    return list(cameras)
 
 
 def located(files: Sequence[str], named: Sequence[Named], place: Path) -> Sequence[Named]:

@@ -104,7 +104,9 @@ def _model(path: Path, member: Member) -> Gaussians:
     (quats,), (scales,), (colours,) = pixels("quats"), pixels("scales"), pixels("sh0")
     sh = None
     if "shN" in meta:
-        entries = _entries(meta["shN"], files["shN"].pop(0))
+        image = _pixels(files["shN"].pop(0), _MOST_ENTRIES * COEFFICIENTS[-1])
+        degree = COEFFICIENTS.index(image.shape[1] // _PER_ROW)
+        entries = _values(meta["shN"], image.reshape(-1, COEFFICIENTS[degree], 4)[..., :3])
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
         sh = entries[: meta["shN"].get("count")][low | high << 8]
     rgba = _values(meta["sh0"], colours)
@@ -145,10 +147,3 @@ def _quats(stored: UInt8) -> Float32:
         raise ValueError("rotations without their largest component")
     three = (stored[:, :3] / np.float32(127.5) - 1) / np.float32(np.sqrt(2))
     return smallest_three(three, stored[:, 3].astype(np.intp) - _LARGEST_IS_W)
-
-
-def _entries(settings: Any, data: bytes) -> Float32:
-    """Return the entries [N,S,3] of spherical harmonics, which Gaussians refer to by index."""
-    image = _pixels(data, _MOST_ENTRIES * COEFFICIENTS[-1])
-    degree = COEFFICIENTS.index(image.shape[1] // _PER_ROW)
-    return _values(settings, image.reshape(-1, COEFFICIENTS[degree], 4)[..., :3])
