@@ -258,5 +258,5 @@ def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
 
 
 def _text(dtype: np.dtype[Any] | type, shape: Shape) -> str:
-    name = dtype.__name__ if isinstance(dtype, type) else str(dtype)
+    name = dtype.__name__.rstrip("_") if isinstance(dtype, type) else str(dtype)  # NumPy 1 has bool_
     return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
