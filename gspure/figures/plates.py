@@ -124,7 +124,7 @@ def eye_dome(depth: Float32, radius: int) -> Float32:
         y, x = radius + np.rint(radius * np.array([np.sin(angle), np.cos(angle)])).astype(int)
         with np.errstate(invalid="ignore"):  # inf - inf beside the cloud
             occlusion += np.fmax(octaves - padded[y : y + height, x : x + width], 0)
-    shade: Float32 = _DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion)
+    shade = np.asarray(_DARKEST + (1 - _DARKEST) * np.exp(-_STRENGTH / _DIRECTIONS * occlusion), np.float32)
     shade[np.isinf(depth)] = 1
     return shade
 

@@ -1,7 +1,7 @@
 """The effect of the clustering on pruning, with warnings."""
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,5 +134,5 @@ def _changed(a: Bools, b: Bools) -> float:
     return _share((a ^ b).sum(), (a | b).sum())
 
 
-def _share(part: float, whole: float) -> float:
+def _share(part: SupportsFloat, whole: SupportsFloat) -> float:
     return float(part) / float(whole) if whole else 0.0

@@ -139,7 +139,7 @@ def doubts(model: Gaussians) -> list[str]:
     means, stored, opacities = model.means[rows], model.log_scales[rows], model.table["opacity"][rows]
     extent, _ = extent_and_distances(means.astype(np.float64))
     least, median = float(stored.min()), float(np.median(stored))
-    size = float(np.exp(min(np.median(stored.max(axis=1)), 80)))
+    size = float(np.exp(min(float(np.median(stored.max(axis=1))), 80)))
     activated = []
     if least >= 0 and (least < _NEAR_ZERO * min(median, 1) or size > _LARGE * extent):
         activated.append(f"scales of {least:.3g} to {stored.max():.3g}, where 3DGS has ln(scale)")

@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.files import Bools, Float64, Indices
+from gspure.files import Bools, Float32, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 
@@ -23,7 +23,7 @@ def box_points(model: Gaussians) -> Float64:
     return np.asarray(_BOX @ principal_axes(model) + model.means[:, None]).reshape(-1, 3)
 
 
-def spaced(points: Float64, sizes: Float64) -> Bools:
+def spaced(points: Float64, sizes: Float32 | Float64) -> Bools:
     """Return the mask of one of the `points` [P,3] per cell of a grid: spaced by the power of two below its size."""
     levels = np.frexp(sizes)[1] - 1
     mask = np.arange(len(points)) < len(_BOX)  # one box: points in a plane have no tetrahedra

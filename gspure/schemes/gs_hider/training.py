@@ -83,7 +83,7 @@ class Training:
             feature_map, pull_back = self._feature_map(branch.views[view], kept)
             work = [threads.submit(differentiated, feature_map, view, *branch[:3]) for branch, view in branches]
             losses, gradients = zip(*(share.result() for share in work), strict=True)
-            gradient[kept] += pull_back(np.sum(gradients, axis=0))
+            gradient[kept] += pull_back(np.add.reduce(gradients))
             loss += float(sum(losses))
         for group in self._optimizer.param_groups:
             group["lr"] = DECODER_RATE * (self.rows.schedule.settling(iteration) if self._falls else 1.0)
