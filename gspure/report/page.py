@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
-_WIDEST: Final = 1400  # pixels of an embedded figure
+_WIDEST: Final = 1400  # pixels of an embedded figure as wide as a page
 _RENDER: Final = 560  # and of a render
 
 
@@ -85,7 +85,9 @@ def picture(file: Path, caption: str, results: Path) -> Picture:
     files = [str(p.relative_to(results)) for end in (".png", ".svg") if (p := file.with_suffix(end)).exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
-        return Picture(display_name(file.stem), caption, _embedded(image, _WIDEST), wide, files)
+        return Picture(
+            display_name(file.stem), caption, _embedded(image, _WIDEST if wide else _WIDEST // 2), wide, files
+        )
 
 
 def renders(folder: Path, variants: Iterable[str], views: Mapping[str, str]) -> dict[str, dict[str, str]]:

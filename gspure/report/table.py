@@ -1,6 +1,6 @@
 """One model of a table, rendered as Markdown or LaTeX."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
@@ -75,9 +75,11 @@ class Table:
         """Return a booktabs ``tabular``, below its note as a comment."""
         lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
         lines += [r"\begin{tabular}{" + "".join("l" if words else "r" for words in self._words) + "}", r"\toprule"]
-        lines.append(_latex_row(column.full_title for column in self.columns))
-        for i, row in enumerate(self.rows):
-            lines += [r"\midrule"] * (row.begins or not i) + [_latex_row(map(str, row.cells))]
+        texts = [[column.full_title for column in self.columns], *([*map(str, row.cells)] for row in self.rows)]
+        heading, *body = (" & ".join(text.translate(_LATEX) for text in line) + r" \\" for line in texts)
+        lines.append(heading)
+        for i, (row, line) in enumerate(zip(self.rows, body, strict=True)):
+            lines += [r"\midrule"] * (row.begins or not i) + [line]
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
     @property
@@ -113,7 +115,3 @@ def interval(value: Interval | None, scenes: int, text: Callable[[float], str] =
 def few(measured: int, scenes: int) -> str:
     """Return the count of scenes in parentheses if it is below `scenes`."""
     return f"({measured} of {scenes} scene{'s' * (scenes != 1)})" if measured < scenes else ""
-
-
-def _latex_row(texts: Iterable[str]) -> str:
-    return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"
