@@ -10,7 +10,7 @@ import numpy as np
 from gspure.cameras.orbit import UP_SHEET
 from gspure.errors import InputError
 from gspure.evaluation.csv_tables import Values, grouped, read_table, write_table
-from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.metrics import METRICS, measured
 from gspure.evaluation.names import BLACK
 from gspure.images import mean_colour, read_image
 from gspure.progress import decimal
@@ -89,8 +89,7 @@ def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None
         raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
     if baseline is not None:
         b = np.zeros_like(a) if baseline == BLACK else mean_colour(a)
-    values = {name: metric.compute(a, b) for name, metric in METRICS.items()}
-    return ViewMetrics(pair.target, pair.view, reference, values)
+    return ViewMetrics(pair.target, pair.view, reference, measured(a, b))
 
 
 def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:

@@ -41,7 +41,7 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     zeros beyond the border.
     """
     _check_same_shape(a, b)
-    return float(np.mean(_mean_similarity(a, b)[0]))
+    return float(np.mean(_mean_similarities(a, b)[0]))
 
 
 def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -53,6 +53,11 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     cs over those pixels whose window lies in the image. Each scale halves the last by means of 2 x 2 pixels. An image
     has the first M of `MS_SSIM_WEIGHTS` that its shorter side allows, divided by their sum; M is at least 1.
     """
+    return ssims(a, b)[1]
+
+
+def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
+    """Return `ssim` and `ms_ssim`, which share the similarities at full size."""
     _check_same_shape(a, b)
     scales = int(np.log2(max(min(a.shape[:2]) / SSIM_WINDOW, 1.0))) + 1
     weights = MS_SSIM_WEIGHTS[:scales]
@@ -60,9 +65,11 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
     for scale, weight in enumerate(weights, start=1):
         if scale > 1:
             a, b = _halved(a), _halved(b)
-        whole, contrast = _mean_similarity(a, b, inside=True)
+        everywhere, whole, contrast = _mean_similarities(a, b)
+        if scale == 1:
+            single = float(np.mean(everywhere))
         index *= np.maximum(0.0, whole if scale == len(weights) else contrast) ** (weight / sum(weights))
-    return float(np.mean(index))
+    return single, float(np.mean(index))
 
 
 def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
@@ -144,22 +151,24 @@ def _rows_of_strips(image: NDArray[Any]) -> Iterator[slice]:
     return (slice(start, min(start + step, len(image))) for start in range(0, len(image), step))
 
 
-def _mean_similarity(a: NDArray[Any], b: NDArray[Any], *, inside: bool = False) -> tuple[Float64, Float64]:
-    """Return the means [C] of SSIM, and of its factor contrast and structure.
+def _mean_similarities(a: NDArray[Any], b: NDArray[Any]) -> tuple[Float64, Float64, Float64]:
+    """Return the means [C] of SSIM over all pixels; and inside, of SSIM and of its factor contrast and structure.
 
-    `inside`: over those pixels whose window lies in the image; along a side that is too short for one, all.
+    Inside are those pixels whose window lies in the image; along a side that is too short for one, all.
     """
     reach = SSIM_WINDOW // 2
-    top, left = (reach if inside and side >= SSIM_WINDOW else 0 for side in a.shape[:2])
+    top, left = (reach if side >= SSIM_WINDOW else 0 for side in a.shape[:2])
     bottom, right = a.shape[0] - top, a.shape[1] - left
-    total = np.zeros((2, a.shape[2]))
+    total = np.zeros((3, a.shape[2]))
     for rows in _rows_of_strips(a):
         seen = slice(max(rows.start - reach, 0), rows.stop + reach)  # by the windows of these rows
         luminance, contrast = _similarity(*(np.asarray(image[seen], np.float64) for image in (a, b)))
-        inner = slice(max(rows.start, top) - seen.start, min(rows.stop, bottom) - seen.start)
-        total += [np.sum(terms[inner, left:right], axis=(0, 1)) for terms in (luminance * contrast, contrast)]
-    whole, structure = total / ((bottom - top) * (right - left))
-    return whole, structure
+        similarity = luminance * contrast
+        own = slice(rows.start - seen.start, rows.stop - seen.start)
+        inner = slice(max(rows.start, top) - seen.start, min(rows.stop, bottom) - seen.start), slice(left, right)
+        total += [np.sum(terms, axis=(0, 1)) for terms in (similarity[own], similarity[inner], contrast[inner])]
+    everywhere, *inside = total
+    return everywhere / (a.shape[0] * a.shape[1]), *(np.array(inside) / ((bottom - top) * (right - left)))
 
 
 def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
@@ -224,6 +233,13 @@ class Metric(NamedTuple):
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
         return decimal(value, self.decimals)
+
+
+def measured(a: NDArray[Any], b: NDArray[Any]) -> dict[str, float]:
+    """Return all `METRICS` of a reference and another image."""
+    single, multiple = ssims(a, b)
+    shared = {"ssim": single, "ms_ssim": multiple}
+    return {name: shared[name] if name in shared else metric.compute(a, b) for name, metric in METRICS.items()}
 
 
 METRICS: Final[Mapping[str, Metric]] = {
