@@ -149,12 +149,12 @@ BUDGETS = {
     "figures": (1336, 11),
     "method": (1041, 10),
     "model": (1722, 15),
-    "opencl": (2229, 20),
+    "opencl": (2215, 20),
     "report": (1745, 14),
     "scenes": (893, 8),
     "schemes": (3098, 28),
     "surface": (293, 4),
-    "training": (1139, 9),
+    "training": (1128, 9),
     "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

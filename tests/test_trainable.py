@@ -153,7 +153,7 @@ def test_with_weight_zero_the_scene_trains_as_if_alone(device, style):
         model.step((VIEWS[i % 2],) * 2, (i % 2,) * 2, RATES)
         alone.step(VIEWS[i % 2], i % 2, RATES)
     assert bits(model.states()[0]) == bits(alone.state())
-    assert vars(model.statistics())["gradient_norms"].tobytes() == alone.statistics().gradient_norms.tobytes()
+    assert model.models[0].statistics().gradient_norms.tobytes() == alone.statistics().gradient_norms.tobytes()
 
 
 def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
@@ -166,7 +166,7 @@ def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
         assert loss == pytest.approx((1 + weight) * alone.step(VIEWS[i], i, RATES), rel=1e-5)
     # Adam does not see the size of a gradient, the statistics do.
     np.testing.assert_allclose(model.states()[0].parameters.means, alone.state().parameters.means, atol=1e-5)
-    both, one = model.statistics(), alone.statistics()
+    both, one = model.models[0].statistics(), alone.statistics()
     np.testing.assert_allclose(both.gradient_norms, (1 + weight) * one.gradient_norms, rtol=1e-3, atol=1e-9)
     assert (both.views == one.views).all()
 

@@ -196,7 +196,8 @@ class TwinModel:
     """Gaussians that learn two scenes: means, quaternions and scales from both, opacities and colours from one each.
 
     Results are the same to the last bit from run to run and for any number of threads. Both states have the same
-    geometry, bit for bit. The second scene's loss has this `weight` for the geometry, that of the first 1.
+    geometry, bit for bit. The second scene's loss has this `weight` for the geometry, that of the first 1. The first
+    of the two `models` has the statistics of the sum of both losses.
     """
 
     def __init__(self, states: States, weight: float, device: Device | None = None, style: Style | None = None) -> None:
@@ -204,20 +205,10 @@ class TwinModel:
         self.models = (first, TrainableModel(states[1], beside=first))
         self._weight = weight
 
-    @property
-    def count(self) -> int:
-        """Number of Gaussians."""
-        return self.models[0].count
-
     def set_targets(self, first: Sequence[Float32], second: Sequence[Float32]) -> None:
         """Upload the photographs [H,W,3] of both scenes, view by view."""
         for model, images in zip(self.models, (first, second), strict=True):
             model.set_targets(images)
-
-    def use_sh_degree(self, degree: int) -> None:
-        """Use spherical harmonics up to this degree."""
-        for model in self.models:
-            model.sh_degree_active = degree
 
     def step(
         self,
@@ -230,11 +221,11 @@ class TwinModel:
         tasks = zip(self.models, cameras, targets, strict=True)
         views = [model.differentiate(camera, target, background) for model, camera, target in tasks]
         (loss, rendered, gradients), (second_loss, second_rendered, second_gradients) = views
-        engine = self.models[0].engine
+        engine, count = self.models[0].engine, self.models[0].count
         engine.program("vector", "layout", "statistics", "twins").launch(
             "share_gradients",
-            engine.vectors(self.count),
-            *(self.count, float(self._weight), int(np.array_equal(cameras[0].numbers, cameras[1].numbers))),
+            engine.vectors(count),
+            *(count, float(self._weight), int(np.array_equal(cameras[0].numbers, cameras[1].numbers))),
             *(size / 2 for camera in cameras for size in (camera.width, camera.height)),
             *(rendered.projected.depth_keys, second_rendered.projected.depth_keys),
             *(gradients.geometry, second_gradients.geometry, gradients.centres, second_gradients.centres),
@@ -243,10 +234,6 @@ class TwinModel:
         for model, (_, _, model_gradients) in zip(self.models, views, strict=True):
             model.update(rates, model_gradients)
         return loss + self._weight * second_loss
-
-    def statistics(self) -> Statistics:
-        """Read the statistics of the sum of both losses."""
-        return self.models[0].statistics()
 
     def states(self) -> States:
         """Read parameters and moments."""

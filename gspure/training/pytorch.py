@@ -62,19 +62,12 @@ def single_threaded() -> Iterator[None]:
 
     For small tensors this is also faster.
     """
-    _keep_freed_memory()
+    if os.name == "posix" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)):
+        # By default, glibc returns freed tensors to the system: a quarter of a step would be faults of fresh pages.
+        _ = mallopt(_M_MMAP_THRESHOLD, _GIB) and mallopt(_M_TRIM_THRESHOLD, _GIB)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         yield
     finally:
         torch.set_num_threads(threads)
-
-
-def _keep_freed_memory() -> None:
-    """Let the C library reuse the memory of freed tensors.
-
-    By default, glibc returns it to the system, and a step spends a quarter of its time on faults of fresh pages.
-    """
-    if os.name == "posix" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)):
-        _ = mallopt(_M_MMAP_THRESHOLD, _GIB) and mallopt(_M_TRIM_THRESHOLD, _GIB)

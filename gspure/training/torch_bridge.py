@@ -123,16 +123,12 @@ class _Frames:
         geometry = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
         storage = Storage.along(engine, order, uploaded(geometry))
         attributes = uploaded(channels.reshape(len(channels), traversal.channel_attributes))
-        self._rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
+        self.rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
         return self.last
-
-    def image(self) -> Float32:
-        """Return the last frame's image [H,W,C]."""
-        return self._rendered.image()
 
     def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
         """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
-        engine, rendered = self._engine, self._rendered
+        engine, rendered = self._engine, self.rendered
         storage, attributes = rendered.frame.storage, rendered.frame.traversal.channel_attributes
         gradients: list[Float32 | None] = [None] * len(requested)
         by_splat = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
@@ -159,7 +155,7 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
         ctx.save_for_backward(*tensors)
         ctx.frames, ctx.camera = frames, camera
         ctx.number = frames.draw(camera, *map(on_host, tensors))
-        return torch.from_numpy(frames.image()).to(tensors[1].device)
+        return torch.from_numpy(frames.rendered.image()).to(tensors[1].device)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]

@@ -60,7 +60,7 @@ def embed(
     if not message_weight:
         return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
     run = TwinTrainer(Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened), begin)
-    for _ in watched(run, iterations, lambda: f"{run.model.count} Gaussians"):
+    for _ in watched(run, iterations, lambda: f"{run.model.models[0].count} Gaussians"):
         pass
     shown, hidden = (state.parameters for state in run.model.states())
     return _published(pair, shown, hidden, shift, round(REFINED * iterations), seed, device)
@@ -99,10 +99,10 @@ class TwinTrainer:
         self._rng = np.random.default_rng(run.seed)
 
     def __iter__(self) -> Iterator[float]:
-        batches = self._pair.batches(self._rng)
-        for iteration in range(1, self._schedule.iterations + 1):
-            self.model.use_sh_degree(self._schedule.sh_degree(iteration))
-            batch = next(batches)
+        iterations = range(1, self._schedule.iterations + 1)
+        for iteration, batch in zip(iterations, self._pair.batches(self._rng), strict=False):
+            for model in self.model.models:
+                model.sh_degree_active = self._schedule.sh_degree(iteration)
             cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
             yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
             if self._schedule.densifies(iteration):
@@ -128,7 +128,7 @@ class TwinTrainer:
         first, second = self.model.states()
         logits = np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)
         growth = plan(
-            *(first.parameters, self.model.statistics(), sigmoid(logits)),
+            *(first.parameters, self.model.models[0].statistics(), sigmoid(logits)),
             extent=self._pair.extent,
             prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
