@@ -222,7 +222,7 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
     Raise `InputError` if an array is missing, unpacks to too much or is of another kind, or a number in it is not
     finite.
     """
-    with reading(path, content), np.load(path, allow_pickle=False) as archive:
+    with reading(path, content), path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         room = max(UNPACKED_ROOM, UNPACKED_RATIO * Path(path).stat().st_size)
         sizes = {info.filename: info.file_size for info in archive.zip.infolist()}
         for name in kinds:
