@@ -131,11 +131,14 @@ def test_rows_that_are_no_numbers_are_written_as_invisible(tmp_path, capsys, suf
     assert "1 of 60 rows are not finite" in capsys.readouterr().err
 
 
-def test_a_sog_model_that_lost_the_fourth_channel_of_its_rotations_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    ("name", "lossless", "message"),
+    [("quats.webp", True, "rotations without their largest component"), ("means_l.webp", False, "a lossy image")],
+)
+def test_images_of_a_sog_model_that_lost_numbers_are_refused(tmp_path, name, lossless, message):
     index = write_all(tmp_path)["version 2/meta.json"]
-    quats = index.with_name("quats.webp")
-    Image.open(quats).convert("RGB").save(quats, lossless=True, exact=True)
-    refused(index, "rotations without their largest component")
+    Image.open(index.with_name(name)).convert("RGB").save(index.with_name(name), lossless=lossless, exact=True)
+    refused(index, message)
 
 
 EXTENSIONS = {  # type and payload of an extension: whether the model is read

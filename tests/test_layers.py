@@ -148,7 +148,7 @@ BUDGETS = {
     "evaluation": (2400, 16),
     "figures": (1336, 11),
     "method": (1041, 10),
-    "model": (1722, 15),
+    "model": (1749, 15),
     "opencl": (2215, 20),
     "report": (1745, 14),
     "scenes": (893, 8),

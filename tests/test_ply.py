@@ -173,6 +173,24 @@ def test_bytes_after_the_last_row_are_not_read(tmp_path, capsys, encoding, more)
     assert ("2 rows" in line) == (len(more) == 88 and encoding != "ascii")
 
 
+HEADERS = {
+    "blanks": lambda text: text.replace(b"\n", b" \t\n"),
+    "blanks before": lambda text: b"ply\n  " + text[4:].replace(b"\n", b"\n  ").removesuffix(b"  "),
+    "blanks between": lambda text: text.replace(b" ", b"\t  "),
+    "empty lines": lambda text: text.replace(b"\nproperty", b"\n\n \nproperty"),
+    "all, on Windows": lambda text: text.replace(b" ", b"  ").replace(b"\n", b" \r\n").replace(b"e ", b"e  "),
+    "empty lines of an old Mac": lambda text: text.replace(b"\n", b"\r").replace(b"\rprop", b"\r\rprop"),
+}
+
+
+@pytest.mark.parametrize("change", HEADERS.values(), ids=HEADERS)
+@pytest.mark.parametrize("first", [0x0A, 0x0D, 0x20, 0x41])
+def test_blanks_and_empty_lines_in_a_header_are_skipped(tmp_path, capsys, change, first):
+    table = np.frombuffer(bytes([first]) * 88, floats(CORE))
+    content = change(header(table.dtype, 2)) + table.tobytes()
+    assert read_with_a_warning(save(tmp_path / "m.ply", content), capsys)[0].table.tobytes() == table.tobytes()
+
+
 NOT_NEWLINES = st.binary(max_size=30).filter(lambda text: not {*b"\n\r\0"} & {*text})
 
 

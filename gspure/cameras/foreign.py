@@ -20,7 +20,7 @@ _FORMATS: Final = (
     ("*.xmp", _XML + "<x:xmpmeta", "RealityCapture", "export COLMAP from RealityCapture"),
     ("*.out", "# *Bundle", "Bundler", _EXPORT),
     ("*.nvm", "NVM_V", "VisualSFM", _EXPORT),
-    ("*.json", r'\s*\[\s*\{\s*"(cameras|shots|points|rig_\w+|biases)"', "OpenSfM", "`opensfm export_colmap`"),
+    ("*.json", r'\s*\[\s*\{\s*"(cameras|shots|points|rig_|biases|reference)', "OpenSfM", "`opensfm export_colmap`"),
     ("*.json", r'\s*\{\s*"sfm_data_version"', "OpenMVG", "`openMVG_main_openMVG2Colmap`"),
     ("*", r'\s*\{[\s\S]*"(featuresFolders|sensorWidth|poseId)"', "Meshroom", "`aliceVision_exportColmap`"),
     ("*.json", r'\s*\{[\s\S]*"t_00"', "Polycam", "`ns-process-data polycam`"),

@@ -15,7 +15,7 @@ from gspure.progress import warn
 
 _LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
 _FEW: Final = 16  # bytes per row that a header is more likely to lack than to name too few rows; ours
-_HEADER: Final = re.compile(rb"ply[ \t]*(\r\n|\n|\r)(.*?\1)??end_header[ \t]*\1", re.DOTALL)
+_MAGIC: Final = re.compile(rb"(?:\xef\xbb\xbf)?\s*ply[ \t]*(\r\n|\n|\r)")
 _COMMENT: Final = re.compile(rb"\s*(?:comment|obj_info)(?:[ \t](.*))?", re.DOTALL)
 
 
@@ -28,15 +28,25 @@ class Header(NamedTuple):
 
 
 def read_header(path: Path, content: str) -> Header:
-    """Return the header of a PLY that should hold `content`; its lines end as on Unix, Windows or an old Mac."""
+    """Return the header of a PLY that should hold `content`; warn of blanks and empty lines between its words."""
     with reading(path, content), path.open("rb") as stream:
-        if not (header := _HEADER.match(stream.read(_LIMIT))):
-            raise ValueError("no PLY, or no end of its header")
-        lines = (header[2] or b"").split(header[1])[:-1]
+        head = stream.read(_LIMIT)
+        if not (magic := _MAGIC.match(head)):
+            raise ValueError("no PLY")
+        newline = magic[1]
+        end = re.compile(rb"[\r\n][ \t]*end_header[ \t]*" + (b"\r" if newline == b"\r" else b"\r?\n")).search(head)
+        if not end:
+            raise ValueError("no end of the header")
+        lines = head[magic.end() : end.start()].split(b"\r" if newline == b"\r" else b"\n")
+        lines = [line.removesuffix(b"\r") for line in lines] if newline == b"\r\n" else lines
         comments = tuple(decoded(comment[1] or b"") for line in lines if (comment := _COMMENT.fullmatch(line)))
-        lines = [b"ply", *(line for line in lines if not _COMMENT.fullmatch(line)), b"end_header", b""]
+        lines = [line.removesuffix(b"\r") for line in lines if not _COMMENT.fullmatch(line)]
+        plain = [b" ".join(line.split()) for line in lines if line.strip()]
         # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
-        return Header(PlyData._parse_header(io.BytesIO(b"\n".join(lines))), header.end(), comments)  # noqa: SLF001
+        parsed = PlyData._parse_header(io.BytesIO(b"\n".join([b"ply", *plain, b"end_header", b""])))  # noqa: SLF001
+    if plain != lines:
+        warn(f"{path}: blanks or empty lines in the header are skipped")
+    return Header(parsed, end.end(), comments)
 
 
 def require_size(path: Path, header: Header, count: int, row: int, size: int) -> None:
