@@ -57,3 +57,9 @@ def test_the_tiles_hold_the_numbers_of_the_verdict():
     assert answer.pictured({"noise", "gof", "unattacked"}) == ["unattacked", "gof", "noise"]
     held = answer_of(benchmark({"room": {"noise": (0.9, 2.0)}}))
     assert [number for number, _ in held.tiles()][:2] == ["none", "28.0 → 26.0 dB"]
+
+
+def test_a_failed_attack_comes_last():
+    failed = outcome("crop", failure="no memory")
+    answer = answer_of([failed, *benchmark({"s0": {"noise": (0.9, 2.0), "gof": (0.4, 20.0)}})])
+    assert [row.variant for row in answer.attacks] == ["gof", "noise", "crop"]

@@ -150,7 +150,7 @@ BUDGETS = {
     "method": (1041, 10),
     "model": (1749, 15),
     "opencl": (2215, 20),
-    "report": (1745, 14),
+    "report": (1746, 14),
     "scenes": (893, 8),
     "schemes": (3098, 28),
     "surface": (293, 4),

@@ -2,7 +2,7 @@
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 from typing import Any, Literal, NamedTuple
 
 from gspure.evaluation.intervals import LEVEL, Interval
@@ -131,7 +131,8 @@ def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[
     for audit in audits(outcomes, survivals):
         alike = [o for o in outcomes if o.condition == audit.condition]
         known = [row for row in survivals if row.condition == audit.condition and row.extraction == audit.extraction]
-        attacks = sorted(_attacked(alike, known, audit.extraction), key=lambda row: (row.damage, row.attack))
+        attacks = [*_attacked(alike, known, audit.extraction)]
+        attacks.sort(key=lambda row: (isnan(row.damage), row.damage, row.attack))  # failed ones last
         levels = {name: _mean(alike, name, audit.extraction) for name in CONTROLS}
         controls = {display_name(name): level.mean for name, level in levels.items() if level}
         before, seeds = _mean(alike, UNATTACKED, audit.extraction), len({o.seed for o in alike})
