@@ -152,9 +152,9 @@ BUDGETS = {
     "opencl": (2215, 20),
     "report": (1746, 14),
     "scenes": (893, 8),
-    "schemes": (3098, 28),
+    "schemes": (3131, 28),
     "surface": (293, 4),
-    "training": (1128, 9),
+    "training": (1130, 9),
     "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -17,6 +17,9 @@ ENDS: Final = (3, 7, 10, 11)
 """Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
 
 
+CACHED: Final = 1500  # rows that fit a CPU's cache, with what is computed of them
+
+
 class TrainedRows:
     """The rows of a run; their `values` [K,11 + C] are raw parameters, with C channels."""
 
@@ -35,8 +38,11 @@ class TrainedRows:
 
     def step(self, iteration: int, gradient: Float32, rates: float | Float32, columns: slice = slice(None)) -> None:
         """Take an optimizer step in some columns against a gradient [K,11 + C], with one rate or one per column."""
-        values, first, second, gradient = (p[:, columns] for p in (self.values, self._first, self._second, gradient))
-        adam_step(values, first, second, gradient, rates, iteration)
+        for start in range(0, len(self), CACHED):
+            block = slice(start, start + CACHED)
+            parts = (part[block, columns] for part in (self.values, self._first, self._second, gradient))
+            values, first, second, of_block = parts
+            adam_step(values, first, second, of_block, rates, iteration)
 
     def densify(self, iteration: int, opacities: Float32 | None = None) -> None:
         """Clone, split and prune rows; `opacities` [K] decide about pruning, by default their own."""

@@ -5,12 +5,9 @@ from typing import Final
 
 from gspure.files import Float32
 from gspure.opencl.losses import Photographs
-from gspure.training.pytorch import DEVICE, on_device, on_host, torch
+from gspure.training.pytorch import BFLOAT16, DEVICE, on_device, on_host, torch
 
 WIDTHS: Final = (16, 64, 64, 64, 64, 3)  # of feature map, layers and image
-
-BFLOAT16: Final = DEVICE.type == "cpu" and torch.cpu._is_avx512_bf16_supported()  # noqa: SLF001  (nothing public in 2.6)
-"""Whether training multiplies in bfloat16, at twice the speed; sums, parameters and their moments have 32 bits."""
 
 
 class Decoder(torch.nn.Module):  # type: ignore[misc]

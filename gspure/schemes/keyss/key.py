@@ -55,7 +55,7 @@ class NetworkKey(Key):
         branch = Branch(lesson.views, lesson.images, lesson.device)
         with single_threaded():
             for view, factor in lesson.schedule():
-                branch.differentiate(rows + learner.added(rows, self.vector), view, 1.0)
+                learner.differentiate(branch, rows, self.vector, view, 1.0)
                 learner.step(factor * RATE)
         return replace(self, network=learner.network())
 
@@ -66,7 +66,7 @@ class NetworkKey(Key):
     def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that show the message, one per row."""
         rows = _rows(public)
-        message = gaussians_of(rows + added(np, self.network, self.vector, rows))
+        message = gaussians_of(rows + added(self.network, self.vector, rows))
         require_computed(message, "key", _FILE)
         return message, np.arange(len(rows))
 

@@ -45,13 +45,12 @@ def random_key(rng: np.random.Generator) -> Float32:
     return np.asarray(vector / np.linalg.norm(vector), np.float32)
 
 
-def added(xp: Any, network: Network, key: Any, rows: Any) -> Any:
-    """Return the offsets [K,59] from public rows to those of the message; `xp` is the arrays' library."""
+def added(network: Network, key: Float32, rows: Float32) -> Any:
+    """Return the offsets [K,59] from public rows to those of the message."""
     weight = network["weight_0"]
     values = rows @ weight[:, :ROW].T + (weight[:, ROW:] @ key + network["bias_0"])  # the key is the same in all rows
     for layer in range(1, _LAST + 1):
-        units = values.clip(0) if xp is np else values.relu()
-        values = units @ network[f"weight_{layer}"].T + network[f"bias_{layer}"]
+        values = values.clip(0) @ network[f"weight_{layer}"].T + network[f"bias_{layer}"]
     return values
 
 

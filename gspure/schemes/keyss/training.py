@@ -11,13 +11,14 @@ from gspure.model.activations import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
-from gspure.schemes.keyss.network import Network, added, fresh, random_key
-from gspure.schemes.rows import TrainedRows, screen_norms
+from gspure.schemes.keyss.network import ROW, Network, added, fresh, random_key
+from gspure.schemes.rows import CACHED, TrainedRows, screen_norms
 from gspure.schemes.scheme import Run
-from gspure.training.pytorch import on_device, on_host, single_threaded, torch
+from gspure.training.pytorch import BFLOAT16, DEVICE, on_device, on_host, single_threaded, torch
 from gspure.training.torch_bridge import TorchRenderer
 
 WRONG_WEIGHT: Final = 0.02  # of the loss with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1
+WRONG_EVERY: Final = 16  # a step measures the wrong key's offsets of one row of so many; ours, for speed
 
 _SIZES: Final = (3, 4, 3, 1, 3, 45)  # of a row's position, quaternion, log-scale, logit, base colour, higher harmonics
 
@@ -50,8 +51,36 @@ class Learner:
         self._optimizer = torch.optim.AdamW(self._layers.values())
 
     def added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
-        """Return the offsets from public rows to those of the message."""
-        return added(torch, self._layers, on_device(key), rows)
+        """Return the offsets from public rows to those of the message, as `network.added` does."""
+        first, layers = self._layers["weight_0"], self._layers
+        bias = first[:, ROW:] @ on_device(key) + layers["bias_0"]
+        values = torch.addmm(bias, rows, first[:, :ROW].T)
+        for layer in (1, 2):
+            values = torch.addmm(layers[f"bias_{layer}"], values.relu_(), layers[f"weight_{layer}"].T)
+        return values
+
+    def coarsely_added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
+        """Return them for gradients, in bfloat16 if that is fast."""
+        with torch.autocast(DEVICE.type, torch.bfloat16, enabled=BFLOAT16):
+            return self.added(rows, key).float()
+
+    def differentiate(
+        self, branch: Branch, rows: torch.Tensor, key: Float32, view: int, weight: float
+    ) -> tuple[float, Float32, torch.Tensor, torch.Tensor]:
+        """Add the gradients of a view of the message to those of the network, from the V rows that it shows.
+
+        Return the weighted loss, the norms [K] of projected centres, these rows, and the gradients [V,59] of their
+        public values.
+        """
+        message = rows.clone()
+        with torch.no_grad():
+            for public, moved in zip(rows.split(CACHED), message.split(CACHED), strict=True):
+                moved.add_(self.added(public, key))
+        loss, norms = branch.differentiate(message.requires_grad_(), view, weight)
+        shown = on_device(np.flatnonzero(norms))
+        public, gradient = rows.index_select(0, shown).requires_grad_(), message.grad.index_select(0, shown)
+        self.coarsely_added(public, key).backward(gradient)
+        return loss, norms, shown, gradient + public.grad
 
     def step(self, rate: float) -> None:
         """Take an optimizer step and clear the gradients."""
@@ -95,11 +124,13 @@ class Training:
         rows = on_device(self.rows.values).requires_grad_()
         loss, norms = self._scene.differentiate(rows, scene_view, 1.0)
         if self._run.message_weight:
-            geometry, logits, colours = rows.split((10, 1, 48), dim=1)
-            public = torch.cat([geometry, logits.detach(), colours], dim=1)
-            message = public + self.learner.added(public, self.key)
-            message_loss, message_norms = self._message.differentiate(message, message_view, self._run.message_weight)
-            wrong = WRONG_WEIGHT * self.learner.added(rows.detach(), random_key(self._rng)).abs().mean()
+            public, weight = rows.detach(), self._run.message_weight
+            of_message = self.learner.differentiate(self._message, public, self.key, message_view, weight)
+            message_loss, message_norms, shown, gradient = of_message
+            gradient[:, 10] = 0  # the message does not train public opacities
+            rows.grad.index_add_(0, shown, gradient)
+            sample = public[iteration % min(WRONG_EVERY, len(public)) :: WRONG_EVERY]
+            wrong = WRONG_WEIGHT * self.learner.coarsely_added(sample, random_key(self._rng)).abs().mean()
             wrong.backward()
             loss, norms = loss + message_loss + wrong.item(), norms + message_norms
             self.learner.step(self._network_rate * schedule.settling(iteration))
@@ -112,6 +143,6 @@ class Training:
         """Return the opacity of each row, the higher one of scene and message."""
         logits = self.rows.values[:, 10]
         if self._run.message_weight:
-            added_logits = added(np, self.learner.network(), self.key, self.rows.values)[:, 10]
+            added_logits = added(self.learner.network(), self.key, self.rows.values)[:, 10]
             logits = np.maximum(logits, logits + added_logits)
         return sigmoid(logits)
