@@ -36,7 +36,16 @@ MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels
 logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
 
 _RAW: Final = (".3fr", ".arw", ".cr2", ".cr3", ".dng", ".nef", ".orf", ".pef", ".raf", ".rw2", ".srw")
-"""Suffixes of raw photographs, most of which pose as TIFF."""
+_UNREAD: Final = {
+    "HEIC": rb"....ftyp(hei|hev|mif1|msf1)",
+    "AVIF": rb"....ftypavi",
+    "JPEG XL": rb"\xff\x0a|\0\0\0\x0cJXL ",
+    "JPEG 2000": rb"\xff\x4f\xff\x51|\0\0\0\x0cjP  ",
+    "OpenEXR": rb"\x76\x2f\x31\x01",
+    "Radiance HDR": rb"#\?RADIANCE",
+    "Photoshop": rb"8BPS",
+}
+"""Other formats by their first bytes; raw photographs by their suffix, as most pose as TIFF."""
 
 _ORIENTATION: Final = 0x0112  # tag of EXIF: 1 if the pixels are stored upright
 _NOT_APPLIED: Final = "ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` applies it"
@@ -51,9 +60,8 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
     """
     from PIL import Image
 
-    with reading(path, f"an image ({', '.join(FORMATS)})"):
-        if Path(path).suffix.lower() in _RAW:
-            raise InputError(path, "format", expected=", ".join(FORMATS), found="a raw photograph")
+    with reading(path, "an image"):
+        _refuse_unread(Path(path))
         with Image.open(str(path), formats=(*FORMATS,)) as image:
             image.verify()  # compares the checksums of a PNG; decoding does not
         with Image.open(str(path), formats=(*FORMATS,)) as image:
@@ -138,6 +146,15 @@ def turn(path: Path) -> str | None:
         orientation = 1 if image.format == "PNG" else image.getexif().get(_ORIENTATION, 1)
         applied = "applied, as by 3DGS; COLMAP ignores it" if image.format == "TIFF" else _NOT_APPLIED
     return None if orientation in (0, 1) else f"EXIF orientation {orientation} is {applied}"
+
+
+def _refuse_unread(path: Path) -> None:
+    """Refuse a known format that is not read."""
+    with path.open("rb") as stream:
+        head = stream.read(64)
+    known = (name for name, beginning in _UNREAD.items() if re.match(beginning, head, re.DOTALL))
+    if found := "a raw photograph" if path.suffix.lower() in _RAW else next(known, None):
+        raise InputError(path, "format", expected=", ".join(FORMATS), found=found, hint="convert it to PNG or JPEG")
 
 
 def _is_deep(codec: str, args: object) -> bool:

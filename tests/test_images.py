@@ -114,11 +114,26 @@ def test_a_ppm_of_16_bits_per_channel_is_refused_and_not_cut(tmp_path):
         read_image(tmp_path / "a.ppm")
 
 
-@pytest.mark.parametrize("name", ["a.heic", "a.JPG", "a.nef"])
-def test_a_photograph_of_another_format_is_refused_with_those_that_are_read(tmp_path, name):
-    Image.new("RGB", (4, 3)).save(tmp_path / name, "TIFF" if name == "a.nef" else "JPEG2000")
+UNREAD = {
+    "a.heic": (b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "HEIC"),
+    "a.JPG": (b"\0\0\0\x24ftypmif1\0\0\0\0", "HEIC"),
+    "a.avif": (b"\0\0\0\x20ftypavif\0\0\0\0", "AVIF"),
+    "a.jxl": (b"\xff\x0a\xfa\x7f", "JPEG XL"),
+    "b.jxl": (b"\0\0\0\x0cJXL \r\n\x87\n", "JPEG XL"),
+    "a.jp2": (b"\0\0\0\x0cjP  \r\n\x87\n", "JPEG 2000"),
+    "a.exr": (b"\x76\x2f\x31\x01\x02", "OpenEXR"),
+    "a.CR2": (b"II*\0\x10\0\0\0CR", "a raw photograph"),
+    "a.nef": (b"MM\0*", "a raw photograph"),
+    "a.dng": (b"II*\0", "a raw photograph"),
+}
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_photograph_of_another_format_is_named(tmp_path, name):
+    content, kind = UNREAD[name]
+    (tmp_path / name).write_bytes(content + bytes(100))
     for read in (read_image, photograph_size):
-        with pytest.raises(InputError, match=r"expected .*BMP, GIF, JPEG, PNG, PPM, TIFF, WEBP"):
+        with pytest.raises(InputError, match=rf"format: expected .*JPEG.*, found {kind} \(convert it to PNG or JPEG\)"):
             read(tmp_path / name)
 
 

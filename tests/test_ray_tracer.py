@@ -10,8 +10,7 @@ from gspure.scenes.lighting import Lamp, Scene, bake, first_hits
 from gspure.scenes.photography import path_cameras, trace
 from gspure.scenes.procedural import scene_builder
 from gspure.scenes.rooms import PLACEMENTS
-from gspure.scenes.solids import Box, Room, Sphere
-from gspure.scenes.textures import plain, reflectance
+from gspure.scenes.solids import Box, Room, Sphere, plain, reflectance
 from tests.models import camera
 
 NAMES = ["room", "vault", "interior-1", "landscape-1", "object-1"]

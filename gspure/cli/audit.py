@@ -166,7 +166,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     from gspure.cameras import GENERATED
     from gspure.cameras.worlds import mention_unseen
-    from gspure.figures.up import mention_up
+    from gspure.figures.panels import mention_up
     from gspure.files import write_text
     from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG

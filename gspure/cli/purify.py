@@ -17,7 +17,7 @@ from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_
 from gspure.errors import InputError
 from gspure.evaluation import comparison
 from gspure.evaluation.comparison import ViewMetrics
-from gspure.figures.up import mention_up
+from gspure.figures.panels import mention_up
 from gspure.files import filling, save_array, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS

@@ -1,4 +1,4 @@
-"""Grids of images: views before and after GSPure, and one view after every attack, as in Fig. 3 of the paper."""
+"""Grids of images: before and after GSPure, after every attack (Fig. 3 of the paper), and with each axis up."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.cameras.orbit import UP_SHEET, orbit_cameras, up_of
 from gspure.errors import InputError
 from gspure.evaluation.matched import Sweeps, reached_damage, reached_name
 from gspure.evaluation.metrics import METRICS, psnr
@@ -18,7 +19,9 @@ from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.figures import style
 from gspure.files import Float32, UInt8
 from gspure.images import read_image
-from gspure.progress import decimal
+from gspure.model import Gaussians
+from gspure.progress import decimal, warn
+from gspure.public_model import RenderView
 
 _COLUMNS: Final = 6  # at most in a block, so that their titles are legible on a page
 _GAIN: Final = 5  # factor of the displayed differences
@@ -28,6 +31,7 @@ _LABEL: Final = 0.15  # height of a tile's label
 _NAMES: Final = 0.16  # breadth of the rows' names
 _PADDING: Final = 0.04  # beside each tile
 _GAP: Final = 0.15  # between blocks
+_AXES: Final = np.array([(0, -1, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, -1), (-1, 0, 0)])
 
 
 class Tile(NamedTuple):
@@ -177,3 +181,17 @@ def _tile(o: Outcome, target: str, file: Path, reference: Float32) -> Tile:
     image = read_image(file)
     missed = " †" * (o.variant != UNATTACKED and o.reaches(target) is False)
     return Tile(image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{missed}")
+
+
+def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
+    """Warn if the up direction of generated views is an unsure guess, and draw a model with each axis up, labelled."""
+    (sheet := folder / UP_SHEET).unlink(missing_ok=True)  # of an earlier run
+    if up or (guess := up_of(model)).is_sure:
+        return
+    likeness, tiles = _AXES @ guess.direction, []
+    for axis, is_nearest in zip(_AXES.tolist(), likeness == likeness.max(), strict=True):
+        (view,) = orbit_cameras(model, count=1, up=axis, width=200, height=150)
+        mark = f"   {'the' if likeness.max() == 1 else 'nearest to the'} guess" if is_nearest else ""
+        tiles.append(Tile(render(view), f"--up {' '.join(map(str, axis))}{mark}"))
+    write_tiles(sheet, [""] * 3, [tiles[:3], tiles[3:]])
+    warn(f"up is unsure: see {sheet}; pass --up X Y Z")

@@ -10,7 +10,7 @@ from gspure.files import Bools, Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene
-from gspure.scenes.textures import GAMMA
+from gspure.scenes.solids import GAMMA
 
 EDGE = 1.0 / 64.0  # a pixel whose display value differs by more than this from a neighbour's is sampled more finely
 SAMPLES = 3  # rays along each side of such a pixel; odd, so that one is the pixel centre's

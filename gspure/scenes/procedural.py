@@ -10,8 +10,20 @@ import numpy as np
 
 from gspure.scenes.lighting import Lamp, Scene
 from gspure.scenes.rooms import HALF_WIDTH, Placement, room, vault
-from gspure.scenes.solids import Box, Room, Solid, Sphere, Vector
-from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
+from gspure.scenes.solids import (
+    Box,
+    Room,
+    Solid,
+    Sphere,
+    Texture,
+    Vector,
+    banded,
+    checker,
+    inlaid,
+    plain,
+    rings,
+    stripes,
+)
 from gspure.settings import SEED
 
 Random = np.random.Generator

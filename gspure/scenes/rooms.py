@@ -8,8 +8,23 @@ import numpy as np
 
 from gspure.files import Float64
 from gspure.scenes.lighting import Lamp, Scene
-from gspure.scenes.solids import BACK, BOTTOM, LEFT, RIGHT, Box, Room, Sphere, Vector
-from gspure.scenes.textures import Texture, banded, checker, inlaid, plain, rings, stripes
+from gspure.scenes.solids import (
+    BACK,
+    BOTTOM,
+    LEFT,
+    RIGHT,
+    Box,
+    Room,
+    Sphere,
+    Texture,
+    Vector,
+    banded,
+    checker,
+    inlaid,
+    plain,
+    rings,
+    stripes,
+)
 
 HALF_WIDTH = 3.0
 WALL_HEIGHT = 3.7

@@ -1,20 +1,24 @@
-"""The solids that scenes are built of: boxes, rooms (boxes seen from inside) and spheres.
+"""The solids that scenes are built of, boxes, rooms (boxes seen from inside) and spheres, and their textures.
 
 A solid has one or more faces, each with a chart: unit coordinates (u, v) in [0, 1]^2 to points of the surface. World z
 points up. All arithmetic is element by element in float64, so it does not depend on a BLAS library or its threads.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot
 
 import numpy as np
 
-from gspure.files import Float64, Indices
-from gspure.scenes.textures import Texture
+from gspure.files import Bools, Float64, Indices
 
 Vector = tuple[float, float, float]
+
+Texture = Callable[[Float64], Float64]
+"""From places [N,2] in metres along a surface's two directions to reflectances [N,3], linear, 0 to 1."""
+
+GAMMA = 2.2  # exponent between linear light and display values
 
 _NO_HIT_BEFORE = 1e-6  # hits nearer than this (metres) are the surface that the ray starts on
 LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)  # faces of a box: low and high x, low and high y, low and high z
@@ -162,3 +166,50 @@ class Sphere:
 
 
 Solid = Box | Sphere  # what scenes are built of
+
+
+def reflectance(colour: str) -> Float64:
+    """Return the linear reflectance [3] of a display colour ``#rrggbb``."""
+    channels: Float64 = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+    return channels**GAMMA
+
+
+def plain(colour: str) -> Texture:
+    """Return one colour everywhere."""
+    value = reflectance(colour)
+    return lambda places: np.broadcast_to(value, (len(places), 3))
+
+
+def checker(first: str, second: str, size: float) -> Texture:
+    """Return squares of `size` metres in two alternating colours."""
+    return lambda places: _choose(np.floor(places / size).sum(axis=1) % 2 == 0, first, second)
+
+
+def stripes(first: str, second: str, size: float, *, along: int) -> Texture:
+    """Return bands of `size` metres that alternate along direction `along` (0 or 1)."""
+    return lambda places: _choose(np.floor(places[:, along] / size) % 2 == 0, first, second)
+
+
+def banded(lower: str, upper: str, height: float) -> Texture:
+    """Return one colour up to `height` metres in the second direction, and another above it."""
+    return lambda places: _choose(places[:, 1] < height, lower, upper)
+
+
+def rings(first: str, second: str, size: float) -> Texture:
+    """Return concentric rings of `size` metres around the origin in two alternating colours."""
+    return lambda places: _choose(np.floor(np.sqrt((places**2).sum(axis=1)) / size) % 2 == 0, first, second)
+
+
+def inlaid(outer: Texture, inner: Texture, centre: tuple[float, float], size: tuple[float, float]) -> Texture:
+    """Return one texture with a rectangle of another laid into it, whose origin is the rectangle's centre."""
+
+    def at(places: Float64) -> Float64:
+        local = places - centre
+        inside = (np.abs(local) <= np.array(size) / 2.0).all(axis=1, keepdims=True)
+        return np.where(inside, inner(local), outer(places))
+
+    return at
+
+
+def _choose(is_first: Bools, first: str, second: str) -> Float64:
+    return np.stack([reflectance(second), reflectance(first)]).take(is_first, axis=0)
