@@ -152,7 +152,7 @@ BUDGETS = {
     "opencl": (2215, 20),
     "report": (1746, 14),
     "scenes": (911, 7),
-    "schemes": (3131, 28),
+    "schemes": (3129, 28),
     "surface": (293, 4),
     "training": (1130, 9),
     "workflow": (885, 8),

@@ -12,7 +12,7 @@ from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
 from gspure.schemes.keyss.network import ROW, Network, added, fresh, random_key
-from gspure.schemes.rows import CACHED, TrainedRows, screen_norms
+from gspure.schemes.rows import TrainedRows, screen_norms
 from gspure.schemes.scheme import Run
 from gspure.training.pytorch import BFLOAT16, DEVICE, on_device, on_host, single_threaded, torch
 from gspure.training.torch_bridge import TorchRenderer
@@ -60,7 +60,7 @@ class Learner:
         return values
 
     def coarsely_added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
-        """Return them for gradients, in bfloat16 if that is fast."""
+        """Return them for training, in bfloat16 if that is fast."""
         with torch.autocast(DEVICE.type, torch.bfloat16, enabled=BFLOAT16):
             return self.added(rows, key).float()
 
@@ -72,10 +72,8 @@ class Learner:
         Return the weighted loss, the norms [K] of projected centres, these rows, and the gradients [V,59] of their
         public values.
         """
-        message = rows.clone()
         with torch.no_grad():
-            for public, moved in zip(rows.split(CACHED), message.split(CACHED), strict=True):
-                moved.add_(self.added(public, key))
+            message = rows + self.coarsely_added(rows, key)
         loss, norms = branch.differentiate(message.requires_grad_(), view, weight)
         shown = on_device(np.flatnonzero(norms))
         public, gradient = rows.index_select(0, shown).requires_grad_(), message.grad.index_select(0, shown)
