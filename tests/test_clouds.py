@@ -2,6 +2,9 @@
 
 import base64
 import json
+import re
+import zlib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +13,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gspure.cameras import Camera, orbit_cameras, write_cameras
+from gspure.cli import main
+from gspure.constants import ALPHA_MIN
+from gspure.figures import viewer
 from gspure.figures.clouds import Purified
-from gspure.figures.viewer import write_viewer
+from gspure.figures.viewer import view_of, write_viewer
+from gspure.model import write_model
 from gspure.public_model import PublicModel
-from tests.models import gaussians
+from tests.anchor_cases import random_public
+from tests.models import blobs, camera, gaussians
 
-AXES = np.eye(3)[[1, 2, 0]]
+RNG = np.random.default_rng(5)
 
 
 def purified(count: int, tau_c: float = 4.0, tau_n: float = 4.0) -> Purified:
@@ -29,33 +38,96 @@ def purified(count: int, tau_c: float = 4.0, tau_n: float = 4.0) -> Purified:
     return Purified(public, labels, weights, hidden, tau_c, tau_n)
 
 
-def written(path: Path, shown: Purified) -> dict[str, Any]:
-    write_viewer(path / "viewer.json", shown, AXES)
-    return json.loads((path / "viewer.json").read_text())
+def written(path: Path, shown: Purified, cameras: Sequence[Camera] = ()) -> dict[str, Any]:
+    write_viewer(path / "view.json", shown, cameras)
+    return json.loads((path / "view.json").read_text())
 
 
-def unpacked(text: str, dtype: str) -> NDArray[Any]:
-    return np.frombuffer(base64.b64decode(text), dtype)
+def unpacked(cloud: dict[str, Any]) -> dict[str, NDArray[Any]]:
+    """Return the splats of a cloud as its page computes them."""
+    data, start = zlib.decompress(base64.b64decode(cloud["data"])), 0
+    kinds = {"means": ("<i2", 3), "scales": ("u1", 3), "quats": ("i1", 4)}
+    kinds |= {f"paint_{i}": ("u1", 4) for i in range(cloud["paints"])}
+    values = {}
+    for name, (dtype, width) in kinds.items():
+        values[name] = np.frombuffer(data, dtype, width * cloud["splats"], start).reshape(-1, width)
+        start += values[name].nbytes
+    assert start == len(data)
+    return values | {
+        "means": cloud["unit"] * np.sinh(cloud["reach"] / 32767 * values["means"]),
+        "scales": np.exp(cloud["largest"] - cloud["span"] * (1 - values["scales"] / 255)),
+        "opacities": (values["paint_0"][:, 3] / 255) ** 2,
+    }
 
 
 @pytest.mark.parametrize("factors", [(4.0, 4.0), (3.0, 1.0), (0.7, 6.0)])
 def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, factors: tuple[float, float]) -> None:
     shown = purified(600, *factors)
     data = written(tmp_path, shown)
-    removed = unpacked(data["removal"], "<u2") <= data["cuts"][data["decision"]]
-    np.testing.assert_array_equal(removed, shown.pruned)
+    decision, means = data["decision"], shown.means - np.median(shown.means, axis=0)
+    first = data["clouds"][0]["starts"][decision]
+    assert first == shown.pruned.sum()
+    removed = unpacked(data["clouds"][0])["means"][:first]
+    distances = np.linalg.norm(removed[:, None] - means[shown.pruned], axis=2)
+    assert sorted(distances.argmin(axis=1)) == [*range(first)]
+    assert distances.min(axis=1).max() < 1e-3
     for name, values in {"rows": np.ones(600), "scene": shown.weights, "message": shown.hidden}.items():
-        assert data["removed"][name][data["decision"]] == pytest.approx(
-            values[shown.pruned].sum() / values.sum(), abs=1e-4
-        )
-        assert (data["removed"][name][0], data["removed"][name][-1]) == (0, 1)
-        assert np.all(np.diff(data["removed"][name]) >= 0)
+        shares = data["removed"][name]
+        assert shares[decision] == pytest.approx(values[shown.pruned].sum() / values.sum(), abs=1e-4)
+        assert (shares[0], shares[-1]) == (0, 1)
+        assert np.all(np.diff(shares) >= 0)
 
 
-def test_only_the_colours_of_the_message_need_a_key(tmp_path: Path) -> None:
+def test_splats_keep_their_places_shapes_and_opacities_beside_far_floaters() -> None:
+    means = np.append(RNG.normal(size=(300, 3)), [[1e4, 0, 3]], axis=0)
+    model = gaussians(means=means, scales=np.exp(RNG.uniform(-7, 2, (301, 3))), opacities=RNG.uniform(0.01, 1, 301))
+    splats = unpacked(view_of({"model": PublicModel(model)}, [])["clouds"][0])
+    assert splats["means"][:300] == pytest.approx(means[:300] - np.median(means, axis=0), abs=2e-3)
+    assert splats["means"][300, 0] == pytest.approx(1e4, rel=1e-3)
+    assert splats["scales"] == pytest.approx(model.scales, rel=0.03)
+    assert splats["opacities"] == pytest.approx(model.opacities, rel=0.05)
+
+
+def test_the_message_is_shown_if_a_key_reveals_it(tmp_path: Path) -> None:
     shown = purified(600)
-    colours = written(tmp_path, shown)["colours"]
-    assert set(colours) == {"colour", "cluster", "rank", "weight", "pruned", "message"}
-    bare = written(tmp_path, replace(shown, hidden=None))
-    assert set(bare["colours"]) == {"colour", "cluster", "rank", "weight", "pruned"}
-    assert "message" not in bare["removed"]
+    hidden = gaussians(means=shown.means[:50], scales=0.2)
+    revealed = replace(shown, message=lambda camera: (hidden, np.arange(50)))
+    names = [[mode["name"] for mode in written(tmp_path, model)["modes"]] for model in (shown, revealed)]
+    assert names == [["scene", "pruned", "clusters"], ["scene", "message", "pruned", "clusters"]]
+
+
+def test_each_anchor_is_shown_with_its_gaussians(tmp_path: Path) -> None:
+    anchors = random_public()
+    rows = np.concatenate([anchors.gaussians(view)[1] for view in orbit_cameras(anchors.model, count=4)])
+    shown = Purified(anchors, np.full(40, -1, np.int32), np.linspace(0, 1, 40, dtype=np.float32))
+    data = written(tmp_path, shown, orbit_cameras(anchors.model, count=4))
+    (cloud,) = data["clouds"]
+    assert len(np.unique(rows)) <= cloud["splats"] < len(rows)
+    assert cloud["starts"][0] == 0
+    assert cloud["starts"][-1] == cloud["splats"]
+
+
+def test_a_page_shows_two_models_beside_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, count in (("before.ply", 40), ("after.ply", 30)):
+        write_model(name, blobs(count))
+    write_cameras("cameras.json", [camera(name=f"view_{i}") for i in range(9)])
+    assert main(["view", "before.ply", "after.ply"]) == 0
+    page = Path("view.html").read_text()
+    data = json.loads(page.partition('<script type="application/json">')[2].partition("</script>")[0])
+    visible = [int((blobs(count).opacities >= ALPHA_MIN).sum()) for count in (40, 30)]
+    assert [cloud["of"] for cloud in data["clouds"]] == visible
+    assert [view["name"] for view in data["cameras"]["views"]] == ["overview", "view_0", "view_8"]
+    assert "before.ply" in page
+    assert "divider" in page
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert capsys.readouterr().out == "view.html\n"
+
+
+def test_large_models_are_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer, "MOST", 100)
+    scales = np.where(np.arange(600) < 50, 10, 0.1)[:, None] * np.ones(3)
+    view = view_of({"model": PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))}, [])
+    (cloud,) = view["clouds"]
+    assert (cloud["splats"], cloud["of"]) == (100, 600)
+    assert (unpacked(cloud)["scales"][:, 0] > 5).sum() > 40

@@ -49,7 +49,7 @@ def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, mode
     assert "Pruning removes" in captions["purification.png"]
     draw_model(tmp_path / "b", model, views)
     files = {path.name for path in (tmp_path / "a").iterdir()}
-    assert files == {*captions, CAPTIONS, "weights.svg", "viewer.json"}
+    assert files == {*captions, CAPTIONS, "weights.svg", "view.json"}
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 

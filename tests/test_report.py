@@ -16,7 +16,7 @@ from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
 from gspure.report.writing import ReportPlan, write_report
 from tests.contest_cases import write_model
-from tests.test_clouds import AXES, purified
+from tests.test_clouds import purified
 
 ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
 NAME = "sis/room"
@@ -33,7 +33,7 @@ def run(tmp_path_factory) -> Path:
     shutil.rmtree(results / "sis" / "vault" / "noise")
     write_text(results / "logs" / "sis" / "vault" / "noise" / "attack.log", "gspure attack: <b>no memory</b>\n")
     model = results / NAME / "figures" / "model"
-    write_viewer(model / "viewer.json", purified(300), AXES)
+    write_viewer(model / "view.json", purified(300), [])
     shutil.copy(results / "pairs" / "room" / "scene" / "view_0.png", model / "kept.png")
     shutil.copy(model / "kept.png", model / "weights.png")
     write_json(model / "captions.json", {"kept.png": "What is kept.", "weights.png": "Weights & thresholds."})
@@ -102,7 +102,7 @@ def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
     assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
     assert "<b>no memory" not in page
     assert "kept.png" in text
-    for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "Colour by"):
+    for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "Prune from the lowest rank up"):
         assert words in text, words
     assert "Survival of the message" in text
 

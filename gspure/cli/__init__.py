@@ -21,6 +21,7 @@ COMMANDS = {
     "demo": "hide a scene in another, attack the model, extract the message: a verdict and a report, in minutes",
     "audit": "attack a model in many ways: a verdict about its message, and a report, in the current folder",
     "purify": "run GSPure on one model: purified model, weights, clusters, metrics and figures",
+    "view": "show a model in 3-D, or two side by side: one page, for any browser",
     "embed": "train a watermarked model on a pair: the public model and the owner's key",
     "extract": "render the message of a public or attacked model with the owner's key",
     "train": "train a 3DGS model from photographs",
@@ -37,7 +38,7 @@ COMMANDS = {
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
     "completion": "print a script for tab completion in a shell",
 }
-FIRST = 7  # that a person types; the others are listed as further tools
+FIRST = 8  # that a person types; the others are listed as further tools
 
 DESCRIPTION = "Measure how robust a 3D Gaussian Splatting watermark is against GSPure and other attacks."
 

@@ -8,12 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from gspure.constants import NOISE_LABEL, SH_DC, TAU_C, TAU_N
+from gspure.cameras.camera import Camera
+from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.figures import style
 from gspure.files import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.method.pruning import deciding_weights, prune_mask
+from gspure.model import Gaussians
 from gspure.progress import percent
-from gspure.public_model import PublicModel
+from gspure.public_model import PublicModel, Rows
 
 _STEPS = 256  # of a scale
 _PALE = 0.55  # share of white in the colours of kept clusters
@@ -43,8 +45,8 @@ class Colouring:
 class Purified:
     """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
 
-    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Rows are
-    pruned by the factors `tau_c` and `tau_n`.
+    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one; `message` is
+    then `Key.gaussians` for the public model. Rows are pruned by the factors `tau_c` and `tau_n`.
     """
 
     public: PublicModel
@@ -53,6 +55,7 @@ class Purified:
     hidden: Float32 | None = None
     tau_c: float = TAU_C
     tau_n: float = TAU_N
+    message: Callable[[Camera], tuple[Gaussians, Rows]] | None = None
 
     @property
     def means(self) -> Float32:
@@ -88,15 +91,9 @@ class Purified:
         colourings = {
             "cluster": by_cluster(self.labels, self.pruned),
             "rank": by_rank(self.ranks),
-            "weight": by_weight(self.weights),
             "pruned": by_decision(self.pruned),
         }
         return colourings if self.hidden is None else {**colourings, "message": by_share(self.weights, self.hidden)}
-
-
-def by_harmonics(sh_dc: Float32) -> Colouring:
-    """Colour Gaussians as they look on average over all directions: by their coefficients of degree 0, [K,3]."""
-    return Colouring(np.rint(255 * np.clip(0.5 + SH_DC * sh_dc, 0, 1)).astype(np.uint8))
 
 
 def by_cluster(labels: Int32, pruned: Bools) -> Colouring:
@@ -144,16 +141,6 @@ def by_decision(pruned: Bools) -> Colouring:
 def by_rank(rank: Float64) -> Colouring:
     """Colour rows by their `ranks` [K]."""
     return _on_scale(rank, ("lowest", "rank", "highest"), _colour_map)
-
-
-def by_weight(weights: Float32) -> Colouring:
-    """Colour rows by their weight [K], on a logarithmic scale; grey if no view shows them."""
-    positive = weights > 0
-    decades = np.log10(weights, where=positive, out=np.full(len(weights), np.nan))
-    low, high = np.quantile(decades[positive], (0.02, 1)) if positive.any() else (0.0, 0.0)
-    ends = [np.format_float_positional(10**end, 1, fractional=False, trim="-") for end in (low, high)]
-    place = np.clip((decades - low) / ((high - low) or 1), 0, 1)
-    return _on_scale(place, (f"{ends[0]} or less", "weight (grey: 0)", ends[1]), _colour_map)
 
 
 def by_share(weights: Float32, hidden: Float32) -> Colouring:

@@ -15,7 +15,7 @@ from gspure.figures.clouds import Colouring, Purified
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
-from gspure.figures.viewpoint import choose, fitted, project, world_axes
+from gspure.figures.viewpoint import choose, fitted, project
 from gspure.files import Float32, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
@@ -49,7 +49,7 @@ def draw_model(
 
     These are ``splats``, if the model has colours and views; ``weights``; and the clouds ``clusters``, ``ranks`` and
     ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their captions stand in
-    `CAPTIONS`, and the data of a report's 3-D `viewer` in ``viewer.json``. What cannot be drawn is left out with a
+    `CAPTIONS`, and the data of a report's 3-D `viewer` in ``view.json``. What cannot be drawn is left out with a
     warning.
     """
     drawings: dict[str, Draw] = {"weights": partial(draw_weights, model=model)}
@@ -62,7 +62,7 @@ def draw_model(
     captions: dict[str, str] = {}
     with filling(folder) as place:
         if viewer:
-            write_viewer(place / "viewer.json", model, world_axes(model.means, cameras))
+            write_viewer(place / "view.json", model, cameras)
         for name, draw in drawings.items():
             file = f"{name}.png"
             try:

@@ -80,6 +80,13 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
     write_text(results / "report.html", text)
 
 
+def write_view(path: Path, data: Mapping[str, Any]) -> None:
+    """Write a page with the view of `gspure.figures.viewer.view_of` alone, whole or not at all."""
+    from gspure import __version__
+
+    write_text(path, environment().get_template("view.html.j2").render(version=__version__, data=data))
+
+
 def picture(file: Path, caption: str, results: Path) -> Picture:
     """Return a PNG figure with its caption, and links to it and to its vector graphic."""
     files = [str(p.relative_to(results)) for end in (".png", ".svg") if (p := file.with_suffix(end)).exists()]

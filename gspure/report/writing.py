@@ -111,7 +111,7 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
         failures=failures(variants),
         pictures=[picture(path, text, results) for path, text in captions.items() if text],
         images=renders(folder, [*answer.pictured({o.variant for o in variants}), *shown], targets),
-        viewer=_parts(drawn / "viewer.json"),
+        viewer=_parts(drawn / "view.json"),
         diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )
 

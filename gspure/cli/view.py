@@ -1,0 +1,31 @@
+"""``gspure view``: a page with a model in 3-D, or two side by side."""
+
+from pathlib import Path
+
+from gspure.cli.parser import Arguments, Parser
+
+EXAMPLES = """\
+  gspure view point_cloud.ply                                  # view.html, which works from disk
+  gspure view point_cloud.ply purified/purified.ply --out compared.html
+"""
+
+
+def add_arguments(parser: Parser) -> None:
+    parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run, with its cameras")
+    parser.reads("other", "OTHER", "another model, in the same world: a draggable divider separates both", nargs="?")
+    parser.writes("--out", "HTML", "page to write", default=Path("view.html"))
+
+
+def run(args: Arguments) -> None:
+    """Write the page."""
+    from gspure.cameras import read_cameras
+    from gspure.figures.viewer import view_of
+    from gspure.report.page import write_view
+    from gspure.schemes.registry import read_public_model
+
+    files = [file for file in (args.model, args.other) if file]
+    folder = args.model if args.model.is_dir() else args.model.parent
+    cameras = read_cameras(folder / "cameras.json") if (folder / "cameras.json").is_file() else []
+    models = [read_public_model(file).drawable(file) for file in files]
+    write_view(args.out, view_of(dict(zip(map(str, files), models, strict=True)), cameras))
+    print(args.out)
