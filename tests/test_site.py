@@ -64,4 +64,4 @@ def test_the_site_builds_without_warnings(tmp_path):
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "<math" in (tmp_path / "method" / "index.html").read_text()
+    assert "<math" in (tmp_path / "method.html").read_text()
