@@ -54,6 +54,14 @@ def test_exactly_the_fraction_of_lowest_or_random_rows_is_removed(count: int, fr
 
 
 @unhurried
+@given(count=st.integers(2, 40), share=st.floats(1e-6, 0.9))
+def test_the_rows_of_lowest_weight_are_removed_up_to_the_share(count: int, share: float) -> None:
+    weights, mask = measurements(count).weights, apply("weight_share", blobs(count), share=share).prune_mask
+    assert weights[mask].sum() <= share * weights.sum() * (1 + 1e-6)
+    assert weights[mask].sum() + weights[~mask].min() > share * weights.sum() * (1 - 1e-6)
+
+
+@unhurried
 @given(count=counts, tau=st.floats(0.5, 8))
 def test_opacity_and_weight_together_remove_what_either_does(count: int, tau: float) -> None:
     opacity, weight, both = (

@@ -17,6 +17,8 @@ from gspure.settings import Amount, Factor, Share
 
 FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
 
+SHARE: Final = 0.002  # of the weight of all rows; ours: it costs large models about 1 dB
+
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
 TAUS: Final = Strength("tau", 100.0, 0.01, "log")
 
@@ -50,6 +52,17 @@ def random_pruning(model: Gaussians, rng: Rng, *, fraction: Share = FRACTION) ->
 def lowest_weight(model: Gaussians, _rng: Rng, weights: Float32, *, fraction: Share = FRACTION) -> Attacked:
     """Remove the `fraction` (0 to 1) of the rows with the lowest ω_k, rounded to a whole number."""
     return Attacked.without(model, lowest_mask(weights, round(fraction * len(model))))
+
+
+def weight_share(model: Gaussians, _rng: Rng, weights: Float32, *, share: Share = SHARE) -> Attacked:
+    r"""Remove the rows with the lowest ω_k that together hold at most a `share` of all weight.
+
+    .. math:: \sum_{k\,\mathrm{pruned}} \omega_k \le s \sum_{k} \omega_k
+
+    So the damage depends little on the number of rows, unlike that of a threshold relative to the mean weight.
+    """
+    total = np.cumsum(np.sort(weights), dtype=np.float64)
+    return Attacked.without(model, lowest_mask(weights, int(np.searchsorted(total, share * total.max(initial=0.0), "right"))))
 
 
 def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: Share = FRACTION) -> Attacked:
@@ -138,6 +151,7 @@ ATTACKS = (
             gof: Strength("tolerance", 100.0, 0.01, "log"),
             opacity_weight: TAUS,
             lowest_weight: FRACTIONS,
+            weight_share: Strength("share", 1e-6, 1.0, "log"),
             lowest_opacity: FRACTIONS,
         }
     ),
