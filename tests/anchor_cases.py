@@ -20,26 +20,8 @@ def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:
     )
 
 
-def distant(names, feat_dim, k, rng):
-    """Untrained networks that all see the distance."""
-    networks = fresh(names, feat_dim, k, rng)
-    for network in networks.values():
-        short = feat_dim + 4 - network["0.weight"].shape[1]
-        extra = rng.normal(size=(feat_dim, short)).astype(np.float32)
-        network["0.weight"] = np.concatenate([network["0.weight"], extra], axis=1)
-    return networks
-
-
-def feature_bank(hidden, rng):
-    shapes = {"0.weight": (hidden, 4), "0.bias": (hidden,), "2.weight": (3, hidden), "2.bias": (3,)}
-    return {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-
-
-def random_public(count=40, k=4, feat_dim=8, seed=0, *, bank=False) -> AnchorModel:
-    rng = np.random.default_rng(seed + 100)
-    networks = fresh(PUBLIC, feat_dim, k, rng)
-    if bank:
-        networks["feature_bank"] = feature_bank(feat_dim, rng)
+def random_public(count=40, k=4, feat_dim=8, seed=0) -> AnchorModel:
+    networks = fresh(PUBLIC, feat_dim, k, np.random.default_rng(seed + 100))
     return AnchorModel(random_anchors(count, k, feat_dim, seed).table, networks)
 
 

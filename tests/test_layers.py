@@ -152,9 +152,9 @@ BUDGETS = {
     "opencl": (2215, 20),
     "report": (1856, 15),
     "scenes": (911, 7),
-    "schemes": (3129, 28),
+    "schemes": (2878, 27),
     "surface": (293, 4),
-    "training": (1130, 9),
+    "training": (1143, 9),
     "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

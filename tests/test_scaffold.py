@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gspure.schemes.secure_gs.anchors import neural, visible_rows
-from gspure.schemes.secure_gs.model import AnchorModel
-from tests.anchor_cases import distant, random_public
+from tests.anchor_cases import random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
 
@@ -20,27 +19,14 @@ def by_hand(public, view, row, i):
     """One Gaussian of one anchor, number by number: Scaffold-GS's formulas in float64."""
     anchors, networks = public.anchors, public.networks
     away = anchors.positions[row].astype(np.float64) - view.centre
-    distance = np.linalg.norm(away)
-    direction = away / distance
+    direction = away / np.linalg.norm(away)
     feature = anchors.features[row].astype(np.float64)
 
     def outputs(name, inputs):
         net = networks[name]
-        inputs = inputs[: net["0.weight"].shape[1]]
         return net["2.weight"] @ np.maximum(net["0.weight"] @ inputs + net["0.bias"], 0) + net["2.bias"]
 
-    if "feature_bank" in networks:
-        logits = outputs("feature_bank", np.append(direction, distance))
-        shares = np.exp(logits) / np.exp(logits).sum()
-        size = len(feature)
-        blended = [
-            shares[0] * feature[4 * (j % (size // 4))]
-            + shares[1] * feature[2 * (j % (size // 2))]
-            + shares[2] * feature[j]
-            for j in range(size)
-        ]
-        feature = np.array(blended)
-    inputs = np.concatenate([feature, direction, [distance]])
+    inputs = np.concatenate([feature, direction])
     shape = outputs("cov", inputs)[7 * i : 7 * i + 7]
     scalings = np.exp(anchors.log_scalings[row].astype(np.float64))
     return {
@@ -52,11 +38,8 @@ def by_hand(public, view, row, i):
     }
 
 
-@pytest.mark.parametrize("kind", ["plain", "bank", "distance"])
-def test_neural_gaussians_are_those_of_the_formulas(kind):
-    public, view = random_public(bank=kind == "bank"), tilted_camera()
-    if kind == "distance":
-        public = AnchorModel(public.model, distant(("opacity", "cov", "color"), 8, 4, np.random.default_rng(3)))
+def test_neural_gaussians_are_those_of_the_formulas():
+    public, view = random_public(), tilted_camera()
     found, rows = public.neural(view)
     active = set()
     for place in range(len(rows) * 4):
@@ -103,7 +86,7 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
 
 def test_numpy_and_torch_make_the_same_gaussians():
     torch = pytest.importorskip("torch")
-    public = random_public(bank=True)
+    public = random_public()
     anchors, view = public.anchors, tilted_camera()
     networks = {n: {p: torch.from_numpy(a) for p, a in net.items()} for n, net in public.networks.items()}
     tensors = type(anchors)(*map(torch.from_numpy, vars(anchors).values()))

@@ -4,9 +4,11 @@ Importing this module without PyTorch raises `InputError`.
 """
 
 import ctypes
+import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final
 
 from numpy.typing import NDArray
@@ -23,7 +25,7 @@ except ImportError as error:
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
 _GIB = 1 << 30
 
-__all__ = ["BFLOAT16", "DEVICE", "on_device", "on_host", "single_threaded", "torch"]
+__all__ = ["BFLOAT16", "DEVICE", "on_device", "on_host", "read_tensors", "single_threaded", "torch"]
 
 
 def _working_device() -> torch.device:
@@ -56,6 +58,17 @@ def on_host(tensor: torch.Tensor) -> NDArray[Any]:
     """Return a tensor as an array, without its history; on the CPU, they share their memory."""
     array: NDArray[Any] = tensor.detach().cpu().numpy()
     return array
+
+
+def read_tensors(source: Path, content: bytes) -> dict[str, torch.Tensor]:
+    """Return the state dict that a file holds, or raise `InputError`; no code in it is executed."""
+    state = None
+    with suppress(Exception):  # of almost any kind, if a file is corrupt or hostile
+        state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    if not isinstance(state, dict) or not all(isinstance(tensor, torch.Tensor) for tensor in state.values()):
+        found = "another file; nothing in it was executed"
+        raise InputError(source, "file", expected="a state dict of PyTorch", found=found)
+    return {str(name): tensor for name, tensor in state.items()}
 
 
 @contextmanager

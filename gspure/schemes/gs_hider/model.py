@@ -38,7 +38,6 @@ from gspure.progress import warn
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
-from gspure.schemes.tensors import read_tensors
 
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
@@ -100,17 +99,17 @@ class DecoderFile:
     def network(self) -> Decoder:
         """The decoder, or `InputError` if the file is no finite state dict of it; no code in the file is executed."""
         from gspure.schemes.gs_hider.decoder import Decoder
-        from gspure.training.pytorch import on_device
+        from gspure.training.pytorch import DEVICE, read_tensors, torch
 
-        decoder, state = Decoder(), read_tensors(self.source, io.BytesIO(self.content))
+        decoder, state = Decoder(), read_tensors(self.source, self.content)
         expected = {name: f"float32 {list(tensor.shape)}" for name, tensor in decoder.state_dict().items()}
-        found = {name: f"{tensor.dtype} {list(tensor.shape)}" for name, tensor in state.items()}
+        found = {name: f"{tensor.dtype} {list(tensor.shape)}".removeprefix("torch.") for name, tensor in state.items()}
         for name in sorted(expected.keys() | found.keys()):
             here, there = (tensors.get(name, "no such tensor") for tensors in (expected, found))
-            if here != there or not np.isfinite(state[name]).all():
+            if here != there or not torch.isfinite(state[name]).all():
                 hint = "decoders of forks, with batch normalization or channel attention, are not read"
                 raise InputError(self.source, name[:80], expected=f"{here}, finite", found=there, hint=hint)
-        decoder.load_state_dict({name: on_device(tensor.copy()) for name, tensor in state.items()})
+        decoder.load_state_dict({name: tensor.to(DEVICE) for name, tensor in state.items()})
         return decoder
 
     def image_of(self, feature_map: RenderView) -> RenderView:

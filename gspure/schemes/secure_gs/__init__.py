@@ -19,8 +19,8 @@ from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
-from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
-from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, UNITED, fresh
+from gspure.schemes.secure_gs.model import NETWORKS, AnchorModel, HiddenKey
+from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, fresh
 from gspure.settings import Amount, Range, Steps
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.trainer import watched
@@ -96,7 +96,7 @@ READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_anchor_feat_*", "s
 SCHEME = Scheme(
     *("secure_gs", embed, AnchorModel.read, HiddenKey.read, READS, ANCHOR_TAU_C, ANCHOR_TAU_N),
     signature=("f_anchor_feat_0", "f_offset_0"),
-    beside=(UNITED, "*_mlp.pt"),
+    beside=(NETWORKS,),
     packages=PYTORCH,
     fits=True,
 )

@@ -22,7 +22,7 @@ from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import NORMALS
 from gspure.model.rotations import rotation_matrices
 from gspure.public_model import Rows
-from gspure.schemes.secure_gs.networks import Network, Networks, perceptron
+from gspure.schemes.secure_gs.networks import Networks, perceptron
 
 STORED_OPACITY: Final = np.float32(-2.1972246)  # logit(0.1): Scaffold-GS does not train the opacities that it stores
 LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
@@ -115,32 +115,25 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     away = anchors.positions - centre
     distances = xp.sqrt((away * away).sum(axis=1))[:, None]
     views = away / distances
-    features = anchors.features
-    if "feature_bank" in networks:
-        features = _blended(xp, networks["feature_bank"], features, xp.concatenate([views, distances], axis=1))
-    near = xp.concatenate([features, views], axis=1)
-    far = xp.concatenate([near, distances], axis=1)
-
-    def outputs(name: str) -> Any:
-        takes_distance = networks[name]["0.weight"].shape[1] == far.shape[1]
-        return perceptron(xp, networks[name], far if takes_distance else near)
-
-    opacities = xp.tanh(outputs("opacity"))
+    inputs = xp.concatenate([anchors.features, views], axis=1)
+    opacities = xp.tanh(perceptron(xp, networks["opacity"], inputs))
     count = opacities.shape[0] * anchors.k
     active = xp.argwhere(~(opacities.reshape(count) <= 0))[:, 0]  # with not-a-number, so that it is noticed
     owners = active // anchors.k
-    offsets = outputs("offset").reshape(count, 3) if "offset" in networks else anchors.offsets.reshape(count, 3)
+    offsets = anchors.offsets
+    if "offset" in networks:
+        offsets = perceptron(xp, networks["offset"], xp.concatenate([inputs, distances], axis=1))
     scalings = rows_of(xp.exp(anchors.log_scalings), owners)
-    shapes = rows_of(outputs("cov").reshape(count, 7), active)
+    shapes = rows_of(perceptron(xp, networks["cov"], inputs).reshape(count, 7), active)
     quats = shapes[:, 3:]
     return Neural(
         outputs=opacities,
         active=active,
-        means=rows_of(anchors.positions, owners) + rows_of(offsets, active) * scalings[:, :3],
+        means=rows_of(anchors.positions, owners) + rows_of(offsets.reshape(count, 3), active) * scalings[:, :3],
         quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
         scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
         opacities=rows_of(opacities.reshape(count), active),
-        colors=_sigmoid(xp, rows_of(outputs("color").reshape(count, 3), active)),
+        colors=_sigmoid(xp, rows_of(perceptron(xp, networks["color"], inputs).reshape(count, 3), active)),
     )
 
 
@@ -155,15 +148,6 @@ def as_gaussians(gaussians: Neural, rows: Rows, k: int) -> tuple[Gaussians, Rows
         sh_coeffs=((gaussians.colors - 0.5) / SH_DC)[:, None, :],
     )
     return table, rows[gaussians.active // k]
-
-
-def _blended(xp: Any, bank: Network, features: Any, views: Any) -> Any:
-    """Blend features at three resolutions, every fourth, second and single number, with weights by view."""
-    logits = perceptron(xp, bank, views)
-    weights = xp.exp(logits - xp.amax(logits, axis=1, keepdims=True))
-    weights = weights / weights.sum(axis=1)[:, None]
-    coarse, middle = xp.tile(features[:, ::4], (1, 4)), xp.tile(features[:, ::2], (1, 2))
-    return coarse * weights[:, 0:1] + middle * weights[:, 1:2] + features * weights[:, 2:3]
 
 
 def _sigmoid(xp: Any, x: Any) -> Any:

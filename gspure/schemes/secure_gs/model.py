@@ -2,6 +2,7 @@
 
 ::
 
+    <public>/securegs_public.npz    {opacity,cov,color}.{0,2}.{weight,bias}
     <key>/securegs_hidden.npz       {offset,opacity,cov,color}.{0,2}.{weight,bias}
 """
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Float32, Kind, digest, load_arrays, replacing, save_arrays
+from gspure.files import Float32, digest
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
@@ -26,11 +27,21 @@ from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel,
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.anchors import Anchors, Neural, as_gaussians, neural, require_anchors, visible_rows
-from gspure.schemes.secure_gs.networks import PARAMETERS, PRIVATE, UNITED, Networks, fresh, read_networks, require_sizes
-from gspure.schemes.tensors import write_tensors
+from gspure.schemes.secure_gs.networks import (
+    PRIVATE,
+    PUBLIC,
+    Networks,
+    fresh,
+    read_networks,
+    require_sizes,
+    sizes_of,
+    write_networks,
+)
 
 if TYPE_CHECKING:
     from gspure.schemes.secure_gs.learner import Learner
+
+NETWORKS: Final = "securegs_public.npz"
 
 
 class AnchorModel(PublicModel):
@@ -48,14 +59,13 @@ class AnchorModel(PublicModel):
     """Learning rates of features, logarithms of scalings and offsets, whose unit is the scaling. Ours."""
 
     rows_are_gaussians: ClassVar[bool] = False
-    network_name = UNITED
+    network_name = NETWORKS
     visible = True  # a model without its networks cannot be read
     code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "anchors")]
 
-    def __init__(self, model: Gaussians, networks: Networks, stored: bytes = b"") -> None:
+    def __init__(self, model: Gaussians, networks: Networks) -> None:
         super().__init__(model)
         self.networks = networks
-        self.stored = stored  # the file that the networks were read from, if it is `UNITED`: it may hold more tensors
 
     @cached_property
     def anchors(self) -> Anchors:
@@ -68,22 +78,21 @@ class AnchorModel(PublicModel):
         file = model_file(Path(path))
         rows = read_model(file)
         require_anchors(file, rows)
-        united = file.with_name(UNITED)
-        public = cls(rows, read_networks(file.parent), united.read_bytes() if united.is_file() else b"")
-        require_sizes(file.parent, public.networks, public.anchors.feat_dim, public.anchors.k)
+        source = file.with_name(NETWORKS)
+        if not source.is_file():
+            hint = "files of Scaffold-GS's and SecureGS's authors are not read"
+            raise InputError(file.parent, "networks", expected=f"{NETWORKS} of `gspure embed`", found="none", hint=hint)
+        public = cls(rows, read_networks(source, PUBLIC, "the public networks of SecureGS"))
+        require_sizes(source, public.networks, public.anchors.feat_dim, public.anchors.k)
         return public
 
     def write_networks(self, folder: Path) -> None:
-        """Write the networks, byte for byte as they were read."""
-        if self.stored:
-            with replacing(folder / UNITED) as temporary:
-                temporary.write_bytes(self.stored)
-        else:
-            write_tensors(folder / UNITED, {f"{name}_mlp": network for name, network in self.networks.items()})
+        """Write the networks."""
+        write_networks(folder / NETWORKS, self.networks)
 
     def with_model(self, model: Gaussians) -> Self:
         """Return the same networks with other anchors."""
-        return type(self)(model, self.networks, self.stored)
+        return type(self)(model, self.networks)
 
     def neural(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
         """Return the Gaussians of `networks` (default: the public ones) and the rows of the visible anchors."""
@@ -160,25 +169,14 @@ class HiddenKey(Key):
     def __init__(self, networks: Networks) -> None:
         self.networks = networks
 
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Length of the features, which is also the width of the hidden layer, and Gaussians per anchor."""
-        return int(self.networks["opacity"]["0.bias"].size), int(self.networks["opacity"]["2.bias"].size)
-
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read a key."""
-        shapes = dict.fromkeys(PARAMETERS, (None,)) | dict.fromkeys(PARAMETERS[::2], (None, None))
-        kinds: dict[str, Kind] = {f"{name}.{p}": (np.float32, shapes[p]) for name in PRIVATE for p in PARAMETERS}
-        arrays = load_arrays(file := Path(folder) / HIDDEN, kinds, "the private networks of SecureGS")
-        key = cls({name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in PRIVATE})
-        require_sizes(file, key.networks, *key.sizes)
-        return key
+        return cls(read_networks(Path(folder) / HIDDEN, PRIVATE, "the private networks of SecureGS"))
 
     def write(self, folder: Path) -> None:
         """Write the networks."""
-        named = {f"{name}.{p}": array for name, network in self.networks.items() for p, array in network.items()}
-        save_arrays(Path(folder) / HIDDEN, named)
+        write_networks(Path(folder) / HIDDEN, self.networks)
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the private networks' Gaussians."""
@@ -198,13 +196,12 @@ class HiddenKey(Key):
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""
-        return type(self)(fresh(PRIVATE, *self.sizes, rng))
+        return type(self)(fresh(PRIVATE, *sizes_of(self.networks), rng))
 
     def _fitting(self, public: PublicModel) -> tuple[AnchorModel, Networks]:
         """Return a model whose anchors the networks can read, and these, with the public one that blends features."""
         if not isinstance(public, AnchorModel):
             raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        if (sizes := (public.anchors.feat_dim, public.anchors.k)) != self.sizes:
-            expected, found = ("{} features and {} Gaussians per anchor".format(*of) for of in (self.sizes, sizes))
-            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+        anchors = public.anchors
+        require_sizes("secure_gs", self.networks, anchors.feat_dim, anchors.k, "a key of another model")
         return public, {**public.networks, **self.networks}
