@@ -48,8 +48,16 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
 
 
-def test_a_distilled_model_has_only_new_rows_and_a_comment() -> None:
-    attacked = attacked_by("distil", iterations=20)
+def test_a_distilled_model_depends_on_what_the_views_show_alone() -> None:
+    hidden = {"opacity": np.full(ROWS, -20, np.float32)}  # below 1/255: never drawn
+    one, other = (
+        Gaussians(np.concatenate([blobs(ROWS).table, blobs(ROWS, seed).with_columns(hidden).table])) for seed in (1, 2)
+    )
+    assert one.table.tobytes() != other.table.tobytes()
+    attacked = attacked_by("distil", PublicModel(one), iterations=20)
+    assert (
+        attacked.model.table.tobytes() == attacked_by("distil", PublicModel(other), iterations=20).model.table.tobytes()
+    )
     assert attacked.prune_mask.all()
     assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)
     assert attacked.model.sh_degree == 3

@@ -142,10 +142,10 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1600, 12),
-    "attacks": (1145, 10),
+    "attacks": (1149, 10),
     "cameras": (1477, 11),
     "cli": (2111, 22),
-    "evaluation": (2400, 16),
+    "evaluation": (2392, 16),
     "figures": (1406, 10),
     "method": (1041, 10),
     "model": (1749, 15),
@@ -154,7 +154,7 @@ BUDGETS = {
     "scenes": (911, 7),
     "schemes": (2878, 27),
     "surface": (293, 4),
-    "training": (1143, 9),
+    "training": (1167, 9),
     "workflow": (885, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -10,7 +10,7 @@ from gspure.constants import SH_DC
 from gspure.errors import InputError
 from gspure.model.activations import sigmoid
 from gspure.training.dataset import extent
-from gspure.training.initialization import COMMON_SHARE, gaussians_at, random_points, view_counts
+from gspure.training.initialization import COMMON_SHARE, consistent_points, gaussians_at, random_points, view_counts
 from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint
 from gspure.training.schedule import Schedule
 from tests.training_cases import ring, same_bits, state
@@ -69,6 +69,22 @@ def test_random_points_lie_where_many_views_overlap():
     assert view_counts(points, views).min() >= COMMON_SHARE * len(views)
     cube = random_points(views, extent(views), 500, np.random.default_rng(0))
     np.testing.assert_array_equal(points, cube)
+
+
+def test_consistent_points_lie_at_the_surface_that_all_views_show():
+    views = ring()
+
+    def photograph(view):  # of the plane y = 0, whose colour is its place
+        line, column = np.indices((view.height, view.width)) + 0.5
+        rays = np.linalg.inv(view.K @ view.viewmat[:3, :3]) @ np.stack([column, line, np.ones_like(line)]).reshape(
+            3, -1
+        )
+        ground = view.centre[:, None] - rays * view.centre[1] / rays[1]
+        return np.sin(ground / 2 + [[0], [2], [4]]).T.reshape(view.height, view.width, 3).astype(np.float32) / 2 + 0.5
+
+    points, _ = consistent_points(views, [photograph(view) for view in views], extent(views), np.random.default_rng(0))
+    anywhere = random_points(views, extent(views), len(points), np.random.default_rng(0))
+    assert np.median(np.abs(points[:, 1])) < np.median(np.abs(anywhere[:, 1])) / 2
 
 
 SETTINGS = {"iterations": 100, "seed": 3, "background": (0.0, 0.5, 1.0), "max_gaussians": None, "data": "abc"}

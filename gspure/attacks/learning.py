@@ -9,7 +9,7 @@ import numpy as np
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.cameras.camera import Camera
-from gspure.constants import SH_DC, TAU_C, TAU_N
+from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.files import Bools, Float32, Int32
 from gspure.images import read_back
@@ -20,13 +20,12 @@ from gspure.progress import track
 from gspure.public_model import Lesson, PublicModel
 from gspure.settings import Factor, Steps
 from gspure.training.dataset import extent
-from gspure.training.initialization import LEAST_POINTS, gaussians_at
+from gspure.training.initialization import LEAST_POINTS, consistent_points, gaussians_at
 from gspure.training.trainer import beginning, train
 
 ITERATIONS: Final = 200  # training steps of an existing model; ours
 DISTILLATION: Final = 1500  # training steps of a new model; ours
 RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
-OPAQUE: Final = 0.5  # least opacity of the rows at which `distil` starts; ours
 
 LEARNED: Final = {
     "all": ("colour", "opacity", "scale", "rotation", "position"),
@@ -142,16 +141,20 @@ def distil(
     *,
     iterations: Steps = DISTILLATION,
 ) -> Attacked:
-    """Train a new vanilla 3DGS model on the renders of a vanilla one; it starts at the centres of opaque rows."""
+    """Train a new vanilla 3DGS model on the renders of a vanilla one, from points that the renders agree on.
+
+    The result depends on the model only through its renders at `cameras`, its background and its number of rows
+    (docs/limits.md).
+    """
     if type(public).attributes is not PublicModel.attributes:
         raise NotApplicable("distil", "no extraction of this format could read a vanilla model")
-    opaque = np.flatnonzero(model.opacities >= OPAQUE)
-    if len(opaque) < LEAST_POINTS:
-        raise NotApplicable("distil", f"{len(opaque)} opaque rows, and training starts from {LEAST_POINTS}")
-    colours = np.clip(0.5 + SH_DC * model.sh_coeffs[opaque, 0], 0, 1)
-    start = gaussians_at(model.means[opaque].astype(np.float64), (255 * colours).astype(np.uint8))
+    images = Teacher("distil", public, cameras, device).images
+    points, colours = consistent_points(cameras, images, extent(cameras), rng)
+    if len(points) < LEAST_POINTS:
+        raise NotApplicable("distil", f"views share {len(points)} points, and training starts from {LEAST_POINTS}")
+    start = beginning(gaussians_at(points, colours), int(rng.integers(2**31)))
     distilled = train(
-        *(cameras, Teacher("distil", public, cameras, device).images, beginning(start, int(rng.integers(2**31)))),
+        *(cameras, images, start),
         iterations=iterations,
         extent=extent(cameras),
         max_gaussians=len(model),

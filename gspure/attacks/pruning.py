@@ -62,7 +62,9 @@ def weight_share(model: Gaussians, _rng: Rng, weights: Float32, *, share: Share 
     So the damage depends little on the number of rows, unlike that of a threshold relative to the mean weight.
     """
     total = np.cumsum(np.sort(weights), dtype=np.float64)
-    return Attacked.without(model, lowest_mask(weights, int(np.searchsorted(total, share * total.max(initial=0.0), "right"))))
+    return Attacked.without(
+        model, lowest_mask(weights, int(np.searchsorted(total, share * total.max(initial=0.0), "right")))
+    )
 
 
 def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: Share = FRACTION) -> Attacked:

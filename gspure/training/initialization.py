@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import MAX_SH_DEGREE, SH_DC
-from gspure.files import Float64, Indices, UInt8
+from gspure.files import Float32, Float64, Indices, UInt8
 from gspure.model.activations import logit
 from gspure.opencl.trainable import Parameters
 
@@ -20,6 +20,7 @@ LEAST_POINTS: Final = NEIGHBOURS + 1
 
 RANDOM_POINTS: Final = 10_000  # number of random points, if none are stored; ours
 RANDOM_DEPTHS: Final = (0.1, 10.0)  # range of their view depths, as multiples of the scene's extent; ours
+CANDIDATES: Final = 3  # random points for each of the `consistent_points`: with 30, these crowd at plain surfaces; ours
 COMMON_SHARE: Final = 0.25  # at least this share of the views, and two, contain each of them
 _ROUNDS = 20
 
@@ -66,6 +67,29 @@ def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.
         if sum(map(len, batches)) >= count:
             break
     return np.concatenate(batches)[:count]
+
+
+def consistent_points(
+    cameras: Sequence[Camera], images: Sequence[Float32], extent: float, rng: np.random.Generator
+) -> tuple[Float64, UInt8]:
+    """Return at most `RANDOM_POINTS` of the `random_points`, with colours: those that the images agree on.
+
+    Points on surfaces have one colour in all images [H,W,3] that show them (voxel colouring, Seitz and Dyer 1999);
+    occlusion is ignored. The points with the least variance of colour stay.
+    """
+    points = random_points(cameras, extent, CANDIDATES * RANDOM_POINTS, rng)
+    views, total, squares = np.zeros((len(points), 1)), np.zeros((len(points), 3)), np.zeros((len(points), 3))
+    for camera, image in zip(cameras, images, strict=True):
+        rows, positions = points_shown(camera, points)
+        column, line, _ = positions.astype(np.intp).T
+        colours = image[line, column].astype(np.float64)
+        views[rows] += 1
+        total[rows] += colours
+        squares[rows] += colours**2
+    mean = total / np.maximum(views, 1)
+    variance = (squares / np.maximum(views, 1) - mean**2).sum(axis=1)
+    best = np.sort(np.argsort(variance, kind="stable")[: -(-len(points) // CANDIDATES)])
+    return points[best], (255 * mean[best]).astype(np.uint8)
 
 
 def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
