@@ -113,7 +113,7 @@ use rule base_step as draw_model with:
     output:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
-            patterns=["{name,splats|weights|purification|kept|clusters}.png"],
+            patterns=["{name,splats|weights|purification|separation|kept|clusters}.png"],
             caption="../report/cloud.rst",
             category="{scheme}/{scene}",
             subcategory="Model",

@@ -55,13 +55,14 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
 
 def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     provenance = {"settings": {"scheme": "planted"}, "inputs": {"pair": {"path": "pair"}}}
-    write_json(folder / "key" / "provenance.json", provenance)
-    for place in ("", "pair", "pair/message"):
+    write_json(folder / "run" / "marked" / "key" / "provenance.json", provenance)
+    for place in ("", "run/pair", "run/pair/message"):  # the pair's path began in the folder where it was made
         write_cameras(folder / place / "cameras.json", [tilted_camera(8, 6)])
-    assert main(["audit", "my model.ply", "--key", "key"]) == 0
+    assert main(["audit", "my model.ply", "--key", "run/marked/key"]) == 0
     config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
     (asset,) = config["assets"].values()
-    assert asset == {"model": "my model.ply", "cameras": "pair", "key": "key", "message": "pair/message"}
+    places = {"cameras": str(folder / "run/pair"), "message": str(folder / "run/pair/message")}
+    assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
 
 

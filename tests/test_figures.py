@@ -13,7 +13,7 @@ from gspure.figures.clouds import by_cluster
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
 from gspure.figures.panels import chosen, draw_before_after
 from gspure.figures.plates import opengl_renderer
-from gspure.images import write_image
+from gspure.images import read_image, write_image
 from gspure.public_model import PublicModel
 from tests.contest_cases import attacked
 from tests.models import gaussians, points_of
@@ -30,7 +30,8 @@ def model(monkeypatch: pytest.MonkeyPatch) -> Purified:
     monkeypatch.setattr(style, "DPI", 100)
     labels = np.repeat([-1, 0, 1, -1], 100).astype(np.int32)
     weights = np.where(np.arange(400) < 50, 0, RNG.random(400)).astype(np.float32)
-    return Purified(PublicModel(gaussians(means=BALL, scales=0.1)), labels, weights, weights[::-1].copy())
+    hidden = {"hidden": weights[::-1].copy(), "extracted": lambda public: np.full((30, 40, 3), len(public.model) / 400)}
+    return Purified(PublicModel(gaussians(means=BALL, scales=0.1)), labels, weights, **hidden)
 
 
 @pytest.fixture
@@ -41,12 +42,14 @@ def views() -> Sequence[Camera]:
 @needs_gl
 def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, model, views) -> None:
     captions = draw_model(tmp_path / "a", model, views)
-    assert [*captions] == [
-        f"{name}.png" for name in ("splats", "weights", "clusters", "ranks", "kept", "hidden", "purification")
-    ]
+    names = ("splats", "weights", "clusters", "kept", "separation", "purification")
+    assert [*captions] == [f"{name}.png" for name in names]
     assert json.loads((tmp_path / "a" / CAPTIONS).read_text()) == captions
     assert f"{model.pruned.sum()} of 400 Gaussians are pruned." in captions["kept.png"]
-    assert "Pruning removes" in captions["purification.png"]
+    assert "Pruning removes" in captions["separation.png"]
+    tiles = np.split(read_image(tmp_path / "a" / "purification.png")[20:110], 4, axis=1)  # below the titles
+    assert np.median(tiles[0]) == 1
+    assert np.median(tiles[3]) == pytest.approx(1 - model.pruned.mean(), abs=0.01)
     draw_model(tmp_path / "b", model, views)
     files = {path.name for path in (tmp_path / "a").iterdir()}
     assert files == {*captions, CAPTIONS, "weights.svg", "view.json"}
@@ -91,6 +94,19 @@ def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) ->
 def test_the_largest_clusters_have_numbers() -> None:
     named = by_cluster(np.array([1, 1, -1, 0, 1, 0, 2], np.int32), np.zeros(7, bool)).named
     assert {name: rows.tolist() for name, rows in named.items()} == {"1": [0, 1, 4], "2": [3, 5], "3": [6]}
+
+
+def test_a_number_stands_where_its_cluster_is_in_front() -> None:
+    ahead = Camera("view", 400, 400, intrinsics(400, 400, 200, 200), np.eye(4))
+    wall = RNG.uniform((-2, -2), (2, 2), (9000, 2))
+    far, near = (
+        np.column_stack([side, np.full(9000, depth)]) for side, depth in ((wall, 5.0), (wall / 3 - (0.6, 0), 3.0))
+    )
+    labels = np.repeat([0, 1], 9000).astype(np.int32)
+    places = gallery._places(np.concatenate([far, near]).astype(np.float32), by_cluster(labels, labels < 0), ahead)
+    inside = {name: (place > (31, 111)) & (place < (209, 289)) for name, place in places.items()}
+    assert not inside["1"].all()  # the nearer one hides its middle
+    assert inside["2"].all()
 
 
 @needs_gl

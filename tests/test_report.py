@@ -35,7 +35,8 @@ def run(tmp_path_factory) -> Path:
     model = results / NAME / "figures" / "model"
     write_viewer(model / "view.json", purified(300), [])
     shutil.copy(results / "pairs" / "room" / "scene" / "view_0.png", model / "kept.png")
-    shutil.copy(model / "kept.png", model / "weights.png")
+    for name in ("weights.png", "purification.png"):
+        shutil.copy(model / "kept.png", model / name)
     write_json(model / "captions.json", {"kept.png": "What is kept.", "weights.png": "Weights & thresholds."})
     write_json(results / NAME / "diagnosis.json", {"gaussians": 1200, "noise_share": 0.25, "warnings": ["one cluster"]})
     points = {"sis": {"gspure": (4.0, 4.0), "noise": (2.0, 4.0)}}
@@ -94,7 +95,7 @@ def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
     }
 
 
-def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
+def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) -> None:
     text = text_of(page)
     assert text.index("BROKEN: the message is lost at ") < 200
     assert text.index("evidence: ") < text.index("scene, published") < text.index("message left") < 1500
@@ -102,6 +103,7 @@ def test_the_page_answers_first_and_tells_what_is_missing(page: str) -> None:
     assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
     assert "<b>no memory" not in page
     assert "kept.png" in text
+    assert {path.name for path in (run / "figures").glob("*.png")} == {"purification.png"}
     for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "Prune from the lowest rank up"):
         assert words in text, words
     assert "Survival of the message" in text

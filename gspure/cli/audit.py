@@ -147,10 +147,10 @@ def _shown(command: Sequence[str]) -> int:
         for line in process.stderr or ():
             if progress := _DONE.match(line):
                 done, total = int(progress[1]), int(progress[2])
-            elif job := _JOB.match(line):
+            elif (job := _JOB.match(line)) and not job[1].startswith("Done"):
                 place = f"{done} of {total} jobs done, " if total else ""
                 say(f"{place}{timedelta(seconds=round(time.monotonic() - began))}: {job[1]}")
-            elif line.startswith(("gspure", "warning:", "Nothing to be done", "Complete log")):
+            elif line.startswith(("gspure", "warning:", "Nothing to be done")):
                 tell(line.rstrip())
                 last.clear()
             else:
@@ -182,7 +182,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
         mention_unseen(rows, read_source(Path(asset["cameras"]), model))
     elif (public := read_public_model(source).drawable(source)).visible and not args.dry_run:
         mention_up(public.model, public.scene(background=rows.background), args.up, _RESULTS)
-    named = source.resolve().parent if source.name == UNPACKED_SOG else source.resolve()
+    named = source.resolve().parent if source.name in {UNPACKED_SOG, "public"} else source.resolve()
     scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
     configuration: dict[str, Any] = {"assets": {scene: asset}}
     if scheme := recognized(rows):

@@ -45,8 +45,9 @@ class Colouring:
 class Purified:
     """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
 
-    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one; `message` is
-    then `Key.gaussians` for the public model. Rows are pruned by the factors `tau_c` and `tau_n`.
+    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Then `message`
+    is `Key.gaussians` for the public model, and `extracted` a picture [H,W,3] of what the key extracts from a model.
+    Rows are pruned by the factors `tau_c` and `tau_n`.
     """
 
     public: PublicModel
@@ -56,6 +57,7 @@ class Purified:
     tau_c: float = TAU_C
     tau_n: float = TAU_N
     message: Callable[[Camera], tuple[Gaussians, Rows]] | None = None
+    extracted: Callable[[PublicModel], Float32] | None = None
 
     @property
     def means(self) -> Float32:

@@ -15,20 +15,24 @@ from gspure.figures.clouds import Colouring, Purified
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
-from gspure.figures.viewpoint import choose, fitted, project
-from gspure.files import Float32, Int32, UInt8, filling, write_json
+from gspure.figures.viewpoint import choose, fitted, foremost, framed
+from gspure.files import Float32, Float64, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
 from gspure.progress import percent, warn
+from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 
+PLATES: Final = ("purification", "separation")  # figures of a model with a message: the layouts of Fig. 1 and Fig. 6
 CAPTIONS: Final = "captions.json"  # beside the figures: the caption of each by its file's name
 _NO_OPENGL: Final = (
     "point clouds are not drawn: OpenGL does not work: `make gl` in a checkout of gspure, or `sudo apt-get install "
     "libegl1 libgl1-mesa-dri`"
 )
-_PLATE: Final = ("model", "message before pruning", "rank of the weight", "message after pruning")
+_PURIFICATION: Final = ("message", "published model", "rank of the weight", "message after GSPure")
+_SEPARATION: Final = ("message in the model", "clusters of GSPure", "message after GSPure")
+_BLOCKS: Final = 16  # across a picture, in which the points of a cluster are counted
 _SPLATS: Final = ("model", "clusters", "pruned rows")
 _WIDEST: Final = 640  # pixels of a view of splats
 _FAINT: Final = -2.0  # logit of the highest opacity of rows outside clusters
@@ -38,6 +42,7 @@ _RANKS: Final = (
     "prunes the lowest ranks."
 )
 
+Extract = Callable[[PublicModel], Float32]
 Draw = Callable[[Path], str]
 """Draw a figure and return its caption."""
 
@@ -47,10 +52,10 @@ def draw_model(
 ) -> dict[str, str]:
     """Draw all figures of a model, and return the caption of each by the name of its file.
 
-    These are ``splats``, if the model has colours and views; ``weights``; and the clouds ``clusters``, ``ranks`` and
-    ``kept``, of a model with a message also ``hidden`` and ``purification``, which need OpenGL. Their captions stand in
-    `CAPTIONS`, and the data of a report's 3-D `viewer` in ``view.json``. What cannot be drawn is left out with a
-    warning.
+    These are ``splats``, if the model has colours and views; ``weights``; and, with OpenGL, the clouds ``clusters``,
+    ``kept`` and ``ranks``, or for a model with a message the plates ``separation`` and ``purification``. Their captions
+    stand in `CAPTIONS`, and the data of a report's 3-D `viewer` in ``view.json``. What cannot be drawn is left out with
+    a warning.
     """
     drawings: dict[str, Draw] = {"weights": partial(draw_weights, model=model)}
     if cameras and model.public.visible:
@@ -84,32 +89,69 @@ def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -
         return dict(zip(names, images, strict=True))
 
     def draw_cloud(name: str, caption: str, path: Path) -> str:
-        camera, names = fitted(eye, PICTURE_WIDTH), {}
-        for text, rows in colourings[name].named.items():
-            pixels = project(model.means[rows], camera)[0]
-            from_middle = np.linalg.norm(pixels - np.nanmedian(pixels, axis=0), axis=1)
-            names[text] = pixels[np.nanargmin(from_middle)]  # a point of the cluster, whatever its shape
-        write_plate(path, [pictures()[name]], [colourings[name]], names=names)
+        colouring, camera = colourings[name], fitted(eye, PICTURE_WIDTH)
+        write_plate(path, [pictures()[name]], [colouring], names=[_places(model.means, colouring, camera)])
         return caption
 
-    def draw_purification(hidden: Float32, path: Path) -> str:
-        has_render = bool(cameras) and model.public.visible
-        camera, kept = fitted(eye, PAGE_WIDTH // (3 + has_render)), ~model.pruned
-        message, rank = colourings["message"], colourings["rank"]
-        row = portraits(model.means, [message.colours, rank.colours], camera)
-        row += portraits(model.means[kept], [message.colours[kept]], camera)
-        keys = [message, rank, message]
-        if has_render:
-            row.insert(0, as_bytes(model.public.scene(device, _WHITE)(camera)))
-            keys.insert(0, Colouring(np.empty((0, 3), np.uint8)))
-        write_plate(path, row, keys, _PLATE[-len(row) :])
-        weights = [values.astype(np.float64) for values in (hidden, model.weights)]
-        removed = (percent(float(w[~kept].sum() / (w.sum() or 1))) for w in weights)
-        pruning = "Pruning removes {} of the weight in the message and {} of that in the scene.".format(*removed)
-        return f"{shown['hidden'][1]} {_RANKS} {pruning}"
-
     drawings: dict[str, Draw] = {name: partial(draw_cloud, *facts) for name, facts in shown.items()}
-    return drawings if model.hidden is None else {**drawings, "purification": partial(draw_purification, model.hidden)}
+    if model.hidden is not None:
+        drawings["separation"] = partial(_draw_separation, model, model.hidden, eye)
+    if model.extracted and model.public.visible:
+        drawings["purification"] = partial(_draw_purification, model, model.extracted, eye, device)
+        del drawings["ranks"]
+    return drawings
+
+
+def _draw_separation(model: Purified, hidden: Float32, eye: Camera, path: Path) -> str:
+    """Draw the message among all rows, the clusters, and the message among the rows left: the paper's Fig. 6."""
+    camera, kept = fitted(eye, PAGE_WIDTH // 3), ~model.pruned
+    keys = [model.colourings[name] for name in ("message", "cluster", "message")]
+    row = portraits(model.means, [key.colours for key in keys[:2]], camera)
+    row += portraits(model.means[kept], [keys[2].colours[kept]], camera)
+    write_plate(path, row, keys, _SEPARATION, [{}, _places(model.means, keys[1], camera), {}])
+    weights = [values.astype(np.float64) for values in (hidden, model.weights)]
+    removed = (percent(float(w[~kept].sum() / (w.sum() or 1))) for w in weights)
+    pruning = "Pruning removes {} of the weight in the message and {} of that in the scene.".format(*removed)
+    shared = " Both are equal everywhere: message and scene share all rows." * np.allclose(hidden, model.weights)
+    return (
+        f"Left and right: share of the message in the weight of the {model.rows}: h / (h + ω), where h is the weight "
+        f"in views of the message, and ω that in views of the scene; grey where both are 0.{shared} {pruning}"
+    )
+
+
+def _draw_purification(model: Purified, extracted: Extract, eye: Camera, device: Device | None, path: Path) -> str:
+    """Draw the extracted message, the model, the ranks, and what is then extracted: the paper's Fig. 1."""
+    from PIL import Image
+
+    public = model.public
+    left = public.with_model(public.model[~model.pruned])
+    messages = [Image.fromarray(as_bytes(extracted(each))) for each in (public, left)]
+    width = PAGE_WIDTH // 4
+    camera = framed(eye, width, round(width * messages[0].height / messages[0].width))
+    before, after = (np.asarray(image.resize((camera.width, camera.height))) for image in messages)
+    ranks = portraits(model.means, [model.colourings["rank"].colours], camera)
+    empty = np.empty((0, 3), np.uint8)
+    counts = [f"{len(each.model):,} {model.rows}" for each in (public, left)]
+    said = [Colouring(empty, (((text, "none"),),)) for text in ("extracted with the key", *counts)]
+    keys = [said[0], said[1], model.colourings["rank"], said[2]]
+    row = [before, as_bytes(public.scene(device, _WHITE)(camera)), *ranks, after]
+    write_plate(path, row, keys, _PURIFICATION)
+    return f"The message that its owner extracts before and after pruning, and between them the model. {_RANKS}"
+
+
+def _places(means: Float32, colouring: Colouring, camera: Camera) -> dict[str, Float64]:
+    """Return the pixels of a colouring's names: where most of their points are seen."""
+    rows, pixels = foremost(means, camera)
+    places = {}
+    for name, its_rows in colouring.named.items():
+        seen = pixels[np.isin(rows, its_rows)]
+        blocks, block, count = np.unique(
+            seen // (camera.width / _BLOCKS), axis=0, return_inverse=True, return_counts=True
+        )
+        if len(blocks):
+            crowd = seen[block.ravel() == count.argmax()]
+            places[name] = crowd[np.linalg.norm(crowd - crowd.mean(axis=0), axis=1).argmin()]
+    return places
 
 
 def _captions(model: Purified) -> dict[str, tuple[str, str]]:
@@ -121,15 +163,7 @@ def _captions(model: Purified) -> dict[str, tuple[str, str]]:
         "noise is light grey."
     )
     of_mask = f"{model.pruned.sum():,} of {len(model.means):,} {model.rows} are pruned."
-    captions = {"clusters": ("cluster", of_clusters), "ranks": ("rank", _RANKS), "kept": ("pruned", of_mask)}
-    of_message = (
-        f"Share of the message in the weight of the {model.rows}: h / (h + ω), where h is the weight in views of the "
-        "message, and ω that in views of the scene; grey where both are 0."
-    )
-    if model.hidden is not None:
-        shared = " Both are equal everywhere: message and scene share all rows."
-        captions["hidden"] = ("message", of_message + shared * np.allclose(model.hidden, model.weights))
-    return captions
+    return {"clusters": ("cluster", of_clusters), "ranks": ("rank", _RANKS), "kept": ("pruned", of_mask)}
 
 
 def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | None, path: Path) -> str:

@@ -15,6 +15,7 @@ from gspure.figures import style
 from gspure.figures.clouds import Colouring
 from gspure.figures.viewpoint import in_view, project
 from gspure.files import Float32, Float64, UInt8
+from gspure.images import read_image
 
 if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
@@ -24,6 +25,7 @@ PAGE_WIDTH: Final = round(style.PAGE * style.DPI)  # width in pixels of all pict
 
 _ROW: Final = 0.15  # height of a row of the legend, inches
 _TITLE: Final = 0.2  # height of a title
+_NAME: Final = 0.2  # width of the name beside a plate
 _SMOOTHING: Final = 2  # factor of supersampling
 _STRENGTH: Final = 30.0  # of eye-dome lighting
 _DARKEST: Final = 0.4
@@ -134,11 +136,11 @@ def write_plate(
     pictures: Sequence[UInt8],
     keys: Sequence[Colouring],
     titles: Sequence[str] = (),
-    names: Mapping[str, Float64] | None = None,
+    names: Sequence[Mapping[str, Float64]] = (),
 ) -> None:
     """Write pictures of one size as a PNG, each with the legend or scale of its colours and an optional title.
 
-    `names` stand in all of them, at these pixels.
+    The `names` of each stand in it at these pixels.
     """
     from matplotlib.patheffects import withStroke
 
@@ -151,16 +153,35 @@ def write_plate(
             axes = part.add_axes((0, below / total, 1, height / style.DPI / total))
             axes.imshow(picture, interpolation="none", aspect="auto")
             axes.set_axis_off()
-            for name, (x, y) in (names or {}).items():
+            _draw_key(part, key, below / total, total)
+        for part, named in zip(parts, names, strict=False):
+            for name, (x, y) in named.items():
                 halo = [withStroke(linewidth=1.6, foreground="white")]
-                axes.text(x, y, name, fontsize=7, weight="bold", ha="center", va="center", path_effects=halo)
-            _draw_key(part, key, below / total)
+                part.axes[0].text(x, y, name, fontsize=7, weight="bold", ha="center", va="center", path_effects=halo)
         for part, title in zip(parts, titles, strict=False):
             part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
 
 
-def _draw_key(figure: SubFigure, key: Colouring, share: float) -> None:
-    """Draw a legend or scale in this lower share of the figure."""
+def stack_plates(path: Path, plates: Mapping[str, Path]) -> None:
+    """Write plates of `write_plate` one above the other, the titles above the first, with a name beside each."""
+    cut, inset = round(_TITLE * style.DPI), _NAME * (len(plates) > 1)
+    pictures = [np.rint(255 * read_image(file)).astype(np.uint8) for file in plates.values()]
+    pictures = [picture[cut * bool(i) :] for i, picture in enumerate(pictures)]
+    width, total = inset + style.PAGE, sum(len(picture) for picture in pictures) / style.DPI
+    top = total
+    with style.page(path, width, total, layout=None) as figure:
+        for name, picture in zip(plates, pictures, strict=True):
+            height = len(picture) / style.DPI
+            top -= height
+            axes = figure.add_axes((inset / width, top / total, style.PAGE / width, height / total))
+            axes.imshow(picture, interpolation="none", aspect="auto")
+            axes.set_axis_off()
+            if inset:
+                figure.text(inset / 2 / width, (top + height / 2) / total, name, rotation=90, ha="center", va="center")
+
+
+def _draw_key(figure: SubFigure, key: Colouring, share: float, height: float) -> None:
+    """Draw a legend or scale in this lower share of the figure, whose height is in inches."""
     from matplotlib.lines import Line2D
 
     for i, row in enumerate(key.legend):
@@ -168,7 +189,7 @@ def _draw_key(figure: SubFigure, key: Colouring, share: float) -> None:
         place = (0.5, share * (len(key.legend) - i - 0.3) / len(key.legend))
         figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
     if key.scale is not None:
-        axes = figure.add_axes((0.06, 0.6 * share, 0.88, 0.18 * share))
+        axes = figure.add_axes((0.12, share - 0.162 / height, 0.76, 0.073 / height))
         axes.imshow(key.scale[None], aspect="auto")
         axes.set_yticks([])
         axes.spines[:].set_visible(False)

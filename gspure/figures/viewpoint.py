@@ -1,6 +1,7 @@
 """Viewpoints of point clouds."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ _TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
 _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
+_CELLS = 100  # of the grid of foremost points, across the picture
 _AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
 
 
@@ -122,3 +124,23 @@ def fitted(camera: Camera, width: int) -> Camera:
     """Return the same view in an image of this width, with square pixels."""
     height = round(width * (camera.height / camera.K[1, 1]) / (camera.width / camera.K[0, 0]))
     return camera.resized(width, max(height, 1))
+
+
+def framed(camera: Camera, width: int, height: int) -> Camera:
+    """Return the same view, whole and with square pixels, in the middle of an image of this size."""
+    inner = fitted(camera, width)
+    if inner.height > height:
+        inner = fitted(camera, round(width * height / inner.height))
+    K = inner.K.copy()
+    K[:2, 2] += (width - inner.width) / 2, (height - inner.height) / 2
+    return replace(inner, width=width, height=height, K=K)
+
+
+def foremost(means: NDArray[np.floating], camera: Camera) -> tuple[Indices, Float64]:
+    """Return the rows of points that no other hides, and their pixels [N,2]: the nearest in each cell of a grid."""
+    rows = in_view(means, camera)
+    pixels, depth = project(means[rows], camera)
+    order = np.argsort(depth, kind="stable")
+    cells = (pixels[order] / (camera.width / _CELLS)).astype(int)
+    nearest = order[np.unique(cells, axis=0, return_index=True)[1]]
+    return rows[nearest], pixels[nearest]

@@ -10,13 +10,14 @@ from gspure.evaluation.collecting import ModelPlan, collect, write_results
 from gspure.evaluation.contest import Contest, contest
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, Sweeps, match
-from gspure.evaluation.names import model_name
+from gspure.evaluation.names import condition_name, model_name
 from gspure.evaluation.outcomes import SCENE, Outcome, by_model
 from gspure.evaluation.summary import Summary, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
-from gspure.figures.gallery import CAPTIONS
+from gspure.figures.gallery import CAPTIONS, PLATES
 from gspure.figures.panels import chosen, draw_attacks
+from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
 from gspure.progress import track, warn
@@ -75,6 +76,7 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
         pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
         meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
         comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
+    _draw_plates(results, comparisons)
     names = ("results", "summary", "survival", "contest", "matched")
     write_page(results, comparisons, [*(tables / f"{name}.csv" for name in names), *plan.links])
     return outcomes
@@ -93,6 +95,19 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
             f"{model_name(scheme, folder)}: no message is embedded, or the key does not match the model: even before "
             "any attack, the message is a single colour, is not above every control, or is not retrieved"
         )
+
+
+def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
+    """Draw the layouts of the paper's Fig. 1 and Fig. 6, with a row for one model of each condition."""
+    firsts = {
+        condition_name(*c.answer.audit.condition): results / c.models[0].scheme / c.models[0].folder
+        for c in comparisons
+    }
+    for name in PLATES:
+        files = {title: folder / "figures" / "model" / f"{name}.png" for title, folder in firsts.items()}
+        plates = {title: file for title, file in files.items() if file.is_file()}
+        if plates:
+            _drawn(stack_plates, results / "figures" / f"{name}.png", plates)
 
 
 def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, answer: Answer) -> Model:

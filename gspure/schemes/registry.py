@@ -59,10 +59,14 @@ def recognized(model: Gaussians) -> Scheme | None:
 
 
 def made_by(key: Path) -> tuple[str, Path]:
-    """Return the scheme that made a key and its pair, or raise `InputError` if `gspure embed` did not write the key."""
+    """Return the scheme that made a key and its pair, or raise `InputError` if `gspure embed` did not write the key.
+
+    A relative path began where that command ran: here, or in a folder above the key.
+    """
     with reading(file := key / PROVENANCE, "the provenance of a key"):
         record = read_json(file)
-        return str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])
+        scheme, pair = str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])
+    return scheme, next(filter(Path.is_dir, (folder / pair for folder in (Path(), *key.resolve().parents))), pair)
 
 
 def _require_settings(scheme: Scheme, source: str) -> None:

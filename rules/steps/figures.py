@@ -32,22 +32,22 @@ def draw(model: Path, weights: Path, clusters: Path, cameras: Path, figures: Pat
 def measured(model: Path, omega: Float32, folder: Path, how: dict[str, Any]) -> dict[str, Any]:
     """Return and write the weight of each row in views of the message, and return the Gaussians that show it."""
     scheme, public = find_scheme(how["scheme"]), read_public_model(model, how["scheme"])
-    extraction = [*scheme.extractions][-1]  # the most complete
+    names = [*scheme.extractions]  # the literal one first, the most complete last
     views, key = views_of(Path(how["message_cameras"]), "train"), scheme.read_key(Path(how["key"]))
     hidden = np.zeros(len(omega), np.float32)
     drawn = np.delete(np.arange(len(omega)), undrawable_rows(public.model))
-    settings = (how["energy"], choose_device(), how["reduction"])
-    public = public.drawn(model)
-    hidden[drawn] = hidden_weights(public, key, extraction, views, *settings)
+    public, device = public.drawn(model), choose_device()
+    hidden[drawn] = hidden_weights(public, key, names[-1], views, how["energy"], device, how["reduction"])
     save_array(folder / "hidden.npy", hidden)
     low = share_on_low(omega, hidden, how["tau_n"]) if hidden.any() else None
     write_json(folder / "hidden.json", {"hidden_low_share": low})
 
     def message(camera: Camera) -> tuple[Gaussians, Rows]:
-        gaussians, rows = key.gaussians(public, camera, extraction)
+        gaussians, rows = key.gaussians(public, camera, names[-1])
         return gaussians, drawn[rows]
 
-    return {"hidden": hidden, "message": message}
+    view = views[len(views) // 2]
+    return {"hidden": hidden, "message": message, "extracted": lambda p: key.message(p, names[0], device)(view)}
 
 
 run(draw)
