@@ -150,7 +150,7 @@ BUDGETS = {
     "method": (1041, 10),
     "model": (1749, 15),
     "opencl": (2215, 20),
-    "report": (1871, 15),
+    "report": (1872, 15),
     "scenes": (911, 7),
     "schemes": (2882, 27),
     "surface": (293, 4),

@@ -86,7 +86,7 @@ class Answer:
         wrong = others.pop(display_name(WRONG_KEY), nan)
         floor = max(others.values(), default=nan)
         shows = ": a part of it shows" if self.unit and wrong - floor >= MARGIN else ""
-        meaning = f"{message} with a wrong key{shows}; in the other controls at most {self.level(floor)}"
+        meaning = f"{message} with a wrong key{shows}; other controls: at most {self.level(floor)}"
         yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
         scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
         counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"

@@ -44,7 +44,7 @@ void main() {
   if (255.0 * alpha < 1.0) discard;
   light = vec4(colour.rgb * alpha, alpha);
 }`;
-const WIDTH = 1024, NEAR = 0.2, DEPTHS = 65536;
+const WIDTH = 1024, NEAR = 0.2, DEPTHS = 65536, COARSE = 4;
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const plus = (a, t, b) => a.map((value, i) => value + t * b[i]);
@@ -154,7 +154,7 @@ async function start(form) {
   gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   const clouds = [];
   for (const cloud of data.clouds) clouds.push(await uploaded(gl, cloud));
-  let mode, view, scheduled = false;
+  let mode, view, scheduled = false, stride = COARSE;  // the first frame shows every fourth splat, at once
 
   const height = () => Math.min(canvas.clientHeight, canvas.clientWidth / view.aspect);  // of the camera's image
   const eye = () => plus(view.target, -view.distance, view.axes[2]);
@@ -168,7 +168,7 @@ async function start(form) {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     });
-    const rows = sorted(cloud, Math.min(first, last), last, view.axes[2], eye(), near);
+    const rows = sorted(cloud, Math.min(first, last), last, view.axes[2], eye(), near).filter(row => row % stride === 0);
     gl.bufferData(gl.ARRAY_BUFFER, rows, gl.DYNAMIC_DRAW);
     gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, rows.length);
   }
@@ -190,6 +190,8 @@ async function start(form) {
     const divider = Math.round(canvas.width * share);
     pane(mode.panes[0], 0, divider);
     if (mode.panes.length > 1) pane(mode.panes[1], divider, canvas.width);
+    if (stride > 1) redraw();
+    stride = 1;
   }
   const redraw = () => { if (!scheduled) scheduled = requestAnimationFrame(draw); };
 
@@ -281,7 +283,6 @@ async function start(form) {
   choose();
   if (controls.cut) prune();
   new ResizeObserver(redraw).observe(canvas);
-  draw();
 }
 
 // Each view starts when it is first seen: a browser keeps few WebGL contexts.
