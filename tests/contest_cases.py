@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
 from gspure.evaluation.metrics import METRICS
+from gspure.evaluation.names import UNATTACKED
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import Survival
 from gspure.files import write_json
@@ -28,7 +29,9 @@ def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "
     targets = {target: measured(target, psnr) for target, psnr in known.pop("targets", {}).items()}
     reference = {target: measured(target, BEFORE[target.partition("_")[0]]) for target in targets}
     views = dict.fromkeys(targets, 3)
-    return Outcome(scheme, scene, variant, targets, views, reference=reference, seed=seed, **known)
+    return Outcome(
+        scheme, scene, variant, targets, views, before=Outcome(scheme, scene, UNATTACKED, reference), seed=seed, **known
+    )
 
 
 def attacked(variant: str, of_scene: float, of_message: float, *where: str | int, **known) -> Outcome:

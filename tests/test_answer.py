@@ -21,7 +21,7 @@ def adaptive(outcomes, drop: float) -> list[Outcome]:
         replace(
             o,
             targets={**o.targets, "message_adaptive": measured("m", levels.get(o.variant, 8.0))},
-            reference={**o.reference, "message_adaptive": measured("m", 28.0)},
+            before=replace(o.before, targets={**o.before.targets, "message_adaptive": measured("m", 28.0)}),
         )
         for o in outcomes
     ]

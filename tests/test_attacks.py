@@ -114,7 +114,7 @@ def test_a_plug_in_is_found_by_its_entry_point(offer) -> None:
         ("MISSING", "expected an importable gspure.attacks.Attack, found AttributeError"),
         ("half", "expected an importable gspure.attacks.Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
-        ("GREEDY", "needs: expected of cameras, columns, device, labels, opacities, .*, weights, found key"),
+        ("GREEDY", "needs: expected of columns, labels, opacities, .*, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named(offer, target: str, message: str) -> None:

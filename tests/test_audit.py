@@ -22,7 +22,7 @@ def of_scenes(count, **drops):
 
 def detected(variant: str, scene: str = "s0", length: int = 16, **present: bool) -> Outcome:
     detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, length) for name, is_there in present.items()}
-    return replace(outcome(variant, targets={"scene": 30.0}), scene=scene, reference={}, detections=detections)
+    return replace(outcome(variant, targets={"scene": 30.0}), scene=scene, before=None, detections=detections)
 
 
 UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unattacked", "gspure")]

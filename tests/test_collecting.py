@@ -37,7 +37,7 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
     gspure = found["gspure"]
     assert (gspure.scheme, gspure.scene, gspure.seed, gspure.condition) == ("sis", "room", 0, ("sis", "shared", "both"))
     assert gspure.views == {"scene": 3, "message": 3}
-    assert gspure.reference == found["unattacked"].targets
+    assert gspure.before.targets == found["unattacked"].targets
     drop = found["unattacked"].level("message") - gspure.level("message")
     assert gspure.psnr_drop("message") == pytest.approx(drop)
     assert gspure.score == pytest.approx(drop - gspure.psnr_drop("scene"))

@@ -142,10 +142,10 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1600, 12),
-    "attacks": (1149, 10),
+    "attacks": (1104, 10),
     "cameras": (1477, 11),
     "cli": (2111, 22),
-    "evaluation": (2392, 16),
+    "evaluation": (2379, 16),
     "figures": (1485, 10),
     "method": (1041, 10),
     "model": (1749, 15),

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -10,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure import __version__
-from gspure.attacks.attacked import Attacked
+from gspure.attacks.attacked import Attacked, require
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.files import Bools, Float32, Int32, load_array
+from gspure.images import read_back
 from gspure.method.clusters import read_labels
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device
-from gspure.public_model import PublicModel
+from gspure.progress import track
+from gspure.public_model import Lesson, PublicModel
 from gspure.settings import SEED, Setting, defaults, require_settings
 
 Rng = np.random.Generator
@@ -58,12 +61,43 @@ class Measurements:
 
 
 MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))
-PUBLIC: Final = frozenset({"columns", "public", "cameras", "device"})
+PUBLIC: Final = frozenset({"columns", "teacher"})
 """Parameters that any attack may have without a measurement: the columns that the scheme declares for each attribute
-(`PublicModel.columns`), the public model with the files beside it, its cameras without photographs, and a device."""
+(`PublicModel.columns`), and a `Teacher`."""
 
-RESERVED: Final = PUBLIC | {"attack", "damage", "decision", "measurements", "seed"}
+RESERVED: Final = PUBLIC | {"attack", "cameras", "damage", "decision", "device", "measurements", "public", "seed"}
 """Names that settings must not have: options of commands, configurations and `Attack.apply`."""
+
+LEARNED: Final = {
+    "all": ("colour", "opacity", "scale", "rotation", "position"),
+    "appearance": ("colour", "opacity"),
+    "colour": ("colour",),
+}
+"""Trained attributes, by value of the setting `learn`."""
+
+
+@dataclass(frozen=True)
+class Teacher:
+    """The renders of a public model at public cameras, to train other models on; errors name the `attack`."""
+
+    attack: str
+    public: PublicModel
+    cameras: Sequence[Camera]  # without photographs
+    device: Device | None
+
+    @cached_property
+    def images(self) -> list[Float32]:
+        """Its renders, as 8-bit images show them."""
+        if not self.cameras:
+            raise InputError(f"attack {self.attack}", "cameras", expected="public views", found="none")
+        scene = self.public.scene(self.device, self.public.model.background)
+        return [read_back(scene(camera)) for camera in track(self.cameras, "renders to learn")]
+
+    def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
+        """Return the rows of `student` after training the attributes that `learn` names."""
+        require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
+        how = (iterations, rng, rate_factor, self.device, self.public.model.background)
+        return student.learned(Lesson(self.cameras, self.images, LEARNED[learn], *how)).model
 
 
 @dataclass(frozen=True)
@@ -82,8 +116,6 @@ class Attack:
         Optional packages that it imports, each with the requirement that pip installs.
     strength : Strength, optional
         The setting that is searched for a given damage to the scene.
-    sweep : str
-        Name of the attack whose sweep includes its strengths, by default its own name.
 
     """
 
@@ -91,7 +123,6 @@ class Attack:
     function: Callable[..., Attacked]
     packages: Mapping[str, str] = field(default_factory=dict)
     strength: Strength | None = None
-    sweep: str = ""
 
     def __post_init__(self) -> None:
         """Refuse settings that have the name of something else."""
@@ -119,7 +150,8 @@ class Attack:
         """Return what its variants in one sweep share: its name, all settings that are texts, and the random seed."""
         texts = {name: default for name, default in self.settings.items() if isinstance(default, str)}
         changed = [str(settings[name]) for name, default in texts.items() if settings.get(name, default) != default]
-        return [self.sweep or self.name, *changed, *([f"seed {settings['seed']}"] if settings.get("seed") else [])]
+        sweep = (self.strength and self.strength.sweep) or self.name
+        return [sweep, *changed, *([f"seed {settings['seed']}"] if settings.get("seed") else [])]
 
     def apply(
         self,
@@ -134,7 +166,7 @@ class Attack:
         """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
         Bare Gaussians are vanilla 3DGS. `measurements` include at least what the attack needs; `cameras` are public
-        views, which the attack gets without their photographs.
+        views.
 
         Raise `InputError` if a setting is unknown or out of range, a measurement is missing or of another model, or
         finite numbers become infinite; `NotApplicable` if the model has nothing that the attack acts on.
@@ -143,12 +175,8 @@ class Attack:
         SEED.require(f"attack {self.name}", "seed", seed)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
-        known: dict[str, Any] = {
-            "columns": public.columns,
-            "public": public,
-            "cameras": [replace(camera, image=None) for camera in cameras],
-            "device": device,
-        }
+        teacher = Teacher(self.name, public, [replace(camera, image=None) for camera in cameras], device)
+        known: dict[str, Any] = {"columns": public.columns, "teacher": teacher}
         known |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
         arguments = {name: known[name] for name in self.parameters}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below

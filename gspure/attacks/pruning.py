@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.attacks.attack import Attack, Rng, named
+from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Strength
 from gspure.constants import TAU_C, TAU_N
@@ -134,27 +134,21 @@ def lowest_mask(values: NDArray[Any], removed: int) -> Bools:
     return mask
 
 
-ATTACKS = (
-    *named(
-        {
-            unattacked: None,
-            plain_weight: TAUS,
-            plain_opacity: TAUS,
-            random_matched: None,
-            lowest_weight_matched: None,
-            lowest_opacity_matched: None,
-            gspure: None,
-        }
-    ),
-    Attack("gspure_scaled", gspure_scaled, strength=Strength("scale", 100.0, 0.01, "log"), sweep="gspure"),
-    *named(
-        {
-            random_pruning: FRACTIONS,
-            gof: Strength("tolerance", 100.0, 0.01, "log"),
-            opacity_weight: TAUS,
-            lowest_weight: FRACTIONS,
-            weight_share: Strength("share", 1e-6, 1.0, "log"),
-            lowest_opacity: FRACTIONS,
-        }
-    ),
+ATTACKS = named(
+    {
+        unattacked: None,
+        plain_weight: TAUS,
+        plain_opacity: TAUS,
+        random_matched: None,
+        lowest_weight_matched: None,
+        lowest_opacity_matched: None,
+        gspure: None,
+        gspure_scaled: Strength("scale", 100.0, 0.01, "log", sweep="gspure"),
+        random_pruning: FRACTIONS,
+        gof: Strength("tolerance", 100.0, 0.01, "log"),
+        opacity_weight: TAUS,
+        lowest_weight: FRACTIONS,
+        weight_share: Strength("share", 1e-6, 1.0, "log"),
+        lowest_opacity: FRACTIONS,
+    }
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,7 @@ class Strength:
     weak: float  # whole numbers, if the setting is one; above 0 on a logarithmic scale
     strong: float
     scale: Literal["linear", "log"] = "linear"  # how to divide the range
+    sweep: str = ""  # name of the attack whose sweep includes its strengths, by default its own
 
     def at(self, position: float) -> float:
         """Return the value at a position between the weak end (0) and the strong end (1)."""
@@ -101,20 +102,17 @@ def scene_damage(
 
     references = renders(public) if photographs is None else photographs
 
-    def psnrs(model: PublicModel, transform: Float64 | None = None) -> Float64:
-        return np.array([psnr(a, b) for a, b in zip(references, renders(model, transform), strict=True)])
-
-    def estimate(model: PublicModel, transform: Float64 | None = None) -> float:
-        return float(np.mean([*map(nominal_drop, psnrs(model, transform))]))
+    def psnrs(*shown: Any) -> Float64:
+        return np.array([psnr(a, b) for a, b in zip(references, renders(*shown), strict=True)])
 
     if photographs is None:
-        return estimate
+        return lambda *shown: float(np.mean([*map(nominal_drop, psnrs(*shown))]))
     before = psnrs(public)
     if not np.isfinite(before).any():
         raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")
 
-    def drop(model: PublicModel, transform: Float64 | None = None) -> float:
-        after = psnrs(model, transform)
+    def drop(*shown: Any) -> float:
+        after = psnrs(*shown)
         compared = np.isfinite(before) & np.isfinite(after)
         return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
 

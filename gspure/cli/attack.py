@@ -63,7 +63,7 @@ def run(args: Arguments) -> None:
     attack = find_attack(args.name)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
-    learns, searches = "cameras" in attack.parameters, args.damage is not None
+    learns, searches = "teacher" in attack.parameters, args.damage is not None
     if (learns or searches) and not args.cameras:
         raise InputError("attack", "--cameras", expected="public views, which the attack renders", found="none")
     public = read_public_model(args.model, args.scheme).drawable(args.model)

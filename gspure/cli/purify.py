@@ -141,11 +141,11 @@ def _models(
     pruned = public.with_model(purification.model)
     if repair is None:
         return {"unattacked": public, "purified": pruned}
-    from gspure.attacks.learning import ITERATIONS, Teacher
+    from gspure.attacks.attack import Teacher
+    from gspure.attacks.learning import ITERATIONS
 
     repair = repair or ITERATIONS
-    teacher = Teacher("prune_repair", public, views, device)
-    rows = teacher.train(pruned, np.random.default_rng(0), repair, "all")
+    rows = Teacher("prune_repair", public, views, device).train(pruned, np.random.default_rng(0), repair, "all")
     rows = rows.with_comment(f"gspure {__version__} repaired iterations={repair}")
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}
 

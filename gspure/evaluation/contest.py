@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
-from gspure.evaluation.matched import Curve, Point, Sweeps, completed, curves, damages
+from gspure.evaluation.matched import Sweeps, completed, curves, damages, points
 from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions, is_picture
 from gspure.evaluation.significance import holm, paired_test
@@ -17,8 +17,6 @@ SCENE_DROP: Final = "scene_drop"
 
 WEIGHTS: Final[Mapping[Quantity, tuple[int, int]]] = {SCORE: (-1, 1), MESSAGE_DROP: (0, 1), SCENE_DROP: (1, 0)}
 """Each quantity as a weighted sum of the drops of scene and message."""
-
-Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 
 
 class Contest(NamedTuple):
@@ -51,26 +49,23 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             variants = dict.fromkeys(variant for curve in known.values() for variant in curve)
             as_run = [name for name in variants if name not in other_strengths]
             for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
-                cells = {name: _as_run(known, name, quantity) for name in as_run}
+                of_scene, of_message = WEIGHTS[quantity]
+                cells = {
+                    name: {
+                        cell: of_scene * c[name][0] + of_message * c[name][1] for cell, c in known.items() if name in c
+                    }
+                    for name in as_run
+                }
                 rows += _against(cells, condition, extraction, quantity)
             for damage in damages(o.variant for o in attacks):
-                cells = {name: _at_equal_damage(known, of, damage) for name, of in completed(sweeps, variants).items()}
+                cells = {
+                    name: {
+                        cell: at.message for cell, at in points(known, of, damage).items() if at and at.scene == damage
+                    }
+                    for name, of in completed(sweeps, variants).items()
+                }
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
-
-
-def _as_run(known: Curves, variant: str, quantity: Quantity) -> Cells:
-    """Return a quantity of a variant, where it is known."""
-    of_scene, of_message = WEIGHTS[quantity]
-    drops = {cell: curve[variant] for cell, curve in known.items() if variant in curve}
-    return {cell: of_scene * scene + of_message * message for cell, (scene, message) in drops.items()}
-
-
-def _at_equal_damage(known: Curves, sweep: Sequence[str], damage: float) -> Cells:
-    """Return the message's drop at a permitted drop of the scene, in the models that the sweep damages so much."""
-    swept = {cell: {name: curve[name] for name in curve if name in sweep} for cell, curve in known.items()}
-    points = {cell: Point.at(damage, curve) for cell, curve in swept.items() if curve}
-    return {cell: point.message for cell, point in points.items() if point and point.scene == damage}
 
 
 def _against(

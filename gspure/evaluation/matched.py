@@ -23,7 +23,8 @@ from gspure.progress import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
-Curve = Mapping[str, Drops]  # the drops of one model by variant of a sweep
+Curve = Mapping[str, Drops]  # the drops of one model by variant
+Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB
 DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
@@ -108,22 +109,27 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     rows = []
     sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for condition, alike in by_condition(outcomes).items():
-        at = damages(o.variant for o in alike)
         for extraction in extractions(alike):
+            known = curves(alike, extraction)
             for name, variants in sweeps.items():
-                drops = curves([o for o in alike if o.variant in variants], extraction)
-                strengths = max(map(len, drops.values()), default=0)
-                for damage in at:
-                    points = {cell: point for cell, curve in drops.items() if (point := Point.at(damage, curve))}
-                    sides = {point.scene > damage for point in points.values() if point.scene != damage}
-                    if points and len(points) == len(drops) and len(sides) < 2:
-                        drop = mean_interval(by_scene({cell: point.message for cell, point in points.items()}))
-                        reached = scene_means({cell: point.scene for cell, point in points.items()})
-                        scene_drop = float(np.mean([*reached.values()])) if sides else damage
-                        gentle = sum(point.scene < damage for point in points.values())
-                        known = (condition, extraction, name, strengths, damage)
-                        rows.append(Matched(*known, drop, gentle, scene_drop))
+                strengths = max((len(curve.keys() & {*variants}) for curve in known.values()), default=0)
+                for damage in damages(o.variant for o in alike):
+                    every = points(known, variants, damage)
+                    reached = {cell: point for cell, point in every.items() if point}
+                    sides = {point.scene > damage for point in reached.values() if point.scene != damage}
+                    if reached and len(reached) == len(every) and len(sides) < 2:
+                        drop = mean_interval(by_scene({cell: point.message for cell, point in reached.items()}))
+                        scenes = scene_means({cell: point.scene for cell, point in reached.items()})
+                        scene_drop = float(np.mean([*scenes.values()])) if sides else damage
+                        gentle = sum(point.scene < damage for point in reached.values())
+                        rows.append(Matched(condition, extraction, name, strengths, damage, drop, gentle, scene_drop))
     return rows
+
+
+def points(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point | None]:
+    """Return the `Point.at` a damage in every model that the sweep was run on."""
+    swept = {cell: {name: curve[name] for name in curve if name in sweep} for cell, curve in known.items()}
+    return {cell: Point.at(damage, curve) for cell, curve in swept.items() if curve}
 
 
 def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str]]:
@@ -132,8 +138,8 @@ def completed(sweeps: Sweeps, variants: Iterable[str]) -> dict[str, Sequence[str
     return {**sweeps, **{variant: [variant] for variant in variants if variant not in swept}}
 
 
-def curves(variants: Sequence[Outcome], extraction: str) -> dict[tuple[str, int], dict[str, Drops]]:
-    """Return the drops by scene and seed, and by variant, where both are known."""
+def curves(variants: Sequence[Outcome], extraction: str) -> Curves:
+    """Return the drops where both are known."""
     by_cell: dict[tuple[str, int], dict[str, Drops]] = {}
     for o in variants:
         drops = (o.psnr_drop(SCENE), o.drop(extraction))

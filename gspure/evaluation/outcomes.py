@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, NamedTuple
 
-from gspure.evaluation.comparison import TRUTH, ViewMetrics
+from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.csv_tables import UNPREFIXED, grouped
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval, difference, known_interval
@@ -49,7 +49,6 @@ class Outcome:
     pruned_share: float = math.nan
     precision: float = math.nan
     recall: float = math.nan
-    reference: Mapping[str, ViewMetrics] = field(default_factory=dict)  # `targets` of the variant `UNATTACKED`
     reached: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
     strength: str = ""  # the attack's strength, `fraction=0.25`; empty if it has none
     failure: str = ""  # why there are no metrics; empty if there are
@@ -57,13 +56,12 @@ class Outcome:
     retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
     nominal: Mapping[str, float] = field(default_factory=dict)  # of targets without photographs: `nominal_drop`, dB
-    nominal_before: Mapping[str, float] = field(default_factory=dict)  # the same for the variant `UNATTACKED`
-    detections_before: Mapping[str, Detection] = field(default_factory=dict)  # the same for the variant `UNATTACKED`
     undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector without readings, why
     seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
     protocol: str = ""
     initialization: str = ""  # like `protocol`, see `Condition`
     run: str = ""  # run ID of its model
+    before: "Outcome | None" = None  # that of the variant `UNATTACKED` of the same model, without its own
 
     @property
     def condition(self) -> Condition:
@@ -83,18 +81,19 @@ class Outcome:
 
     def drop(self, target: str) -> float:
         """Return the drop of the target's level, relative to the unattacked model."""
-        if target in self.detections and target in self.detections_before:
-            return difference(self.detections_before[target].level, self.detections[target].level)
+        if self.before and target in self.detections.keys() & self.before.detections.keys():
+            return difference(self.before.level(target), self.level(target))
         return self.psnr_drop(target)
 
     def drops(self, target: str) -> dict[str, float]:
         """Return the drop of each metric from the unattacked model; without photographs, the nominal one of PSNR."""
-        if target not in self.targets or target not in self.reference:
+        before = self.before
+        if not before or target not in self.targets.keys() & before.targets.keys():
             return dict.fromkeys(METRICS, math.nan)
-        levels = {name: (self.reference[target].values[name], self.targets[target].values[name]) for name in METRICS}
+        levels = {name: (before.targets[target].values[name], self.targets[target].values[name]) for name in METRICS}
         drops = {name: difference(a, b) if math.isfinite(a + b) else math.nan for name, (a, b) in levels.items()}
-        if {target} <= self.nominal.keys() & self.nominal_before.keys():
-            drops["psnr"] = self.nominal[target] - self.nominal_before[target]
+        if target in self.nominal.keys() & before.nominal.keys():
+            drops["psnr"] = self.nominal[target] - before.nominal[target]
         return drops
 
     def psnr_drop(self, target: str) -> float:
@@ -110,13 +109,8 @@ class Outcome:
 
     def contradicts(self, extraction: str) -> bool:
         """Return whether the extraction changed, although no column did that it is declared to read."""
-        before = replace(self, targets=self.reference, detections=self.detections_before).level(extraction)
+        before = self.before.level(extraction) if self.before else math.nan
         return self.reached.get(extraction) is False and abs(before - self.level(extraction)) > UNCHANGED
-
-    @property
-    def against_truth(self) -> bool:
-        """Whether its metrics compare with photographs, not with renders of the unattacked model."""
-        return all(mean.reference == TRUTH for mean in self.targets.values())
 
     @property
     def is_control(self) -> bool:
@@ -170,14 +164,11 @@ def is_picture(target: str) -> bool:
 
 
 def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
-    """Return outcomes, sorted by model, with the metrics of their unattacked model as reference."""
+    """Return outcomes, sorted by model, with that of their unattacked model."""
     complete: list[Outcome] = []
     for _, variants in by_model(outcomes):
-        before = next((o for o in variants if o.variant == UNATTACKED), Outcome("", "", ""))
-        known = (before.targets, before.nominal, before.detections)
-        complete += [
-            replace(o, reference=known[0], nominal_before=known[1], detections_before=known[2]) for o in variants
-        ]
+        before = next((o for o in variants if o.variant == UNATTACKED), None)
+        complete += [replace(o, before=before) for o in variants]
     return complete
 
 

@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
-from gspure.evaluation.intervals import Interval
+from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_rows, table_1
-
-_Mean = Interval | None
 
 
 class Summary(NamedTuple):
@@ -45,7 +44,13 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
             printed = [psnr.get((condition.scheme, variant, target), math.nan) for target in TARGETS]
             printed.append(scores.get((condition.scheme, variant), math.nan))
             for extraction in extractions(alike) or [MESSAGE]:
-                means = _means(scenes, extraction)
+                shown = [o for o in scenes if extraction in o.retrieval]
+                means = (
+                    mean_of(scenes, partial(Outcome.level, target=SCENE)),
+                    mean_of(scenes, partial(Outcome.level, target=extraction)),
+                    mean_of(scenes, partial(Outcome.score_of, target=extraction)),
+                    known_interval({(o.scene, o.seed): o.retrieval[extraction].top1 for o in shown}),
+                )
                 rows.append(Summary(condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
     return rows
 
@@ -54,13 +59,3 @@ def _without_clean_assets(outcomes: Sequence[Outcome]) -> list[Outcome]:
     """Leave out the models that no detector reads beside others that one reads: they are controls, not scenes."""
     read = {o.folder for o in outcomes if o.messages or o.failures}
     return [o for o in outcomes if o.folder in read or not any(other.detections for other in outcomes)]
-
-
-def _means(scenes: Sequence[Outcome], extraction: str) -> tuple[_Mean, _Mean, _Mean, _Mean]:
-    """Return the means of the scene's and the message's PSNR, the Score, and the share that retrieval identifies."""
-    return (
-        mean_of(scenes, lambda o: o.level(SCENE)),
-        mean_of(scenes, lambda o: o.level(extraction)),
-        mean_of(scenes, lambda o: o.score_of(extraction)),
-        mean_of(scenes, lambda o: o.retrieval[extraction].top1 if extraction in o.retrieval else math.nan),
-    )

@@ -64,7 +64,7 @@ class Variant:
         is_searched = "damage" in self.settings
         cameras = {"cameras": f"{self.model.folder}/cameras.json"}
         photographs = {"photographs": f"{self.model.pair}/scene"} if is_searched and not self.model.is_users else {}
-        return {**cameras, **photographs} if is_searched or "cameras" in self.attack.parameters else {}
+        return {**cameras, **photographs} if is_searched or "teacher" in self.attack.parameters else {}
 
     @property
     def attacked_by(self) -> dict[str, Any]:

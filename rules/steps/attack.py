@@ -22,7 +22,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     texts = {key: str(value) for key, value in settings.items()}
     used: dict[str, Any] = parsed_settings(f"attack {name}", known.function, texts)
     measurements = Measurements.read(before, {need: Path(how[need]) for need in known.needs})
-    learns = "cameras" in known.parameters
+    learns = "teacher" in known.parameters
     views = views_of(Path(how["cameras"]), "train") if learns else []
     do: dict[str, Any] = {"seed": how["seed"], "cameras": views, "device": choose_device() if learns else None}
     search = None
