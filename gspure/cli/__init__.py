@@ -27,6 +27,7 @@ COMMANDS = {
     "train": "train a 3DGS model from photographs",
     "doctor": "check OpenCL devices, OpenGL and packages; with --fix, install what is missing",
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
+    "scan": "look for hidden content in a model without a key, and say how clean models compare",
     "render": "render a model's views to images",
     "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
     "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",

@@ -140,6 +140,18 @@ def by_decision(pruned: Bools) -> Colouring:
     return Colouring(np.array([style.rgb(colour) for _, colour in row])[pruned.astype(np.intp)], (row,))
 
 
+def by_reason(masks: Mapping[str, Bools]) -> Colouring:
+    """Colour rows by the last of these masks [K] in which they are, with its name; the others are pale."""
+    hues = (style.PRUNED, style.MESSAGE, style.SCENE)
+    entry = np.zeros(len(next(iter(masks.values()))), np.intp)
+    for i, mask in enumerate(masks.values(), 1):
+        entry[mask] = i
+    legend = [(f"{name}: {percent(mask.mean())}", hue) for (name, mask), hue in zip(masks.items(), hues, strict=False)]
+    return Colouring(
+        np.array([style.rgb(colour) for colour in (_NOISE, *hues)])[entry], tuple((row,) for row in legend)
+    )
+
+
 def by_rank(rank: Float64) -> Colouring:
     """Colour rows by their `ranks` [K]."""
     return _on_scale(rank, ("lowest", "rank", "highest"), _colour_map)

@@ -1,6 +1,6 @@
 """All figures of one model and its purification."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Final
@@ -11,12 +11,12 @@ from numpy.lib.recfunctions import repack_fields
 from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
 from gspure.figures.charts import draw_weights
-from gspure.figures.clouds import Colouring, Purified
+from gspure.figures.clouds import Colouring, Purified, by_reason
 from gspure.figures.panels import Tile, as_bytes, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
 from gspure.figures.viewer import write_viewer
-from gspure.figures.viewpoint import choose, fitted, foremost, framed
-from gspure.files import Float32, Float64, Int32, UInt8, filling, write_json
+from gspure.figures.viewpoint import choose, fitted, foremost, framed, overview, world_axes
+from gspure.files import Bools, Float32, Float64, Int32, UInt8, filling, write_json
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
@@ -76,6 +76,17 @@ def draw_model(
                 warn(f"{folder / file}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
         write_json(place / CAPTIONS, captions)
     return captions
+
+
+def draw_rows(path: Path, model: Gaussians, masks: Mapping[str, Bools], cameras: Sequence[Camera] = ()) -> None:
+    """Draw the centres of a model from outside as a PNG, those of masks [K] in colours; warn without OpenGL."""
+    if not opengl_renderer():
+        warn(_NO_OPENGL)
+        return
+    finite = np.isfinite(model.means).all(axis=1)
+    means, key = model.means[finite], by_reason({name: mask[finite] for name, mask in masks.items()})
+    eye = fitted(overview(means, world_axes(means, cameras)), PICTURE_WIDTH)
+    write_plate(path, portraits(means, [key.colours], eye), [key])
 
 
 def _clouds(model: Purified, cameras: Sequence[Camera], device: Device | None) -> dict[str, Draw]:

@@ -1,0 +1,257 @@
+"""Models with and without a message, as they are and attacked: the calibration of `gspure scan`, and its ROC.
+
+``python benchmarks/scan.py models FOLDER`` trains, attacks and stores; what is stored is not computed again. It needs
+PyTorch and the plug-in marked_clones. ``python benchmarks/scan.py tables FOLDER [FOUND ...]`` measures what is stored,
+and models of others, and writes docs/results/scan/models.csv, docs/tables/scan.csv and gspure/scan/calibration.csv.
+"""
+
+import sys
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import binomtest
+
+from gspure.attacks import Measurements, NotApplicable, find_attack
+from gspure.cameras import Camera, read_cameras, split
+from gspure.cli import main
+from gspure.evaluation.csv_tables import csv_text, grouped, write_table
+from gspure.evaluation.significance import detectability
+from gspure.files import filling, write_text
+from gspure.method.purify import purify
+from gspure.method.weights import accumulate
+from gspure.model import Gaussians, read_model
+from gspure.public_model import PublicModel
+from gspure.scan.statistics import STATISTICS, measure
+from gspure.scan.verdict import LIKELY, LIKENESS, TABLE, Clean, flagged, judge, likeness
+from gspure.scenes import photography
+from gspure.schemes.pair import read_pair
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import hide
+from gspure.schemes.splats_in_splats.bits import SHIFT
+from gspure.surface.distances import mesh_distances
+from gspure.surface.meshing import extract_mesh, smoothed
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+RATE = 0.01  # of false positives, of all statistics together
+CLEAN, ENCRYPTED = "clean", "encrypted_bits"
+SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, scheme, its settings
+    CLEAN: (50, "splats_in_splats", {"message_weight": 0}),
+    "splats_in_splats": (8, "splats_in_splats", {"iterations": 1000}),
+    "splats_in_splats_hardened": (4, "splats_in_splats_hardened", {"iterations": 1000}),
+    ENCRYPTED: (8, "splats_in_splats", {}),
+    "keyss": (5, "keyss", {"iterations": 1000}),
+    "marked_clones": (4, "marked_clones", {"iterations": 1000, "decoder_steps": 300, "marking_steps": 200}),
+    "gs_hider": (2, "gs_hider", {"iterations": 150}),
+    "gs_hider_hardened": (1, "gs_hider_hardened", {"iterations": 150}),
+    "secure_gs": (2, "secure_gs", {"iterations": 200}),
+}
+PAIRS = (  # scene and message; even ones share their poses
+    *("room interior-500", "vault interior-500", "object-1 interior-502", "interior-1 landscape-503"),
+    *("landscape-2 object-504", "object-2 interior-505", "interior-3 object-506", "object-3 interior-507"),
+    *("interior-4 object-508", "interior-5 vault"),
+)
+SIZES = ((3000, 200), (6000, 60), (3000, 100), (12000, 100), (6000, 300), (12000, 600), (3000, 60), (30000, 300))
+"""Most rows, and points of each of 24 views of 96x72 pixels. Where there are more points than rows, nothing grows."""
+
+ROUNDS = ((1, 1000), (2, 1000), (0.5, 3000), (1, 5000), (1, 2000))  # factor of the rows, and iterations of clean models
+LARGE = (100_000, 2500)
+LARGE_CASES = {CLEAN: (30, 35), "splats_in_splats": (7,)}  # 160x120 pixels
+ATTACKS: dict[str, tuple[str, dict[str, Any]]] = {
+    **{name: (name, {}) for name in ("unattacked", "gspure", "random_pruning", "prune_repair", "finetune")},
+    "quantize_16": ("quantize", {"bits": 16}),
+    "quantize_8": ("quantize", {"bits": 8}),
+    "spz": ("compression", {"codec": "spz"}),
+    "compressed_ply": ("compression", {"codec": "compressed_ply"}),
+    **{name: (name, {}) for name in ("reorder", "gof")},
+}
+RATES = (  # columns of docs/tables/scan.csv: detected by the file alone, with Wilson's interval of the rate
+    *("family", "attack", "models", "detected", "low", "high", "detected with cameras"),
+    *("AUC", "AUC low", "AUC high", "statistic that detects most, and of how many"),
+)
+Row = dict[str, Any]
+GOF_ROWS = 7000  # most of a model whose mesh is computed
+
+
+class Case(NamedTuple):
+    """One trained model."""
+
+    family: str
+    number: int
+
+    @property
+    def pair(self) -> int:
+        return self.number % len(PAIRS)
+
+    @property
+    def is_large(self) -> bool:
+        return self.number in LARGE_CASES.get(self.family, ())
+
+    @property
+    def rows(self) -> int:
+        factor, _ = ROUNDS[self.number // len(PAIRS)]
+        return LARGE[0] if self.is_large else int(factor * SIZES[self.pair % 8][0])
+
+    @property
+    def points(self) -> int:
+        return LARGE[1] if self.is_large else SIZES[self.pair % 8][1]
+
+
+def cases() -> list[Case]:
+    """Return all cases, in turns by family, large models last."""
+    known = [Case(family, number) for family, (count, *_) in SCHEMES.items() for number in range(count)]
+    return sorted(known, key=lambda case: (case.is_large, case.number / SCHEMES[case.family][0]))
+
+
+def traced(case: Case, folder: Path) -> Path:
+    """Return the folder of the case's pair; trace it if it is not there."""
+    (scene, message), photography.PER_VIEW = PAIRS[case.pair].split(), case.points
+    protocol = ("shared", "own")[case.pair % 2]
+    placement = ("raised", "behind", "front", "raised")[case.pair // 2 % 4]
+    pair = folder / "pairs" / f"{scene}-{message}-{protocol}-{case.points}"
+    size = "--views 24 --width 160 --height 120" if case.is_large else "--views 24 --width 96 --height 72"
+    words = ("pair", scene, message, "--protocol", protocol, "--placement", placement, *size.split())
+    assert pair.is_dir() or main((*words, "--out", str(pair), "--quiet")) == 0
+    return pair
+
+
+def encrypted(model: Gaussians, rng: np.random.Generator) -> Gaussians:
+    """Return a marked model with its hidden bits under a stream cipher: an owner who adapts to tests of the bits."""
+    room = np.array([SHIFT + int(j**0.5) for j in range(16)], np.uint32)[:, None]
+    words = np.ascontiguousarray(model.sh_coeffs).view(np.uint32)
+    stream = rng.integers(2**32, size=words.shape, dtype=np.uint32) & ((np.uint32(1) << room) - np.uint32(1))
+    return model.with_appearance(model.table["opacity"], (words ^ stream).view(np.float32))
+
+
+def build(case: Case, folder: Path) -> None:
+    """Train and attack a model, unless it is stored."""
+    if (place := folder / f"{case.family}-{case.number:02d}").is_dir():
+        return
+    _, scheme, settings = SCHEMES[case.family]
+    alone = case.family == CLEAN and (case.pair % 2 or case.number // len(PAIRS) % 2)
+    pair = read_pair(traced(case, folder), "scene" if alone else "both")
+    if case.family == ENCRYPTED:
+        public = PublicModel.read(folder / f"{scheme}-{case.number:02d}" / "unattacked" / "point_cloud.ply")
+        public = public.with_model(encrypted(public.model, np.random.default_rng(case.number)))
+    else:
+        settings = {"iterations": 1000 if case.is_large else ROUNDS[case.number // len(PAIRS)][1], **settings}
+        limit = {"max_anchors": case.rows // 3} if scheme == "secure_gs" else {"max_gaussians": case.rows}
+        public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings, **limit)
+    with filling(place) as out:
+        for name, attacked in attack_all(public, pair.scene.views, case.number):
+            attacked.write(out / name / "point_cloud.ply")
+
+
+def attack_all(public: PublicModel, views: Sequence[Camera], seed: int) -> Iterator[tuple[str, PublicModel]]:
+    """Yield the attacked models by name; GOF only of a few small models, as meshes take long."""
+    decision, surface = purify(public, views), None
+    if public.rows_are_gaussians and public.visible and len(public.model) <= GOF_ROWS and seed in range(0, 10, 2):
+        smooth = smoothed(public.model, views)
+        surface = mesh_distances(smooth, extract_mesh(smooth, views))
+    opacities = public.opacities(views)
+    known = Measurements(decision.weights, decision.prune_mask, opacities, surface, decision.labels)
+    for name, (attack, settings) in ATTACKS.items():
+        if name == "gof" and surface is None:
+            continue
+        try:
+            attacked = find_attack(attack).apply(public, known, seed=seed, cameras=views, **settings)
+        except NotApplicable:
+            continue
+        yield name, public.with_model(attacked.model)
+
+
+def measured(file: Path, family: str, scene: str, views: Sequence[Camera] = ()) -> Row:
+    """Return the statistics of one file, NaN where one cannot be measured, with six digits."""
+    model, verdict, values = read_model(file), "", {}
+    if model.has_anchors or model.sh_degree < 0:
+        verdict = judge(model).word  # by its columns
+    else:
+        weights = accumulate(map(PublicModel(model).contributions(), views), len(model)) if views else None
+        values = measure(model, weights).values
+    numbers = likeness(model) | dict.fromkeys((s.name for s in STATISTICS), np.nan) | values
+    names = {"family": family, "model": file.parent.parent.name, "scene": scene, "attack": file.parent.name}
+    return names | {"verdict": verdict} | {name: float(f"{value:.6g}") for name, value in numbers.items()}
+
+
+def passing(row: Row, limits: Mapping[str, float], *, weights: bool) -> list[str]:
+    """Return the statistics of a row, those of the weights or not, that pass their thresholds."""
+    return flagged({s.name: row[s.name] for s in STATISTICS if weights or not s.of_weights}, limits)
+
+
+def thresholds(clean: Sequence[Row]) -> dict[str, float]:
+    """Return thresholds at one rank of every statistic: the highest at which at most `RATE` of the files pass any."""
+    known = {s: [row[s.name] for row in clean if not np.isnan(row[s.name])] for s in STATISTICS}
+    orders = {s.name: sorted(values, reverse=s.raised) for s, values in known.items()}
+    chosen: dict[str, float] = {}
+    for rank in range(len(clean)):
+        limits = {name: order[min(rank, len(order) - 1)] for name, order in orders.items()}
+        if sum(bool(passing(row, limits, weights=True)) for row in clean) > RATE * len(clean):
+            break
+        chosen = limits
+    return chosen
+
+
+def score(row: Row, clean: Sequence[Row]) -> float:
+    """Return how suspicious the most suspicious statistic of a file alone is: minus its share among clean files."""
+    shares = [1.0]
+    for s in STATISTICS:
+        value, others = row[s.name], np.array([other[s.name] for other in clean])
+        if not (np.isnan(value) or s.of_weights):
+            beyond = others >= value if s.raised else others <= value
+            shares.append((1 + int(beyond.sum())) / (1 + len(clean)))
+    return -min(shares)
+
+
+def rates(rows: Sequence[Row]) -> Iterator[list[Any]]:
+    """Yield the table of `RATES`: detection after each attack; no scene judges itself."""
+    clean = [row for row in rows if row["family"] == CLEAN]
+    others = {row["scene"]: [other for other in clean if other["scene"] != row["scene"]] for row in rows}
+    limits = {scene: thresholds(rest) for scene, rest in others.items()}
+    for (family, attack), group in grouped(rows, lambda row: (row["family"], row["attack"])).items():
+        alone = [["columns"] * (r["verdict"] == LIKELY) or passing(r, limits[r["scene"]], weights=False) for r in group]
+        seen = [a or passing(r, limits[r["scene"]], weights=True) for a, r in zip(alone, group, strict=True)]
+        hits, names = sum(map(bool, alone)), Counter(name for passed in alone for name in passed)
+        auc: tuple[float, ...] = (np.nan,) * 3
+        if family != CLEAN and not any(row["verdict"] for row in group):
+            same = [row for row in clean if row["attack"] == attack]
+            auc = detectability(*([score(r, others[r["scene"]]) for r in part] for part in (group, same)))[:3]
+        most = " ".join(map(str, *names.most_common(1) or [()]))
+        numbers = [
+            "" if np.isnan(x) else f"{x:.2f}"
+            for x in (*binomtest(hits, len(group)).proportion_ci(method="wilson"), *auc)
+        ]
+        yield [family, attack, len(group), hits, *numbers[:2], sum(map(bool, seen)), *numbers[2:], most]
+
+
+def calibrate(rows: Sequence[Row]) -> Iterator[Clean]:
+    """Yield the committed calibration."""
+    clean = [row for row in rows if row["family"] == CLEAN]
+    limits, models = thresholds(clean), len({row["model"] for row in clean})
+    for name in (*limits, *LIKENESS):
+        values = [row[name] for row in clean if not np.isnan(row[name])]
+        quantiles = np.quantile(values, [0, 0.5, 1] if name in LIKENESS else [0.01, 0.5, 0.99]).tolist()
+        yield Clean(name, *quantiles, limits.get(name, np.nan), len(values), models)
+
+
+def tabulate(folder: Path, found: Sequence[str]) -> None:
+    """Measure the stored models and those of others, and write all tables."""
+    rows = []
+    for case in cases():
+        files = sorted((folder / f"{case.family}-{case.number:02d}").glob("*/*.ply"))
+        views = split(read_cameras(traced(case, folder) / "cameras.json"))[0] if files else []
+        rows += [measured(file, case.family, PAIRS[case.pair].split()[0], views) for file in files]
+    write_text(DOCS / "tables" / "scan.csv", csv_text(RATES, rates(rows)))
+    write_table(TABLE, Clean, calibrate(rows))
+    rows += [measured(Path(name), "found", Path(name).stem) for name in found]
+    cells = ([str(value).replace("nan", "").removesuffix(".0") for value in row.values()] for row in rows)
+    write_text(DOCS / "results" / "scan" / "models.csv", csv_text(rows[0], cells))
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "models":
+        for case in cases():
+            build(case, Path(sys.argv[2]))
+    else:
+        tabulate(Path(sys.argv[2]), sys.argv[3:])

@@ -1,0 +1,127 @@
+"""The verdict about a model: thresholds that at most 1 % of the clean files of the calibration pass."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from gspure.evaluation.csv_tables import read_table
+from gspure.files import Float32
+from gspure.model.gaussians import Gaussians
+from gspure.scan.statistics import STATISTICS, Measured, Statistic, measure
+from gspure.schemes.registry import recognized
+
+LIKELY: Final = "hidden content likely"
+NOTHING: Final = "nothing found"
+UNLIKE: Final = "unlike the calibration models"
+
+LIKENESS: Final = ("rows", "sh_degree", "median_opacity")  # outside of which the calibration says little
+KNOWN_NULL: Final = "bit_entropy"  # the statistic that decides about any model: low bits of trained numbers are uniform
+TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by benchmarks/scan.py
+
+
+class Clean(NamedTuple):
+    """A statistic of the clean files of the calibration."""
+
+    statistic: str
+    low: float  # 1 % quantile of the files in which it can be measured; of `LIKENESS`, the least
+    median: float
+    high: float  # 99 % quantile; of `LIKENESS`, the largest
+    threshold: float  # beyond which a message is likely; of all statistics together, at a false-positive rate of 1 %
+    files: int
+    models: int  # of which the files were made
+
+
+@cache
+def calibration() -> dict[str, Clean]:
+    """Return the committed calibration by statistic."""
+    return {row.statistic: row for row in read_table(TABLE, Clean)}
+
+
+def passes(statistic: Statistic, value: float, threshold: float) -> bool:
+    """Return whether a value lies beyond a threshold, on the side of a message; not if it cannot be measured."""
+    return bool(value > threshold if statistic.raised else value < threshold)
+
+
+def flagged(values: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
+    """Return the statistics that lie beyond their thresholds."""
+    return [s.name for s in STATISTICS if s.name in values and passes(s, values[s.name], limits[s.name])]
+
+
+def likeness(model: Gaussians) -> dict[str, float]:
+    """Return `LIKENESS` of K >= 1 Gaussians."""
+    values = (len(model), model.sh_degree, float(np.median(model.opacities)))
+    return dict(zip(LIKENESS, values, strict=True))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict about a model, with the reasons, one sentence each."""
+
+    word: str  # `LIKELY`, `NOTHING` or `UNLIKE`
+    reasons: tuple[str, ...]
+    measured: Measured
+
+    def statistics(self) -> dict[str, dict[str, Any]]:
+        """Return each statistic with its place among those of clean models, None where it cannot be measured."""
+        return {
+            name: {"value": None if np.isnan(value) else value, **calibration()[name]._asdict()}
+            for name, value in self.measured.values.items()
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield the statistics as aligned lines of text, after a header; nothing without any."""
+        if self.measured.values:
+            yield f"{'':<40}{'this file':>10}{'clean: 1 %':>12}{'median':>9}{'99 %':>9}   a message if"
+        for s in STATISTICS:
+            if s.name in self.measured.values:
+                value, clean = self.measured.values[s.name], calibration()[s.name]
+                cells = [_text(s, number) for number in (value, clean.low, clean.median, clean.high, clean.threshold)]
+                mark = "  <--" * passes(s, value, clean.threshold)
+                side = "above" if s.raised else "below"
+                yield "{:<40}{:>10}{:>12}{:>9}{:>9}   {} {}{}".format(s.meaning, *cells[:4], side, cells[4], mark)
+        if self.measured.values:
+            clean = calibration()[LIKENESS[0]]
+            yield f"calibrated on {clean.files} clean files, made of {clean.models} models; - is not measurable"
+
+
+def _text(statistic: Statistic, value: float) -> str:
+    if np.isnan(value):
+        return "-"
+    return f"{100 * value:.2f} %" if statistic.is_share else f"{value:.2f}"
+
+
+def _limit(statistic: Statistic) -> str:
+    side = "at most" if statistic.raised else "at least"
+    return f"{side} {_text(statistic, calibration()[statistic.name].threshold)}"
+
+
+def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
+    """Return the verdict about K >= 1 rows and, if they are known, their weights [K] in the public views."""
+    nothing = Measured({}, {})
+    if model.has_anchors:
+        reason = "its rows are anchors: SecureGS publishes what Scaffold-GS does, and keeps the message's networks"
+        return Verdict(UNLIKE, (reason,), nothing)
+    if model.sh_degree < 0:
+        scheme = recognized(model)
+        reason = f"it stores features that only a network decodes, as {scheme.name} does" if scheme else "no colours"
+        return Verdict(LIKELY if scheme else UNLIKE, (reason,), nothing)
+    measured, clean = measure(model, weights), calibration()
+    reasons = [_likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)]
+    names = flagged(measured.values, {name: row.threshold for name, row in clean.items()})
+    suspects = [(s, measured.values[s.name]) for s in STATISTICS if s.name in names]
+    likely = KNOWN_NULL in names or (names and not reasons)
+    reasons[:0] = [f"{s.meaning} {_text(s, value)}, {_limit(s)} in clean models" for s, value in suspects]
+    return Verdict(LIKELY if likely else UNLIKE if reasons else NOTHING, tuple(reasons), measured)
+
+
+def _is_alike(name: str, value: float) -> bool:
+    return calibration()[name].low <= value <= calibration()[name].high
+
+
+def _likeness_reason(name: str, value: float) -> str:
+    clean = calibration()[name]
+    return f"{name.replace('_', ' ')} {value:.4g}, where the calibration has {clean.low:.4g} to {clean.high:.4g}"

@@ -1,0 +1,149 @@
+"""`gspure scan`: statistics against their null distributions, the verdict, the command."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.model import write_model
+from gspure.scan.statistics import STATISTICS, bit_entropy, clumping, flatness, measure, repeated
+from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE, calibration, flagged, judge
+from gspure.schemes.splats_in_splats import bits
+from tests.anchor_cases import random_anchors
+from tests.models import blobs, camera, joined, with_column
+
+ROWS = 4000
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """A model whose opacities are all drawn."""
+    model = blobs(ROWS)
+    return model.with_columns({"opacity": np.random.default_rng(0).normal(size=ROWS)})
+
+
+@pytest.fixture(scope="module")
+def marked(plain):
+    """The same model with other colours in its low bits."""
+    hidden = np.random.default_rng(1).normal(0, 0.2, plain.sh_coeffs.shape).astype(np.float32)
+    return plain.with_appearance(plain.table["opacity"], bits.embed(plain.sh_coeffs, hidden))
+
+
+@pytest.fixture(scope="module")
+def wall(plain):
+    """The same model with transparent flat rows on its left."""
+    left = plain.means[:, 0] < -1
+    hidden = {"opacity": np.where(left, -9.0, plain.table["opacity"])}
+    return plain.with_columns(hidden | {"scale_2": np.where(left, -12.0, plain.table["scale_2"])})
+
+
+def test_the_entropy_of_uniform_bits_has_the_mean_and_deviation_of_its_null_distribution():
+    words = np.random.default_rng(0).integers(2**32, size=(200, ROWS), dtype=np.uint32)
+    counts = np.stack([np.bincount(row & np.uint32(255), minlength=256) for row in words])
+    model = blobs(ROWS, sh_degree=0)
+    entropies = []
+    for row in words[:40]:  # the fifteen windows of one column, whose least is returned
+        colours = (np.uint32(0x3E800000) | row & np.uint32(0x7FFFFF)).view(np.float32)
+        constant = dict.fromkeys(("f_dc_1", "f_dc_2"), np.zeros(ROWS, np.float32))
+        entropies.append(bit_entropy(model.with_columns({"f_dc_0": colours} | constant)))
+    deviation = np.sqrt(2 * 255) / (2 * ROWS * np.log(2))
+    shares = counts / ROWS
+    single = 255 / (2 * ROWS * np.log(2)) - np.sum(shares * np.log2(np.maximum(shares, 1e-9)), axis=1)
+    assert abs(single.mean() - 8) < 5 * deviation / np.sqrt(len(single))
+    assert np.mean(entropies) == pytest.approx(8 - 1.74 * deviation, abs=deviation)
+
+
+def test_low_bits_with_another_colour_have_a_low_entropy_and_few_levels_have_none(plain, marked):
+    assert bit_entropy(plain) > 7.9
+    assert bit_entropy(marked) < 5
+    assert np.isnan(bit_entropy(blobs(200)))
+    names = [name for name in plain.names if name.startswith("f_")]
+    assert np.isnan(bit_entropy(plain.with_columns({n: np.round(32 * plain.table[n].clip(-3, 3)) / 32 for n in names})))
+
+
+def test_random_rows_neither_clump_nor_are_flatter_than_others(plain):
+    rng = np.random.default_rng(2)
+    order = rng.permutation(ROWS)
+    masks = rng.random((200, ROWS)) < 0.1
+    clumps = [clumping(mask, order) for mask in masks]
+    assert abs(np.mean(clumps)) < 5 / np.sqrt(ROWS * 200)
+    assert np.std(clumps) == pytest.approx(1 / np.sqrt(ROWS), rel=0.2)
+    flat, (m, n) = [flatness(plain, mask) for mask in masks], (0.1 * ROWS, 0.9 * ROWS)
+    deviation = np.sqrt((m + n + 1) / (12 * m * n))
+    assert abs(np.mean(flat) - 0.5) < 5 * deviation / np.sqrt(200)
+    assert np.std(flat) == pytest.approx(deviation, rel=0.2)
+
+
+def test_a_hidden_wall_clumps_and_is_flat(wall, plain):
+    values = measure(wall).values
+    assert values["never_drawn"] == pytest.approx(np.mean(plain.means[:, 0] < -1))
+    assert values["never_drawn_clump"] > 0.6
+    assert values["never_drawn_flat"] > 0.9
+    assert np.isnan(measure(plain).values["never_drawn_clump"])
+
+
+def test_rows_at_the_same_centre_are_counted(plain):
+    both = joined(plain, plain[5:8].with_columns({"opacity": np.zeros(3)}))
+    assert np.flatnonzero(repeated(both)).tolist() == [5, 6, 7, ROWS, ROWS + 1, ROWS + 2]
+    assert not repeated(plain).any()
+
+
+def test_the_verdict_names_what_gives_a_model_away(plain, marked, wall):
+    assert judge(plain).word == NOTHING
+    assert judge(marked).word == LIKELY
+    assert "entropy" in judge(marked).reasons[0]
+    assert judge(wall).word == LIKELY
+    names = [name for name in plain.names if not name.startswith("f_")]
+    features = with_column(type(plain)(plain.table[names]), "semantic_0", np.ones(ROWS, np.float32))
+    assert judge(features).word == LIKELY
+    assert "gs_hider" in judge(features).reasons[0]
+
+
+def test_only_bits_decide_about_a_model_unlike_the_calibration(marked, wall):
+    base_only = type(wall)(wall.table[[name for name in wall.names if not name.startswith("f_rest_")]])
+    assert judge(base_only).word == UNLIKE
+    assert judge(random_anchors().table).word == UNLIKE  # Scaffold-GS looks the same
+    assert judge(joined(*[marked] * 50)).word == LIKELY
+
+
+def test_the_thresholds_separate_the_committed_files():
+    table = Path(__file__).parents[1] / "docs" / "results" / "scan" / "models.csv"
+    limits = {name: row.threshold for name, row in calibration().items()}
+    suspects = {"clean": [], "splats_in_splats": []}
+    with table.open(encoding="utf-8", newline="") as stream:
+        for row in csv.DictReader(stream):
+            if row["family"] == "clean" or (row["family"], row["attack"]) == ("splats_in_splats", "gspure"):
+                values = {s.name: float(row[s.name] or "nan") for s in STATISTICS}
+                suspects[row["family"]].append(bool(flagged(values, limits)))
+    assert len(suspects["clean"]) == calibration()["rows"].files >= 200
+    assert np.mean(suspects["clean"]) <= 0.01
+    assert all(suspects["splats_in_splats"])
+
+
+def test_the_command_prints_the_verdict_and_needs_no_device_for_a_file(marked, tmp_path, capsys, monkeypatch):
+    write_model(tmp_path / "model.ply", marked)
+    monkeypatch.setenv("GSPURE_DEVICE", "none of this name")
+    assert main(["scan", str(tmp_path / "model.ply")]) == 0
+    first, reason, *_ = capsys.readouterr().out.splitlines()
+    assert first == f"{tmp_path / 'model.ply'}: {LIKELY}"
+    assert "entropy" in reason
+    assert main(["scan", str(tmp_path / "model.ply"), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["verdict"] == LIKELY
+    assert facts["statistics"]["bit_entropy"]["value"] < facts["statistics"]["bit_entropy"]["threshold"]
+
+
+def test_cameras_add_the_rows_that_no_view_shows_and_a_picture_of_them(plain, tmp_path, capsys):
+    behind = plain.with_columns({"z": np.where(plain.means[:, 0] < -1, -5, plain.means[:, 2])})
+    write_model(tmp_path / "model.ply", behind)
+    write_cameras(tmp_path / "cameras.json", [camera(60, 60, name=f"view_{i}") for i in range(3)])
+    arguments = ["--cameras", str(tmp_path / "cameras.json"), "--picture", str(tmp_path / "rows.png"), "--quiet"]
+    assert main(["scan", str(tmp_path / "model.ply"), *arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["statistics"]
+    assert found["unseen"]["value"] >= np.mean(plain.means[:, 0] < -1)
+    assert found["unseen_clump"]["value"] > 0.3
+    assert (tmp_path / "rows.png").is_file()
