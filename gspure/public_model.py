@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera, spread
 from gspure.files import Float32, Indices, filling
 from gspure.model import Gaussians, read_model, write_model
-from gspure.model.filtered import FILTER
-from gspure.model.finite import drawable, undrawable_rows
+from gspure.model.finite import FILTER, drawable, undrawable_rows
 from gspure.model.gaussians import CORE, NORMALS
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device

@@ -12,7 +12,7 @@ from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.errors import InputError
 from gspure.files import Float32
-from gspure.model.filtered import filtered
+from gspure.model.finite import filtered
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style

@@ -6,7 +6,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
-from gspure.model.filtered import FILTER, filtered
+from gspure.model.finite import FILTER, filtered
 from gspure.model.rotations import rotation_matrices
 from tests.models import blobs, camera, with_column
 

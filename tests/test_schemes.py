@@ -7,7 +7,7 @@ from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import gradient_correlation
 from gspure.evaluation.outcomes import BITS, is_picture
-from gspure.files import read_json, save_array
+from gspure.files import read_json
 from gspure.images import read_image
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
@@ -15,7 +15,7 @@ from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model, schemes
-from gspure.schemes.scheme import Key, hide, wrong_key
+from gspure.schemes.scheme import hide
 from tests.models import blobs, without
 from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out
 
@@ -154,28 +154,6 @@ def test_a_model_is_opened_by_its_columns(tmp_path):
         table[name] = model.table[name]
     write_model(tmp_path / "hider.ply", Gaussians(table))
     assert type(read_public_model(tmp_path / "hider.ply")) is gs_hider.FeatureModel
-
-
-class ShuffledKey(Key):
-    """A permutation, drawn as an embedding may draw it, too; without `draws`, a wrong key is the same one."""
-
-    def __init__(self, order, *, draws=True):
-        self.order, self.draws = order, draws
-
-    def write(self, folder):
-        save_array(folder / "order.npy", self.order)
-
-    def wrong(self, rng):
-        return ShuffledKey(rng.permutation(len(self.order)) if self.draws else self.order)
-
-
-def test_a_wrong_key_is_not_the_key_of_the_same_seed():
-    for seed in range(3):
-        order = np.random.default_rng(seed).permutation(9)
-        assert (wrong_key(ShuffledKey(order), seed).order != order).any()
-        assert wrong_key(ShuffledKey(order), 7).order.tolist() == np.random.default_rng(7).permutation(9).tolist()
-    with pytest.raises(InputError, match="expected an unrelated key"):
-        wrong_key(ShuffledKey(order, draws=False), 0)
 
 
 def test_an_unknown_scheme_is_refused_with_the_known_ones():

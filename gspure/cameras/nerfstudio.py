@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import COEFFICIENTS, Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import located, photograph_size, safe_name, view_names
 from gspure.errors import InputError
@@ -28,7 +28,6 @@ _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SI
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
 """Flags and coefficients of Instant NGP's lenses, next to its pinhole, and further ones, on which readers disagree."""
 _OTHER_AXES = ("from_na", "from_mitsuba")  # flags of Instant NGP
-_OPTICS = frozenset({"w", "h", "fl_x", "fl_y", "cx", "cy", "camera_angle_x", "camera_angle_y", *COEFFICIENTS})
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
@@ -41,7 +40,8 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     """
     frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
-    entries = [_completed(Entry(source, f"frames[{i}]", frame), shared) for i, frame in enumerate(frames)]
+    completed = (shared | frame if isinstance(frame, dict) else frame for frame in frames)
+    entries = [Entry(source, f"frames[{i}]", frame) for i, frame in enumerate(completed)]
     names = view_names(entries, "file_path", source)
     files = [entry.text("file_path") for entry in entries]
     named = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]  # Blender scenes omit it
@@ -71,14 +71,6 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
         file, matrix = pose.text("file_path"), pose.array("transform", (3, 4)).tolist()
         frames.append({**optics.get(safe_name(file), {}), "file_path": file, "transform_matrix": matrix})
     return parse(source, {**scene.values, "frames": frames})
-
-
-def _completed(entry: Entry, shared: Mapping[str, Any]) -> Entry:
-    """Return a frame with the values of the file; optics in both must be equal: Instant NGP reads the frame's."""
-    for key in sorted(_OPTICS & shared.keys() & entry.values.keys()):
-        if entry.values[key] != shared[key]:
-            raise entry.refusal(key, expected=f"{shared[key]!r}, as in the file", found=repr(entry.values[key]))
-    return Entry(entry.source, entry.where, {**shared, **entry.values})
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:

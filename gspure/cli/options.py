@@ -46,16 +46,16 @@ def read_device(args: Arguments) -> Device:
 def read_key(args: Arguments, run: str) -> Key:
     """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
 
-    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model or images
-    (`gspure.files.run_of`).
+    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model or images.
     """
+    import numpy as np
+
     from gspure.files import run_of
     from gspure.schemes.registry import find_scheme
-    from gspure.schemes.scheme import wrong_key
 
     key = find_scheme(args.scheme).read_key(args.key)
     if args.wrong_key is not None:
-        return wrong_key(key, args.wrong_key)
+        return key.wrong(np.random.default_rng(args.wrong_key))
     own = run_of(args.key)
     if run and own and run != own and not args.control:
         hint = "--control accepts the key of another model, a negative control"

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.files import Float32, Float64, Indices
-from gspure.model.filtered import FILTER, filtered
-from gspure.model.finite import listed, non_finite_rows, undrawable_rows
+from gspure.model.finite import FILTER, filtered, listed, non_finite_rows, undrawable_rows
 from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 
 LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median

@@ -17,7 +17,7 @@ from gspure.opencl.device import Device
 from gspure.progress import decimal, percent, say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
-from gspure.schemes.scheme import MESSAGE, Key, wrong_key
+from gspure.schemes.scheme import MESSAGE, Key
 
 CHANCE: Final = "chance"
 VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours
@@ -59,7 +59,7 @@ def bit_readability(
 
     threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
-    message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(wrong_key(key, 0))}
+    message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))}
     return Readability(message, controls, message > max(controls.values()))
 
 
@@ -76,7 +76,7 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
     controls = {
         BLACK: psnr(np.zeros_like(truth), truth),
         MEAN_COLOUR: psnr(mean_colour(truth), truth),
-        WRONG_KEY: quality(wrong_key(key, 0)),
+        WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
     }
     message = quality(key)
     return Readability(message, controls, message >= max(controls.values()) + MARGIN)

@@ -5,8 +5,7 @@ from pathlib import Path
 from gspure.errors import InputError, reading
 from gspure.files import PROVENANCE, read_json
 from gspure.model import Gaussians, read_model
-from gspure.model.filtered import FILTER
-from gspure.model.finite import listed
+from gspure.model.finite import FILTER, listed
 from gspure.model.summary import doubts
 from gspure.plugins import registered
 from gspure.progress import warn

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
@@ -28,8 +27,6 @@ ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
 REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
-
-_STREAMS: Final = 3  # of random numbers, tried for a wrong key
 
 
 class Key(ABC):
@@ -64,21 +61,6 @@ class Key(ABC):
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
         """Return an unrelated key of the same form, a negative control."""
-
-
-def wrong_key(key: Key, seed: int) -> Key:
-    """Return an unrelated key of a random seed: another one if the scheme drew the `key` itself in the same way."""
-    for stream in range(_STREAMS):
-        wrong = key.wrong(np.random.default_rng([seed, stream] if stream else seed))
-        if not (files := _files(key)) or _files(wrong) != files:
-            return wrong
-    raise InputError("key", "wrong", expected="an unrelated key", found="the same key for every seed")
-
-
-def _files(key: Key) -> dict[Path, bytes]:
-    with TemporaryDirectory() as name:
-        key.write(folder := Path(name) / "key")
-        return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
 from gspure.files import Bools, Float64, Indices
 from gspure.model import Gaussians
-from gspure.model.filtered import widened
+from gspure.model.finite import widened
 from gspure.model.gaussians import SCALES
 from gspure.opencl.device import Device
 from gspure.opencl.opacity_field import Rays
@@ -58,7 +58,7 @@ def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
 def smoothed(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
     """Return the model with the filter of its views applied: scales s' = sqrt(s^2 + f^2), the same opacities.
 
-    GOF, which trains with the filter, also multiplies opacities by det s / det s' (`gspure.model.filtered`). Models
+    GOF, which trains with the filter, also multiplies opacities by det s / det s' (`gspure.model.finite`). Models
     trained with 3DGS's dilation, which keeps opacities, would become transparent where their Gaussians are flat.
     """
     scales = widened(model.log_scales, filter_sizes(model, cameras))

@@ -23,7 +23,7 @@ from gspure.public_model import Lesson, PublicModel, RenderView
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme, read_public_model
-from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key, wrong_key
+from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key
 from gspure.workflow.step import run, views_of
 
 Variant = dict[str, Any]  # `gspure.workflow.variants.Variant.evaluation`
@@ -56,7 +56,7 @@ def evaluate(
             write_metrics(folder / "metrics.csv", [])
             write_table(folder / "retrieval.csv", Retrieved, [])
             continue
-        its_key = wrong_key(owners, 1) if owners and variant["wrong_key"] else owners
+        its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
         transform = read_transform(folder / "transform.npy") if variant["attacked"] else np.eye(4)
         public = read_public_model(model := Path(variant["model"]), scheme)
         for target in variant["rendered"]:

@@ -18,9 +18,8 @@ from gspure.files import Float64
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
-from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors
+from gspure.schemes.secure_gs.anchors import PRIVATE, PUBLIC, SCALINGS, Anchors, fresh
 from gspure.schemes.secure_gs.model import NETWORKS, AnchorModel, HiddenKey
-from gspure.schemes.secure_gs.networks import PRIVATE, PUBLIC, fresh
 from gspure.settings import Amount, Range, Steps
 from gspure.training.initialization import LEAST_POINTS, gaussians_at
 from gspure.training.trainer import watched

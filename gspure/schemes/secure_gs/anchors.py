@@ -1,4 +1,4 @@
-"""Anchors, the rows of a Scaffold-GS file, and the Gaussians that networks compute from the visible ones for a camera.
+"""Anchors, the rows of a Scaffold-GS file, networks, and the Gaussians that these compute from the visible anchors.
 
 The formulas (Scaffold-GS, ``generate_neural_gaussians``) serve rendering and measuring with numpy and training with
 torch (`xp` is the library). In a hidden branch, a network computes the offsets too (SecureGS, Eq. 4).
@@ -6,6 +6,7 @@ torch (`xp` is the library). In a hidden branch, a network computes the offsets 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -16,13 +17,24 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, SH_DC, TILE
 from gspure.errors import InputError
-from gspure.files import Indices
+from gspure.files import Float32, Indices
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import NORMALS
 from gspure.model.rotations import rotation_matrices
 from gspure.public_model import Rows
-from gspure.schemes.secure_gs.networks import Networks, perceptron
+
+Network = Mapping[str, Any]
+"""State dict ``0.weight [H,I]``, ``0.bias [H]``, ``2.weight [O,H]``, ``2.bias [O]``: W_2 relu(W_0 x + b_0) + b_2."""
+
+Networks = Mapping[str, Network]
+"""By name: ``opacity``, ``cov``, ``color``; in a hidden branch also ``offset``."""
+
+PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
+DIRECTION: Final = 3  # inputs besides the feature: the direction from the camera; of `offset`, also the distance
+OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}  # `cov`: scale factors and quaternion
+PUBLIC: Final = ("opacity", "cov", "color")
+PRIVATE: Final = ("offset", *PUBLIC)
 
 STORED_OPACITY: Final = np.float32(-2.1972246)  # logit(0.1): Scaffold-GS does not train the opacities that it stores
 LARGEST_OPACITY: Final = np.float32(1 - 2**-20)  # in tables: logits are finite; rendering clips alpha at 0.99
@@ -95,6 +107,37 @@ def require_anchors(source: Path, table: Gaussians) -> None:
     for name, rows in non_finite_rows(table, geometry).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
         raise InputError(source, name, expected="finite numbers", found=found)
+
+
+def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
+    """Return the outputs [V,O] of `inputs` [V,I]; `xp` is the library of both, numpy or torch."""
+    first, second = ((network[f"{layer}.weight"].T, network[f"{layer}.bias"]) for layer in (0, 2))
+    if xp is np:
+        return (inputs @ first[0] + first[1]).clip(0) @ second[0] + second[1]
+    # The same, with fewer steps and without the gradient of clip, which is many times slower than that of relu.
+    return xp.addmm(second[1], xp.addmm(first[1], inputs, first[0]).relu(), second[0])
+
+
+def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
+    """Return untrained networks with PyTorch's default initialization; only offsets read the distance (SecureGS)."""
+    networks = {}
+    for name in names:
+        shapes = network_shapes(name, feat_dim, k)
+        bounds = [shapes[layer][1] ** -0.5 for layer in (0, 0, 2, 2)]
+        drawn = [rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True)]
+        networks[name] = {p: array.astype(np.float32) for p, array in zip(PARAMETERS, drawn, strict=True)}
+    return networks
+
+
+def network_shapes(name: str, feat_dim: int, k: int) -> tuple[tuple[int, ...], ...]:
+    """Return the shapes of a network's `PARAMETERS`."""
+    inputs, outputs = feat_dim + DIRECTION + (name == "offset"), OUTPUTS[name] * k
+    return (feat_dim, inputs), (feat_dim,), (outputs, feat_dim), (outputs,)
+
+
+def sizes_of(networks: Networks) -> tuple[int, int]:
+    """Return the length of the features, which is also the width of the hidden layer, and the Gaussians per anchor."""
+    return int(networks["opacity"]["0.bias"].size), int(networks["opacity"]["2.bias"].size)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,8 @@ from gspure.files import Float32, Indices
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.public_model import BLACK, Background
-from gspure.schemes.secure_gs.anchors import Anchors, Neural, neural
+from gspure.schemes.secure_gs.anchors import Anchors, Networks, Neural, neural
 from gspure.schemes.secure_gs.growing import joined
-from gspure.schemes.secure_gs.networks import Networks
 from gspure.training.pytorch import on_device, on_host, torch
 from gspure.training.torch_bridge import TorchRenderer
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Float32, digest
+from gspure.files import Float32, Kind, digest, load_arrays, save_arrays
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
@@ -26,16 +26,20 @@ from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
-from gspure.schemes.secure_gs.anchors import Anchors, Neural, as_gaussians, neural, require_anchors, visible_rows
-from gspure.schemes.secure_gs.networks import (
+from gspure.schemes.secure_gs.anchors import (
+    PARAMETERS,
     PRIVATE,
     PUBLIC,
+    Anchors,
     Networks,
+    Neural,
+    as_gaussians,
     fresh,
-    read_networks,
-    require_sizes,
+    network_shapes,
+    neural,
+    require_anchors,
     sizes_of,
-    write_networks,
+    visible_rows,
 )
 
 if TYPE_CHECKING:
@@ -61,7 +65,7 @@ class AnchorModel(PublicModel):
     rows_are_gaussians: ClassVar[bool] = False
     network_name = NETWORKS
     visible = True  # a model without its networks cannot be read
-    code: ClassVar[Sequence[Path]] = [Path(__file__).with_name(f"{n}.py") for n in ("networks", "anchors")]
+    code: ClassVar[Sequence[Path]] = [Path(__file__).with_name("anchors.py")]
 
     def __init__(self, model: Gaussians, networks: Networks) -> None:
         super().__init__(model)
@@ -205,3 +209,30 @@ class HiddenKey(Key):
         anchors = public.anchors
         require_sizes("secure_gs", self.networks, anchors.feat_dim, anchors.k, "a key of another model")
         return public, {**public.networks, **self.networks}
+
+
+def require_sizes(source: str | Path, networks: Networks, feat_dim: int, k: int, hint: str | None = None) -> None:
+    """Refuse networks that do not fit anchors of `feat_dim` features and `k` Gaussians."""
+    if sizes_of(networks) != (feat_dim, k):
+        found, expected = (
+            "{} features and {} Gaussians per anchor".format(*n) for n in (sizes_of(networks), (feat_dim, k))
+        )
+        raise InputError(source, "networks", expected=expected, found=found, hint=hint)
+
+
+def read_networks(file: Path, names: tuple[str, ...], content: str) -> Networks:
+    """Read networks, or raise `InputError` if they do not fit one another."""
+    axes = {parameter: (None,) * (1 + parameter.endswith("weight")) for parameter in PARAMETERS}
+    kinds: dict[str, Kind] = {f"{name}.{p}": (np.float32, axes[p]) for name in names for p in PARAMETERS}
+    arrays = load_arrays(file, kinds, content)
+    networks = {name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in names}
+    for name, network in networks.items():
+        expected, shapes = network_shapes(name, *sizes_of(networks)), tuple(array.shape for array in network.values())
+        if shapes != expected:
+            raise InputError(file, name, expected=f"weights and biases {expected}", found=str(shapes))
+    return networks
+
+
+def write_networks(file: Path, networks: Networks) -> None:
+    """Write networks; the same ones give the same bytes."""
+    save_arrays(file, {f"{name}.{p}": array for name, network in networks.items() for p, array in network.items()})

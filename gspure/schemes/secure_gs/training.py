@@ -9,11 +9,10 @@ from gspure.errors import InputError
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.rows import screen_norms
 from gspure.schemes.scheme import Run
-from gspure.schemes.secure_gs.anchors import Anchors, visible_rows
+from gspure.schemes.secure_gs.anchors import Anchors, Networks, visible_rows
 from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, AnchorSchedule, Candidates, Statistics, grown, in_box
 from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.model import AnchorModel
-from gspure.schemes.secure_gs.networks import Networks
 from gspure.training.pytorch import single_threaded
 
 VISIBLE_SHARE: Final = 0.8  # least share of the views since the last adjustment that show a pruned anchor (Scaffold-GS)
