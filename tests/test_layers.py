@@ -144,20 +144,20 @@ def test_the_core_does_not_import_torch() -> None:
 BUDGETS = {
     "": (1600, 12),
     "attacks": (1104, 10),
-    "cameras": (1469, 11),
+    "cameras": (1410, 11),
     "cli": (2194, 23),
     "evaluation": (2379, 16),
     "figures": (1508, 10),
     "method": (1041, 10),
-    "model": (1731, 13),
+    "model": (1716, 13),
     "opencl": (2215, 20),
     "report": (1872, 15),
     "scan": (268, 3),
-    "scenes": (911, 7),
-    "schemes": (2842, 25),
+    "scenes": (908, 7),
+    "schemes": (2832, 25),
     "surface": (293, 4),
-    "training": (1167, 9),
-    "workflow": (885, 8),
+    "training": (1141, 9),
+    "workflow": (884, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

@@ -44,12 +44,6 @@ class Camera(Described):
         `COEFFICIENTS` of the lens, or the first of them, if it is not that of a pinhole. Only
         `gspure.cameras.undistortion` knows of it.
 
-    Raises
-    ------
-    InputError
-        A size is no whole number of pixels, a number is not finite or above `LARGEST`, a focal length is not positive,
-        `K` has skew, or `viewmat` has scale, shear or mirroring.
-
     """
 
     name: str
@@ -112,6 +106,13 @@ def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
         raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
 
 
+def rigid(rotation: Float64, translation: Float64) -> Float64:
+    """Return the transform [4,4] x -> rotation x + translation."""
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation, translation
+    return transform
+
+
 def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
     """Return the matrix [3,3] of a pinhole camera without skew."""
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -123,10 +124,8 @@ def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
     forward /= np.sqrt((forward * forward).sum())
     right = np.cross(forward, up)
     right /= np.sqrt((right * right).sum())
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = rotation = np.stack([right, np.cross(forward, right), forward])
-    viewmat[:3, 3] = -(rotation * centre).sum(axis=1)
-    return viewmat
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    return rigid(rotation, -(rotation * centre).sum(axis=1))
 
 
 def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import located, view_names
 from gspure.errors import InputError, reading
@@ -50,8 +50,7 @@ def read_colmap(folder: Path) -> list[Camera]:
     """Read the cameras of a sparse model, in the order of its images file.
 
     `folder` is the project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest
-    ``images`` folder beside or above the files. Raise `InputError` if a file is missing, truncated or malformed, or a
-    camera has a fisheye lens.
+    ``images`` folder beside or above the files.
     """
     cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
     with reading(cameras_file, "cameras of a COLMAP sparse model"):
@@ -105,9 +104,7 @@ def _camera(pose: Entry, optics: dict[int, dict[str, Any]], name: str, image: Pa
     quat = pose.array("quat", (4,))
     if not np.linalg.norm(quat) > 0:
         raise pose.refusal("quat", expected="a rotation", found=" ".join(map(str, quat)))
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = rotation_matrices(quat[None])[0]
-    viewmat[:3, 3] = pose.array("translation", (3,))
+    viewmat = rigid(rotation_matrices(quat[None])[0], pose.array("translation", (3,)))
     return Camera(name=name, viewmat=viewmat, image=image, **optics[number])
 
 

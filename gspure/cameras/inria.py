@@ -14,9 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import view_names
 from gspure.errors import InputError
@@ -24,11 +22,7 @@ from gspure.files import write_text
 
 
 def parse(source: Path, content: list[Any]) -> list[Camera]:
-    """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from.
-
-    Raise `InputError` if a key is missing or of the wrong type, a size or focal length is not positive, or a
-    rotation not rigid.
-    """
+    """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from."""
     entries = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
     names = view_names(entries, "img_name", source)
     return [_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)]
@@ -48,9 +42,8 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
 
 def _camera(entry: Entry, name: str, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = entry.rigid("rotation", (3, 3)).T
-    viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
+    rotation = entry.rigid("rotation", (3, 3)).T
+    viewmat = rigid(rotation, -rotation @ entry.array("position", (3,)))
     centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
     K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
     image = folder / entry.text("image") if "image" in entry else None

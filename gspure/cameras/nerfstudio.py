@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import located, photograph_size, safe_name, view_names
 from gspure.errors import InputError
@@ -33,11 +33,7 @@ _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
 
 def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
-    """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from.
-
-    Raise `InputError` if a key is missing or of the wrong type, a lens no pinhole, a matrix not rigid, or a name
-    not unique.
-    """
+    """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from."""
     frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
     shared = {key: value for key, value in content.items() if key != "frames"}
     completed = (shared | frame if isinstance(frame, dict) else frame for frame in frames)
@@ -53,8 +49,7 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
 def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
     """Return the cameras of a list of poses that ``ns-export cameras`` has written, in the world of the model.
 
-    Their optics are those of the transforms.json beside the file or above the photographs. Raise `InputError` if there
-    is none, or as `parse` does.
+    Their optics are those of the transforms.json beside the file or above the photographs.
     """
     poses = [Entry(source, f"[{i}]", pose) for i, pose in enumerate(content)]
     folders = [Path(), *Path(poses[0].text("file_path")).parents]
@@ -80,10 +75,9 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
     K = intrinsics(fx, fy, entry.number("cx", width / 2), entry.number("cy", height / 2))
-    pose, viewmat = entry.rigid("transform_matrix", (4, 4), (3, 4)), np.eye(4)
-    viewmat[:3, :3] = _OPENGL_TO_COLMAP @ pose[:3, :3].T
-    viewmat[:3, 3] = -viewmat[:3, :3] @ pose[:3, 3]
-    return Camera(name, width, height, K, viewmat, image, entry.distortion())
+    pose = entry.rigid("transform_matrix", (4, 4), (3, 4))
+    rotation = _OPENGL_TO_COLMAP @ pose[:3, :3].T
+    return Camera(name, width, height, K, rigid(rotation, -rotation @ pose[:3, 3]), image, entry.distortion())
 
 
 def _require_opengl_pinhole(entry: Entry) -> None:

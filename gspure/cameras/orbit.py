@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
@@ -45,29 +45,13 @@ class Up(NamedTuple):
 
 
 def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[Camera]:
-    """Return views on rings around a model, at the distance at which it fills them.
+    """Return `count` views on rings around the `bounding_sphere` of a model, which fills them.
 
     Consecutive views alternate between the rings, so that the test split, every eighth view, covers all sides.
 
-    Parameters
-    ----------
-    model : Gaussians
-        Framed by its `bounding_sphere`.
-    count : int
-        Number of views.
-    width, height : int
-        Image size in pixels; 640 x 480 by default.
-    fov_degrees : float
-        Horizontal field of view; 50 by default.
-    up : sequence of 3 floats, optional
-        The up direction of the world: (0, -1, 0) for models trained from COLMAP data, where y points down, (0, 0, 1)
-        for those from nerfstudio, Blender and most scanners. By default it is guessed by `guessed_up`, and printed.
-
-    Raises
-    ------
-    InputError
-        The model has no finite row, or a setting is out of range.
-
+    The other parameters are `width` and `height` in pixels, `fov_degrees`, horizontal, and `up` [3], the up direction
+    of the world: (0, -1, 0) for models trained from COLMAP data, (0, 0, 1) for those from nerfstudio, Blender and most
+    scanners. By default it is guessed, and printed.
     """
     VIEWS.require("orbit views", "count", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]
@@ -75,10 +59,9 @@ def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[
 
 
 def shell_cameras(model: Gaussians, *, count: int = 48, **framing: Any) -> list[Camera]:
-    """Return views from all directions, also from below, on spherical shells around a model.
+    """Return views from all directions, also from below, on spherical shells; the parameters are as above.
 
-    The directions are a Fibonacci spiral; consecutive views alternate between the shells. The parameters are those of
-    `orbit_cameras`.
+    The directions are a Fibonacci spiral; consecutive views alternate between the shells.
     """
     VIEWS.require("shell views", "count", count)
     sines = ((2 * i + 1) / count - 1 for i in range(count))
@@ -176,10 +159,8 @@ def _looking_at(centre: Float64, frame: Float64, elevation: float, azimuth: floa
     backward = math.cos(e) * horizontal + math.sin(e) * up
     right = math.cos(a) * side - math.sin(a) * front
     down = math.sin(e) * horizontal - math.cos(e) * up
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = np.stack([right, down, -backward])
-    viewmat[:3, 3] = -viewmat[:3, :3] @ (centre + distance * backward)
-    return viewmat
+    rotation = np.stack([right, down, -backward])
+    return rigid(rotation, -rotation @ (centre + distance * backward))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of points in one plane

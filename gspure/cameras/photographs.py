@@ -131,10 +131,7 @@ def _ends(file: str) -> list[str]:
 
 
 def photograph_size(path: Path) -> tuple[int, int]:
-    """Return (width, height) of an image file, from its header.
-
-    Raise `InputError` if the file is missing or no image, or has too many pixels.
-    """
+    """Return (width, height) of an image file, from its header."""
     with opened(path) as image:
         return image.size
 
@@ -159,10 +156,7 @@ def require_present(cameras: Sequence[Camera], source: Path | str, hint: str | N
 
 
 def require_images(cameras: Sequence[Camera], source: Path | str) -> None:
-    """Require a photograph of every view of `source`, at least as large as the view.
-
-    Raise `InputError` with all missing photographs, or the first one that is unreadable or smaller than its view.
-    """
+    """Require a photograph of every view of `source`, at least as large as the view, or raise `InputError`."""
     require_present(cameras, source)
     for camera in cameras:
         width, height = photograph_size(photograph(camera))
@@ -181,8 +175,6 @@ def scaled(cameras: Sequence[Camera], rule: str) -> list[Camera]:
     - ``1/N``: width and height divided by N and rounded, as 3DGS does for ``-r N`` (a half to the even number);
     - ``Wpx``: wider views become W pixels wide, with their height rounded down; ``1600px`` is 3DGS's default;
     - ``photographs``: the size of each view's photograph, if it is smaller than the view.
-
-    Raise `InputError` for another rule, and for a photograph that is needed, but missing or unreadable.
     """
     if not (parsed := _RULE.fullmatch(rule)):
         expected = "native, photographs, 1/N or Wpx (such as 1600px)"

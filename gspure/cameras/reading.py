@@ -66,21 +66,11 @@ def read_cameras(path: str | Path) -> list[Camera]:
 
 
 def read_lenses(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder, in its order.
+    """Read the cameras of a file or folder, in its order; COLMAP's have priority: they have photographs.
 
-    Parameters
-    ----------
-    path : str or Path
-        A cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses of
-        ``ns-export cameras``, or a folder: with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else
-        with one of those files, such as 3DGS's output folder; or with one subfolder, up to two levels deeper, that has
-        them. COLMAP has priority, since it has principal points and photographs.
-
-    Raises
-    ------
-    InputError
-        There are no cameras, or a field is invalid.
-
+    `path` is a cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses of
+    ``ns-export cameras``, or a folder: with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with
+    one of those files; or with one subfolder, up to two levels deeper, that has them.
     """
     path = Path(path)
     place = camera_place(path)
@@ -110,10 +100,7 @@ def camera_object(source: Path) -> Entry | None:
 
 
 def read_transform(path: Path) -> Float64:
-    """Read the rigid transform [4,4] of ``gspure attack --transform``.
-
-    Raise `InputError` if the file is missing or corrupt, or the matrix is not rigid.
-    """
+    """Read the rigid transform [4,4] of ``gspure attack --transform``."""
     matrix = load_array(path, dtype=np.float64, shape=(4, 4))
     return Entry(path, "", {"array": matrix.tolist()}).rigid("array", (4, 4))
 

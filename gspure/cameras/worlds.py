@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.cameras.camera import Camera, points_shown
+from gspure.cameras.camera import Camera, points_shown, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.reading import camera_object, camera_place
 from gspure.files import Float64, read_json
@@ -62,9 +62,7 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
 
 def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
     """Return the cameras moved by `offset` [3]."""
-    move = np.eye(4)
-    move[:3, 3] = offset
-    return [camera.moved(move) for camera in cameras]
+    return [camera.moved(rigid(np.eye(3), offset)) for camera in cameras]
 
 
 def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | None) -> list[Camera]:

@@ -46,7 +46,7 @@ def read_device(args: Arguments) -> Device:
 def read_key(args: Arguments, run: str) -> Key:
     """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
 
-    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model or images.
+    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model.
     """
     import numpy as np
 

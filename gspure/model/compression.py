@@ -38,8 +38,6 @@ def write_compressed(path: Path, model: Gaussians) -> None:
     In a compressed ``.ply``, 256 successive rows share one range of values: sort them along a space-filling curve
     before. Values beyond the range of a format are clipped, and rows that are not finite become invisible, with a
     warning.
-
-    Raise `InputError` if the model has no colours, or SPZ would round positions by more than the size of Gaussians.
     """
     write = writer(path)
     if model.sh_degree < 0:

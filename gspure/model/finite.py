@@ -93,10 +93,7 @@ def widened(log_scales: Float32, sizes: NDArray[Any]) -> Float64:
 
 
 def require_finite(model: Gaussians, source: str | Path) -> None:
-    """Check that geometry, opacity and colour are finite, as stored, or infinities with a meaning.
-
-    Raise `InputError` with the first property that is not, its number of such rows, and the first of them (from 0).
-    """
+    """Refuse a model unless geometry, opacity and colour are finite, as stored, or infinities with a meaning."""
     for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
         _refuse(model, source, name, rows)
 

@@ -34,12 +34,8 @@ def read_ply(path: Path) -> Gaussians:
     """Read a 3DGS PLY: binary of either byte order or ASCII, spherical harmonics of degree 0 to 3 or no colour at all.
 
     Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. A
-    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. A compressed PLY
-    is unpacked in memory. Properties that are not those of 3DGS are converted, with a warning
-    (`gspure.model.ply`). Values are not checked; see `gspure.model.finite`.
-
-    Raise `InputError` if the file is no PLY or no 3DGS model: a property is missing, the number of ``f_rest_*`` fits no
-    degree, a property is a list, there is no row, or there are fewer rows than the header says.
+    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Other properties
+    are `converted` to those of 3DGS, with a warning. Values are not checked; see `gspure.model.finite`.
     """
     header = read_header(path, "a 3DGS .ply")
     if is_packed(header):
@@ -64,11 +60,7 @@ def write_ply(path: Path, model: Gaussians) -> None:
 
 
 def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
-    """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey.
-
-    Raise `InputError` if the file is missing, corrupt or no PLY, or has no positions, colours that are not 8-bit,
-    or a coordinate is not finite or above `LARGEST`.
-    """
+    """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey."""
     header = read_header(path, "a PLY of points")
     dtype = _row_type(path, header)
     is_coloured = {*_RGB} <= {*(dtype.names or ())}

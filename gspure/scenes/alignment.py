@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, rigid
 from gspure.errors import InputError
 from gspure.files import Float64
 
@@ -26,10 +26,9 @@ class Similarity:
 
     def camera(self, camera: Camera) -> Camera:
         """Return the camera in coordinates of the message that shows what `camera` shows of the scene."""
-        viewmat = np.eye(4)
-        viewmat[:3, :3] = camera.viewmat[:3, :3] @ self.rotation.T
-        viewmat[:3, 3] = self.scale * camera.viewmat[:3, 3] - viewmat[:3, :3] @ self.translation
-        return replace(camera, viewmat=viewmat)
+        rotation = camera.viewmat[:3, :3] @ self.rotation.T
+        translation = self.scale * camera.viewmat[:3, 3] - rotation @ self.translation
+        return replace(camera, viewmat=rigid(rotation, translation))
 
     def points(self, points: Float64) -> Float64:
         """Return points [P,3] of the scene in coordinates of the message."""
@@ -47,8 +46,6 @@ def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
 
     It aligns the gaze point, the mean up direction, the mean direction from the gaze point to the cameras, and their
     median distance from it.
-
-    Raise `InputError` if the gazes of one capture are parallel, so that they have no common point.
     """
     (here, axes, radius), (there, other_axes, other_radius) = _gaze(scene, "scene"), _gaze(message, "message")
     scale = other_radius / radius

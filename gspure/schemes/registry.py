@@ -11,7 +11,7 @@ from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, keyss, secure_gs, splats_in_splats
-from gspure.schemes.scheme import REQUIRED, Scheme
+from gspure.schemes.scheme import Scheme
 
 BUILT_IN = (
     *(splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, gs_hider.HARDENED),
@@ -22,7 +22,7 @@ GROUP = "gspure.schemes"
 
 def schemes() -> dict[str, Scheme]:
     """Return every scheme by name, or raise `InputError` if a plug-in is none or has a name in use."""
-    return registered(GROUP, Scheme, BUILT_IN, _require_settings)
+    return registered(GROUP, Scheme, BUILT_IN, lambda *_: None)
 
 
 def find_scheme(name: str) -> Scheme:
@@ -66,10 +66,3 @@ def made_by(key: Path) -> tuple[str, Path]:
         record = read_json(file)
         scheme, pair = str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])
     return scheme, next(filter(Path.is_dir, (folder / pair for folder in (Path(), *key.resolve().parents))), pair)
-
-
-def _require_settings(scheme: Scheme, source: str) -> None:
-    """Refuse a scheme without one of the `REQUIRED` settings."""
-    if missing := REQUIRED - scheme.settings.keys():
-        expected = f"among others {', '.join(sorted(missing))}"
-        raise InputError(source, "settings", expected=expected, found=", ".join(scheme.settings) or "none")

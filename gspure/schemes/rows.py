@@ -47,8 +47,8 @@ class TrainedRows:
     def densify(self, iteration: int, opacities: Float32 | None = None) -> None:
         """Clone, split and prune rows; `opacities` [K] decide about pruning, by default their own."""
         state = TrainState(*map(parameters_of, (self.values, self._first, self._second)))
-        after = densified(
-            *(state, Statistics(self._norms, self._views), self.schedule, iteration),
+        (after,) = densified(
+            *([state], Statistics(self._norms, self._views), self.schedule, iteration),
             extent=self._run.pair.extent,
             rng=self._rng,
             max_gaussians=self._run.most_rows,

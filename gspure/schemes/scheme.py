@@ -25,7 +25,6 @@ from gspure.settings import SEED, Setting, defaults, require_settings
 MESSAGE: Final = "message"  # the extraction that every scheme has
 ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
-REQUIRED: Final = frozenset({"message_weight"})  # of every scheme: the message's share in its loss, 0 to hide nothing
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 

@@ -84,9 +84,6 @@ def read_dataset(
     `photographs`, whose files are named after the views, replaces those that the source names. `skip_missing` leaves
     out views whose photograph is missing. `seed` is that of the random points that replace missing ones. A capture far
     from the origin, such as one in UTM coordinates, is moved to it, as float32 would round it.
-
-    Raise `InputError` if a camera or point file is unreadable; a photograph is missing, smaller than its view or of
-    another shape; all views have the same position; or no training view contains any of the points.
     """
     source = _photographed(Path(source))
     views = read_views(source)
@@ -129,10 +126,7 @@ class Views(NamedTuple):
 
 
 def read_views(source: Path) -> Views:
-    """Read the views of any source of `gspure.cameras.read_cameras`, with the splits of a Blender or nerfstudio scene.
-
-    Raise `InputError` if a camera file is unreadable, or a split lists no view.
-    """
+    """Read the views of a source of `gspure.cameras.read_cameras`, with the splits of a Blender or nerfstudio scene."""
     cameras, scene = read_cameras(source), camera_object(source)
     if scene and any(name in scene for name in _NERFSTUDIO_HELD_OUT):
         return _nerfstudio_views(scene, cameras)

@@ -106,10 +106,7 @@ def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]
 
 
 def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
-    """Read a snapshot of a run with these settings.
-
-    Raise `InputError` if the file is no checkpoint, or its run has other settings.
-    """
+    """Read a snapshot, or raise `InputError` if its run has other settings."""
     kinds: dict[str, Kind] = {
         f"{part}.{group}": (np.float32, shape) for part in _PARTS for group, shape in _SHAPES.items()
     }

@@ -36,13 +36,7 @@ class TorchRenderer:
     Any number of images may be rendered before ``backward()``, in any order. The device holds only the last one; the
     backward pass renders any earlier one again.
 
-    Parameters
-    ----------
-    device : Device, optional
-        By default that of `gspure.opencl.device.choose_device`.
-    style : "cpu" or "gpu", optional
-        Kernel style; by default the one that suits the device.
-
+    By default, the device is that of `gspure.opencl.device.choose_device`, and the kernel style suits it.
     """
 
     def __init__(self, device: Device | None = None, style: Style | None = None) -> None:
@@ -67,19 +61,10 @@ class TorchRenderer:
             Activated, as `gspure.model.Gaussians` has them: world units; quaternions (w, x, y, z) of any norm;
             `scales` > 0; `opacities` in (0, 1). To optimize logarithms and logits, as 3DGS does, pass their ``exp()``
             and ``sigmoid()``.
-        features : tensor [K,C], optional
-            The values to blend, with any number of channels.
-        sh_coeffs : tensor [K,S,3], optional
-            Spherical-harmonic coefficients, S = 1, 4, 9 or 16; instead of `features`.
+        features, sh_coeffs : tensors [K,C] or [K,S,3], S = 1, 4, 9 or 16
+            One of the two.
         background : tensor or sequence of C floats, optional
             Zero by default.
-
-        Raises
-        ------
-        TypeError
-            A tensor is not float32.
-        ValueError
-            A tensor has another shape, or not exactly one of `features` and `sh_coeffs` is given.
 
         """
         if (features is None) == (sh_coeffs is None):

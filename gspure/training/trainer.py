@@ -68,14 +68,13 @@ class Trainer:
         rates = self._schedule.rates(iteration, self._extent)
         loss = self.model.step(self._views[view], view, rates, background=self._background)
         if self._schedule.densifies(iteration):
-            self.model.replace(
-                densified(
-                    *(self.model.state(), self.model.statistics(), self._schedule, iteration),
-                    extent=self._extent,
-                    rng=self._rng,
-                    max_gaussians=self._max_gaussians,
-                )
+            after = densified(
+                *([self.model.state()], self.model.statistics(), self._schedule, iteration),
+                extent=self._extent,
+                rng=self._rng,
+                max_gaussians=self._max_gaussians,
             )
+            self.model.replace(*after)
         return loss
 
 
@@ -106,7 +105,7 @@ def beginning(parameters: Parameters, seed: int) -> Snapshot:
 
 
 def densified(
-    state: TrainState,
+    states: Sequence[TrainState],
     statistics: Statistics,
     schedule: Schedule,
     iteration: int,
@@ -115,25 +114,24 @@ def densified(
     rng: np.random.Generator,
     max_gaussians: int | None,
     opacities: Float32 | None = None,
-) -> TrainState:
-    """Return the state after densification and, where the schedule says so, a reset of opacities.
+) -> list[TrainState]:
+    """Return the states of the same rows after densification and, where the schedule says so, a reset of opacities.
 
-    `opacities` [K] are those that decide about pruning, by default those of the state. Raise `InputError` if all
-    Gaussians were pruned.
+    The first one decides. `opacities` [K] are those that decide about pruning, by default its own.
     """
     growth = plan(
-        *(state.parameters, statistics, opacities),
+        *(states[0].parameters, statistics, opacities),
         extent=extent,
         prune_big=schedule.prunes_big(iteration),
         rng=rng,
         max_gaussians=max_gaussians,
     )
-    after = grow(state, growth)
-    if not len(after.parameters):
+    after = [grow(state, growth) for state in states]
+    if not len(after[0].parameters):
         found = f"none after iteration {iteration}"
         hint = "every one became transparent; do the views and the points belong together?"
         raise InputError("training", "Gaussians", expected="at least one", found=found, hint=hint)
-    return reset_opacities(after) if schedule.resets_opacities(iteration) else after
+    return [reset_opacities(state) for state in after] if schedule.resets_opacities(iteration) else after
 
 
 def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:

@@ -29,8 +29,7 @@ def resolve(config: Mapping[str, Any], source: str) -> dict[str, Any]:
     """Return a copy of a configuration that fits the schema, in which models are files and variants name their attacks.
 
     Models and pairs to be trained get the entry ``photographs``, the files that their cameras name; messages to be
-    trained get ``message_photographs``. A list of damages becomes a variant for each. Raise `InputError` of `source`,
-    naming the setting, if a file does not exist, or a scheme, attack, setting or decision is unknown.
+    trained get ``message_photographs``. A list of damages becomes a variant for each. `source` is named by errors.
     """
     settled = deepcopy(dict(config))
     if not settled["assets"] and not (settled["pairs"] and settled["schemes"]):

@@ -17,7 +17,7 @@ from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
-from gspure.opencl.trainable import Parameters, States, TrainableModel, TrainState, TwinModel
+from gspure.opencl.trainable import Parameters, TrainableModel, TrainState, TwinModel
 from gspure.progress import say
 from gspure.public_model import PublicModel
 from gspure.schemes.hidden_weight import low_rows
@@ -27,10 +27,10 @@ from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
 from gspure.settings import Amount, MaxGaussians, Range, Steps
-from gspure.training.densification import grow, plan, reset_opacities
+from gspure.training.densification import reset_opacities
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
-from gspure.training.trainer import watched
+from gspure.training.trainer import densified, watched
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
 REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
@@ -106,7 +106,7 @@ class TwinTrainer:
             cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
             yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
             if self._schedule.densifies(iteration):
-                self.model.replace(self._grown(iteration))
+                self._densify(iteration)
             if self._run.hardened:
                 self._harden(iteration)
 
@@ -124,19 +124,17 @@ class TwinTrainer:
             self._low = low_rows(public, self._pair.scene.views, self._run.hardened, self._run.device)
         self.model.replace((shown, reset_opacities(hidden, self._low)))
 
-    def _grown(self, iteration: int) -> States:
-        first, second = self.model.states()
-        logits = np.maximum(first.parameters.opacity_logits, second.parameters.opacity_logits)
-        growth = plan(
-            *(first.parameters, self.model.models[0].statistics(), sigmoid(logits)),
+    def _densify(self, iteration: int) -> None:
+        states = self.model.states()
+        logits = np.maximum(*(state.parameters.opacity_logits for state in states))
+        first, second = densified(
+            *(states, self.model.models[0].statistics(), self._schedule, iteration),
             extent=self._pair.extent,
-            prune_big=self._schedule.prunes_big(iteration),
             rng=self._rng,
             max_gaussians=self._run.most_rows,
+            opacities=sigmoid(logits),
         )
-        first, second = grow(first, growth), grow(second, growth)
-        resets = self._schedule.resets_opacities(iteration)
-        return (reset_opacities(first), reset_opacities(second)) if resets else (first, second)
+        self.model.replace((first, second))
 
 
 def refined(parameters: Parameters, capture: Capture, steps: int, seed: int, device: Device | None) -> Parameters:
