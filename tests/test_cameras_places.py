@@ -7,7 +7,6 @@ import pytest
 
 from gspure.cameras import read_cameras, write_cameras
 from gspure.errors import InputError
-from gspure.files import write_json
 from gspure.training.dataset import read_dataset
 from gspure.workflow.inputs import camera_files
 from tests.models import gaussians
@@ -112,8 +111,7 @@ def test_a_larger_model_beside_the_one_that_is_read_is_mentioned(project, capsys
 @pytest.mark.parametrize(
     ("places", "hint"),
     [
-        (["images elsewhere"], r"--images DIR.*there are some in \S*/elsewhere"),
-        (["images ../gone"], r"--images DIR.*there are none here"),
+        (["images elsewhere"], "--images DIR"),
         (["images/orbit_000.png ../gone.png"], "--skip-missing` leaves out"),
     ],
 )
@@ -123,16 +121,9 @@ def test_the_hint_about_missing_photographs_can_help(project, places, hint):
             read_dataset(moved(project, places), "native", skip_missing=skip_missing)
 
 
-def test_training_looks_into_images_and_else_reads_the_camera_file_that_names_photographs(project):
-    views = read_cameras(project)
+def test_training_looks_into_images(project):
     shutil.rmtree(project / "sparse")
     write_cameras(project / "cameras.json", ring(9))  # without photographs, as 3DGS does
-    assert len(read_dataset(project, "native").train) == 7
-    moved(project, ["images elsewhere"])
-    axes = np.diag([1.0, -1, -1, 1])
-    poses = {f"elsewhere/{view.name}.png": (np.linalg.inv(view.viewmat) @ axes).tolist() for view in views[:8]}
-    frames = [{"file_path": file, "transform_matrix": pose} for file, pose in poses.items()]
-    write_json(project / "transforms.json", {"w": 32, "h": 24, "fl_x": views[0].K[0, 0], "frames": frames})
     assert len(read_dataset(project, "native").train) == 7
 
 

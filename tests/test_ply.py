@@ -168,9 +168,8 @@ def test_bytes_after_the_last_row_are_not_read(tmp_path, capsys, encoding, more)
     if encoding == "ascii" and not more.strip():
         assert len(read_model(path)) == 5
         return
-    model, line = read_with_a_warning(path, capsys)
+    model, _ = read_with_a_warning(path, capsys)
     assert model.table.tobytes() == np.full((5, 11), 0.5, "<f4").tobytes()
-    assert ("2 rows" in line) == (len(more) == 88 and encoding != "ascii")
 
 
 HEADERS = {
@@ -268,8 +267,6 @@ REFUSED = {
     "a mesh": (of_columns(["x", "y", "z"]).replace(b"end_header", FACES), "opacity"),
     "a list": (of_columns(CORE).replace(b"end_header", b"property list uchar float sh\nend_header"), "sh"),
     "a row less": (WHOLE[:-44], "element vertex"),
-    "rows of another size": (WHOLE + bytes(3 * 4), "file"),
-    "rows of another size and number": (WHOLE + bytes(3 * 52), "file"),
     "no rows": (of_columns(CORE, 0), "element vertex"),
     **{f"too many rows, {e}": (of_columns(CORE, 10**15, e, b"1 " * 11), "element vertex") for e in ENCODINGS},
     "a word in ascii": (of_columns(CORE, 1, "ascii", b"1 " * 10 + b"x\n"), "element vertex"),

@@ -112,8 +112,7 @@ def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:
     if header.text or header.byte_order != "<":
         raise ValueError("a header that does not say binary_little_endian")
     size = sum(element.count * dtypes[element.name].itemsize for element in header.elements)
-    last = header.elements[-1]
-    require_size(path, file, last.count, dtypes[last.name].itemsize, size)
+    require_size(path, file, size)
     for element in header.elements:
         tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)
         offset += tables[element.name].nbytes

@@ -14,7 +14,6 @@ from gspure.errors import InputError, reading
 from gspure.progress import warn
 
 _LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
-_FEW: Final = 16  # bytes per row that a header is more likely to lack than to name too few rows; ours
 _MAGIC: Final = re.compile(rb"(?:\xef\xbb\xbf)?\s*ply[ \t]*(\r\n|\n|\r)")
 _COMMENT: Final = re.compile(rb"\s*(?:comment|obj_info)(?:[ \t](.*))?", re.DOTALL)
 
@@ -49,20 +48,14 @@ def read_header(path: Path, content: str) -> Header:
     return Header(parsed, end.end(), comments)
 
 
-def require_size(path: Path, header: Header, count: int, row: int, size: int) -> None:
-    """Refuse a file whose elements have not the `size` in bytes that the header says; warn of bytes after them.
-
-    Its `count` rows have `row` bytes. If the further bytes are as many for each, the header lacks properties.
-    """
-    more = path.stat().st_size - header.size - size
-    each, rest = divmod(more, max(count, 1))
-    if more < 0 or (not rest and (more % row or 0 < each <= _FEW) and (each < 4 or each % 4 == 0)):
-        hint = "cut short: copy or download it again" if more < 0 else f"rows of {row + each} bytes?"
-        most = header.size + size
-        raise InputError(path, "file", expected=f"{most} bytes", found=f"{most + more} bytes", hint=hint)
-    if more:
-        text = f"{more // row} rows" if more % row == 0 else f"{more} bytes"
-        warn(f"{path}: {text} after the last of {count} rows that the header names are not read")
+def require_size(path: Path, header: Header, size: int) -> None:
+    """Refuse a file whose elements have not the `size` in bytes that the header says; warn of bytes after them."""
+    stored, expected = path.stat().st_size, header.size + size
+    if stored < expected:
+        hint = "cut short: copy or download it again"
+        raise InputError(path, "file", expected=f"{expected} bytes", found=f"{stored} bytes", hint=hint)
+    if stored > expected:
+        warn(f"{path}: {stored - expected} bytes after the last row that the header names are not read")
 
 
 def header_of(table: NDArray[Any], comments: Iterable[str] = ()) -> bytes:

@@ -144,8 +144,7 @@ def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void
         return _parsed(path, file, dtype)
     stored = [(element.count, np.dtype(element.dtype(header.byte_order))) for element in header.elements]
     if not any(each.hasobject for _, each in stored):  # lists make the size of an element unknown
-        rows, last = stored[-1]
-        require_size(path, file, rows, last.itemsize, sum(rows * each.itemsize for rows, each in stored))
+        require_size(path, file, sum(rows * each.itemsize for rows, each in stored))
     if not count:
         return np.empty(0, dtype)
     return np.memmap(path, stored[0][1], "r", offset, count).view(np.ndarray).astype(dtype, copy=False)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -22,11 +21,11 @@ from gspure.cameras.photographs import (
     require_present,
     safe_name,
 )
-from gspure.cameras.reading import IN_FOLDER, camera_object, camera_place
+from gspure.cameras.reading import camera_object, camera_place
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, UInt8, digest
-from gspure.images import FORMATS, read_image, turn
+from gspure.images import read_image, turn
 from gspure.model.ply import read_point_ply
 from gspure.progress import say, warn
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
@@ -85,11 +84,10 @@ def read_dataset(
     out views whose photograph is missing. `seed` is that of the random points that replace missing ones. A capture far
     from the origin, such as one in UTM coordinates, is moved to it, as float32 would round it.
     """
-    source = _photographed(Path(source))
-    views = read_views(source)
+    views = read_views(source := Path(source))
     cameras = _with_photographs(views.cameras, photographs, source)
     cameras = _present(cameras, source) if skip_missing else cameras
-    require_present(cameras, source, hint=_remedy(cameras, source))
+    require_present(cameras, source, hint=_remedy(cameras))
     shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
@@ -184,24 +182,11 @@ def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
     return present or [*cameras]
 
 
-def _photographed(source: Path) -> Path:
-    """Return the camera file of a folder that names photographs, if its first one, such as 3DGS's, names none."""
-    place = camera_place(source)
-    if not source.is_dir() or place.is_dir() or any(camera.image for camera in read_cameras(place)):
-        return source
-    others = (path for name in IN_FOLDER if (path := place.with_name(name)).is_file())
-    return next((path for path in others if any(camera.image for camera in read_cameras(path))), source)
-
-
-def _remedy(cameras: Sequence[Camera], source: Path) -> str:
+def _remedy(cameras: Sequence[Camera]) -> str:
     """Return the hint for missing photographs: the option that leaves them out, or that names their folder."""
     if len(missing_photographs(cameras)) < len(cameras):
         return "`gspure train --skip-missing` leaves out their views"
-    names, suffixes = {camera.name for camera in cameras}, {*chain(*FORMATS.values())}
-    images = (file for file in _folder(source).rglob("*") if file.suffix.lower() in suffixes)
-    folders = sorted({image.parent for image in images if safe_name(image.name) in names})
-    hint = f"there are some in {folders[0]}" if folders else "there are none here"
-    return f"`gspure train --images DIR` names a folder of photographs named as the views; {hint}"
+    return "`gspure train --images DIR` names a folder of photographs named as the views"
 
 
 def _folder(source: Path) -> Path:

@@ -3,34 +3,50 @@
 Embedding trains both scenes, maps the opacities, hides the colours and publishes. The paper leaves some choices open.
 Ours: the loss is L(scene) + message_weight L(message), both as in 3DGS; means, quaternions and scales are shared; after
 the opacity mapping is fitted, the hidden colours are trained further with the mapped opacities, which extraction uses
-instead of the trained ones.
+instead of the trained ones. The key is in two files::
+
+    <key>/splats_in_splats.npz   the key proper: mapping, positions of the message's Gaussians, shift
+    <key>/hidden.ply             all Gaussians with their exact hidden attributes: not for `message`
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.errors import InputError
+from gspure.files import Float32, Kind, load_arrays, save_arrays
+from gspure.model import Gaussians, read_model, write_model
 from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
+from gspure.model.finite import require_computed, require_finite
+from gspure.model.gaussians import CORE
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState, TwinModel
 from gspure.progress import say
-from gspure.public_model import PublicModel
+from gspure.public_model import PublicModel, Rows
 from gspure.schemes.hidden_weight import low_rows
+from gspure.schemes.matching import adaptive_matches, exact_matches
 from gspure.schemes.pair import Capture, Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Run, Scheme
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key, Run, Scheme
 from gspure.schemes.splats_in_splats import bits
-from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
-from gspure.schemes.splats_in_splats.opacity_mapping import fit
+from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.densification import reset_opacities
 from gspure.training.output import as_gaussians
 from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
 from gspure.training.trainer import densified, watched
+
+ORACLE: Final = "message_oracle"
+
+_FILE: Final = "splats_in_splats.npz"
+_HIDDEN: Final = "hidden.ply"
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
 REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
@@ -146,6 +162,74 @@ def refined(parameters: Parameters, capture: Capture, steps: int, seed: int, dev
         view = next(order)
         model.step(capture.views[view], view, REFINING)
     return replace(parameters, sh_coeffs=model.state().parameters.sh_coeffs)
+
+
+@dataclass(frozen=True, eq=False)
+class SplatsInSplatsKey(Key):
+    """The private part of the scheme."""
+
+    positions: Float32  # [I,3], the centres of the message's Gaussians, along a space-filling curve
+    mapping: OpacityMapping  # from their public opacities, in this order, to their hidden ones
+    shift: int  # k of `gspure.schemes.splats_in_splats.bits`
+    hidden: Gaussians  # all, with their hidden opacity and colour
+
+    def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
+        """Return the Gaussians that show the message, and the row of each.
+
+        ``message`` reads the model as the scheme does: colours from the bits and opacities from the mapping, for the
+        Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity;
+        ``message_adaptive`` also those that moved. All use the geometry of the model.
+        """
+        if extraction == ADAPTIVE:
+            places = adaptive_matches(self.hidden, public.model)
+        else:
+            places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
+        rows = np.flatnonzero(places >= 0)
+        survivors, places = public.model[rows], places[rows]
+        if extraction == MESSAGE:
+            sequence = np.zeros(len(self.positions), np.float32)  # the mapping reads opacity 0 where a row is missing
+            sequence[places] = survivors.opacities
+            opacities = logit(self.mapping(sequence)[places], LEAST_OPACITY)
+            sh_coeffs = bits.extract(survivors.sh_coeffs_of(self.hidden.sh_degree), self.shift)
+        else:
+            opacities, sh_coeffs = self.hidden.table["opacity"][places], self.hidden.sh_coeffs[places]
+        message = Gaussians(np.zeros(len(rows), self.hidden.table.dtype))
+        message = message.with_columns({name: survivors.table[name] for name in CORE})
+        message = message.with_appearance(opacities, sh_coeffs)
+        require_computed(message, "key", _FILE)
+        return message, rows
+
+    def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
+        """Return an untrained mapping and as many random Gaussians, with shuffled hidden attributes."""
+        chosen = np.sort(rng.choice(len(self.hidden), len(self.positions), replace=False))
+        order = rng.permutation(len(self.hidden))
+        shuffled = self.hidden.with_appearance(self.hidden.table["opacity"][order], self.hidden.sh_coeffs[order])
+        return SplatsInSplatsKey(self.hidden.means[chosen], OpacityMapping.fresh(rng), self.shift, shuffled)
+
+    def write(self, folder: Path) -> None:
+        """Write both files."""
+        arrays = {"positions": self.positions, "shift": np.array(self.shift)}
+        save_arrays(folder / _FILE, arrays | self.mapping.arrays)
+        write_model(folder / _HIDDEN, self.hidden)
+
+    @staticmethod
+    def read(folder: Path) -> SplatsInSplatsKey:
+        """Read a key, or raise `InputError`."""
+        path, file = Path(folder) / _FILE, Path(folder) / _HIDDEN
+        layers = OpacityMapping.fresh(np.random.default_rng(0)).arrays
+        kinds: dict[str, Kind] = {name: (np.float32, layer.shape) for name, layer in layers.items()}
+        kinds |= {"positions": (np.float32, (None, 3)), "shift": (np.integer, ())}
+        arrays = load_arrays(path, kinds, "a key of Splats in Splats")
+        positions, shift = arrays["positions"], int(arrays["shift"])
+        Range(*bits.SHIFT_RANGE).require(path, "shift", shift)
+        hidden = read_model(file)
+        require_finite(hidden, file)
+        if hidden.sh_degree < 0:
+            raise InputError(file, "columns", expected="f_dc_0 to f_dc_2", found="no colours")
+        if len(positions) > len(hidden):
+            expected = f"at most {len(hidden)}, one per Gaussian of {_HIDDEN}"
+            raise InputError(path, "positions", expected=expected, found=str(len(positions)))
+        return SplatsInSplatsKey(positions, OpacityMapping.of(arrays), shift, hidden)
 
 
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
