@@ -154,7 +154,7 @@ BUDGETS = {
     "report": (1872, 15),
     "scan": (268, 3),
     "scenes": (908, 7),
-    "schemes": (2815, 24),
+    "schemes": (2802, 24),
     "surface": (293, 4),
     "training": (1126, 9),
     "workflow": (884, 8),

@@ -93,17 +93,15 @@ def rows_of(array: Any, rows: Any) -> Any:
     return array[rows] if isinstance(array, np.ndarray) else array.index_select(0, rows)
 
 
-def require_anchors(source: Path, table: Gaussians) -> None:
-    """Refuse a table with other columns than Scaffold-GS's, or with numbers that are not finite."""
-    offsets, features, scales = map(table.columns_named, ("f_offset_", "f_anchor_feat_", "scale_"))
-    for field, expected, fits in (
-        ("f_offset_*", "three properties per Gaussian of an anchor", offsets and len(offsets) % 3 == 0),
-        ("f_anchor_feat_*", "an anchor's features", features),
-        ("scale_*", f"{SCALINGS} properties", len(scales) == SCALINGS),
-    ):
-        if not fits:
-            raise InputError(source, field, expected=expected, found="other properties", hint="a Scaffold-GS .ply?")
-    geometry = ("x", "y", "z", *offsets, *features, *scales, "rot_0", "rot_1", "rot_2", "rot_3")
+def require_anchors(source: Path, table: Gaussians, feat_dim: int, k: int) -> None:
+    """Refuse a table whose columns do not fit networks of these sizes, or with numbers that are not finite."""
+    geometry = ["x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3"]
+    for prefix, count in (("f_offset_", 3 * k), ("f_anchor_feat_", feat_dim), ("scale_", SCALINGS)):
+        names = table.columns_named(prefix)
+        if len(names) != count:
+            found, hint = f"{len(names)} properties", "networks of another model?"
+            raise InputError(source, f"{prefix}*", expected=f"{count} properties", found=found, hint=hint)
+        geometry += names
     for name, rows in non_finite_rows(table, geometry).items():
         found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
         raise InputError(source, name, expected="finite numbers", found=found)

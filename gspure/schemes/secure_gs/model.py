@@ -80,15 +80,13 @@ class AnchorModel(PublicModel):
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the networks beside the .ply."""
         file = model_file(Path(path))
-        rows = read_model(file)
-        require_anchors(file, rows)
-        source = file.with_name(NETWORKS)
+        rows, source = read_model(file), file.with_name(NETWORKS)
         if not source.is_file():
             hint = "files of Scaffold-GS's and SecureGS's authors are not read"
             raise InputError(file.parent, "networks", expected=f"{NETWORKS} of `gspure embed`", found="none", hint=hint)
-        public = cls(rows, read_networks(source, PUBLIC, "the public networks of SecureGS"))
-        require_sizes(source, public.networks, public.anchors.feat_dim, public.anchors.k)
-        return public
+        networks = read_networks(source, PUBLIC, "the public networks of SecureGS")
+        require_anchors(file, rows, *sizes_of(networks))
+        return cls(rows, networks)
 
     def write_networks(self, folder: Path) -> None:
         """Write the networks."""
@@ -189,35 +187,26 @@ class HiddenKey(Key):
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the hidden Gaussians of a camera, and the anchor of each."""
-        anchors, networks = self._fitting(public)
-        return anchors.gaussians(camera, networks)
+        return self._readable(public).gaussians(camera, self.networks)
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the private networks after training on the model's anchors; the model stays as it is."""
-        anchors, networks = self._fitting(public)
-        trained = anchors.trained(lesson, networks, dict.fromkeys(self.networks, FIT_RATE)).networks(0)
-        return type(self)({name: trained[name] for name in self.networks})
+        rates = dict.fromkeys(self.networks, FIT_RATE)
+        return type(self)(self._readable(public).trained(lesson, self.networks, rates).networks(0))
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""
         return type(self)(fresh(PRIVATE, *sizes_of(self.networks), rng))
 
-    def _fitting(self, public: PublicModel) -> tuple[AnchorModel, Networks]:
-        """Return a model whose anchors the networks can read, and these, with the public one that blends features."""
+    def _readable(self, public: PublicModel) -> AnchorModel:
+        """Return a model if the networks can read its anchors, or raise `InputError`."""
         if not isinstance(public, AnchorModel):
             raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        anchors = public.anchors
-        require_sizes("secure_gs", self.networks, anchors.feat_dim, anchors.k, "a key of another model")
-        return public, {**public.networks, **self.networks}
-
-
-def require_sizes(source: str | Path, networks: Networks, feat_dim: int, k: int, hint: str | None = None) -> None:
-    """Refuse networks that do not fit anchors of `feat_dim` features and `k` Gaussians."""
-    if sizes_of(networks) != (feat_dim, k):
-        found, expected = (
-            "{} features and {} Gaussians per anchor".format(*n) for n in (sizes_of(networks), (feat_dim, k))
-        )
-        raise InputError(source, "networks", expected=expected, found=found, hint=hint)
+        sizes = (public.anchors.feat_dim, public.anchors.k), sizes_of(self.networks)
+        if sizes[0] != sizes[1]:
+            found, expected = ("{} features and {} Gaussians per anchor".format(*of) for of in sizes)
+            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
+        return public
 
 
 def read_networks(file: Path, names: tuple[str, ...], content: str) -> Networks:
