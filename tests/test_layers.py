@@ -144,7 +144,7 @@ def test_the_core_does_not_import_torch() -> None:
 BUDGETS = {
     "": (1600, 12),
     "attacks": (1104, 10),
-    "cameras": (1410, 11),
+    "cameras": (1409, 11),
     "cli": (2194, 23),
     "evaluation": (2379, 16),
     "figures": (1508, 10),
@@ -156,7 +156,7 @@ BUDGETS = {
     "scenes": (908, 7),
     "schemes": (2802, 24),
     "surface": (293, 4),
-    "training": (1126, 9),
+    "training": (1122, 9),
     "workflow": (884, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

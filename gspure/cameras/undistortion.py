@@ -28,9 +28,8 @@ def undistort(cameras: Sequence[Camera], folder: Path, source: Path | str) -> li
     """Write the photograph of each view as a pinhole camera takes it, and return these cameras.
 
     The focal length is the smallest at which the photograph fills the image, whose size and centre stay. Transparent
-    photographs keep their alpha. `folder` takes ``VIEW.png``; `source` is the origin of the views. Raise `InputError`
-    if a photograph is missing, unreadable or smaller than its view, or if a distortion folds the image: points farther
-    from its centre are then not farther from that of the photograph.
+    photographs keep their alpha. `folder` takes ``VIEW.png``; `source` is the origin of the views. A distortion that
+    folds the image, so that points farther from its centre are not farther from the photograph's, is refused.
     """
     require_images(cameras, source)
     pinholes = [_pinhole(camera, source) for camera in cameras]

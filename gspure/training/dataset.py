@@ -38,6 +38,8 @@ POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.pl
 """Files of sparse points beside a camera file: COLMAP's and `gspure pair`'s, 3DGS's for Blender scenes, nerfstudio's,
 3DGS's output."""
 
+_SKIP: Final = "`gspure train --skip-missing` leaves out their views"
+_NAME: Final = "`gspure train --images DIR` names a folder of photographs named as the views"
 _GREY: Final = 128
 BLENDER: Final = "transforms_train.json"  # training views of a Blender scene (NeRF)
 BLENDER_HELD_OUT: Final = ("transforms_test.json", "transforms_val.json")  # the first of these that exists
@@ -87,7 +89,8 @@ def read_dataset(
     views = read_views(source := Path(source))
     cameras = _with_photographs(views.cameras, photographs, source)
     cameras = _present(cameras, source) if skip_missing else cameras
-    require_present(cameras, source, hint=_remedy(cameras))
+    some = len(missing_photographs(cameras)) < len(cameras)
+    require_present(cameras, source, hint=_SKIP if some else _NAME)
     shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
@@ -180,13 +183,6 @@ def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
         missing = ", ".join(missing_photographs(cameras))
         say(f"{source}: {len(cameras) - len(present)} of {len(cameras)} views left out, photographs missing: {missing}")
     return present or [*cameras]
-
-
-def _remedy(cameras: Sequence[Camera]) -> str:
-    """Return the hint for missing photographs: the option that leaves them out, or that names their folder."""
-    if len(missing_photographs(cameras)) < len(cameras):
-        return "`gspure train --skip-missing` leaves out their views"
-    return "`gspure train --images DIR` names a folder of photographs named as the views"
 
 
 def _folder(source: Path) -> Path:
