@@ -1,12 +1,11 @@
 """Camera files of other programs are named, with a way to convert them."""
 
-import json
-
 import numpy as np
 import pytest
 
-from gspure.cameras import read_cameras
+from gspure.cameras import read_cameras, write_cameras
 from gspure.errors import InputError
+from tests.models import camera
 
 KITTI = "1.0 0 0 0 0 1 0 0 0 0 1 -2.5e-01\n1 0 0 0 0 1 0 0 0 0 1 0\n"
 POSE = "1 0 0 0\n0 1 0 0\n0 0 1 2.5\n0 0 0 1\n"
@@ -59,16 +58,7 @@ def test_any_other_file_is_refused_without_a_parsers_words(tmp_path):
 
 
 def test_own_files_beside_foreign_ones_are_read(tmp_path):
-    view = {
-        "img_name": "a",
-        "width": 8,
-        "height": 6,
-        "fx": 8,
-        "fy": 8,
-        "position": [0] * 3,
-        "rotation": np.eye(3).tolist(),
-    }
-    (tmp_path / "cameras.json").write_text(json.dumps([view]))
+    write_cameras(tmp_path / "cameras.json", [camera()])
     (tmp_path / "cameras.xml").write_text(FILES["cameras.xml"][0])
     assert len(read_cameras(tmp_path)) == 1
 

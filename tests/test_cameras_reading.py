@@ -2,8 +2,10 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
+from gspure.cli import main
 from gspure.errors import InputError
 
 POSE = np.eye(4).tolist()
@@ -46,3 +48,15 @@ def test_a_file_that_is_not_a_camera_file_is_refused_in_one_line(tmp_path, conte
         read_cameras(path)
     assert str(caught.value).startswith(f"{path}: file: expected ")
     assert "\n" not in str(caught.value)
+
+
+def test_views_are_scaled_written_in_order_and_summarized(tmp_path, capsys):
+    K = intrinsics(3000, 3000, 1600, 900)
+    views = [Camera(name, 3200, 1800, K, np.eye(4), tmp_path / f"{name}.png") for name in "cab"]
+    write_cameras(tmp_path / "source.json", views)
+    Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
+    out = tmp_path / "out" / "cameras.json"
+    assert main(["cameras", str(tmp_path / "source.json"), "--out", str(out)]) == 0
+    assert [camera.name for camera in read_cameras(out)] == ["c", "a", "b"]
+    assert {(camera.width, camera.height, camera.K[0, 0]) for camera in read_cameras(out)} == {(1600, 900, 1500.0)}
+    assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "1"]

@@ -14,26 +14,21 @@ def view(width, height):
     return Camera("view", width, height, intrinsics(1000, 1010, width / 2, height / 2), np.eye(4))
 
 
-def size(width, height, rule):
-    (camera,) = scaled([view(width, height)], rule)
-    return camera.width, camera.height
-
-
-def test_native_keeps_the_files_size():
-    assert size(5187, 3361, "native") == (5187, 3361)
-
-
-def test_a_fraction_of_rows_is_rounded_half_to_even():
-    assert size(5187, 3361, "1/4") == (1297, 840)
-    assert size(989, 743, "1/2") == (494, 372)
-    assert size(3, 2, "1/8") == (1, 1)
-
-
-def test_a_largest_width_also_reduces_the_height():
-    assert size(3958, 2968, "1600px") == (1600, 1199)
-    assert size(1600, 1199, "1600px") == (1600, 1199)
-    assert size(989, 742, "1600px") == (989, 742)
-    assert size(9000, 1, "1600px") == (1600, 1)
+@pytest.mark.parametrize(
+    ("rule", "stored", "expected"),
+    [
+        ("native", (5187, 3361), (5187, 3361)),
+        ("1/4", (5187, 3361), (1297, 840)),  # a half is rounded to the even number
+        ("1/2", (989, 743), (494, 372)),
+        ("1/8", (3, 2), (1, 1)),
+        ("1600px", (3958, 2968), (1600, 1199)),
+        ("1600px", (989, 742), (989, 742)),
+        ("1600px", (9000, 1), (1600, 1)),
+    ],
+)
+def test_a_rule_gives_a_view_its_size(rule, stored, expected):
+    (camera,) = scaled([view(*stored)], rule)
+    assert (camera.width, camera.height) == expected
 
 
 def test_a_photograph_that_is_a_reduced_copy_gives_the_view_its_size(tmp_path):
