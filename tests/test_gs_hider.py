@@ -6,10 +6,9 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
-from gspure.files import digest  # noqa: E402
 from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
-from gspure.schemes.gs_hider import HARDENED, SCHEME  # noqa: E402
+from gspure.schemes.gs_hider import SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
 from gspure.schemes.gs_hider.model import (  # noqa: E402
     CHANNELS,
@@ -18,10 +17,8 @@ from gspure.schemes.gs_hider.model import (  # noqa: E402
     SCENE_DECODER,
     DecoderFile,
 )
-from gspure.schemes.hidden_weight import low_rows  # noqa: E402
 from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
-from tests.models import without  # noqa: E402
 from tests.scheme_cases import held_out  # noqa: E402
 
 
@@ -43,36 +40,6 @@ def test_scene_and_message_are_learned_from_one_map(pair):
     assert (qualities(public, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
-
-
-def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
-    def digests(threads):
-        before = torch.get_num_threads()
-        torch.set_num_threads(threads)
-        try:
-            public, key = hide(SCHEME, pair, iterations=3)
-            assert torch.get_num_threads() == threads
-        finally:
-            torch.set_num_threads(before)
-        return digest(public.model.table, public.decoder.content, key.decoder.content)
-
-    assert digests(1) == digests(2)
-
-
-def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(own_pair_folder):
-    pair = read_pair(own_pair_folder)
-
-    def lost(scheme):
-        public, key = hide(scheme, pair, iterations=200, max_gaussians=2000)
-        low, shown = (
-            low_rows(public, pair.scene.views, 2.0, None),
-            zip(pair.message.views, pair.message.images, strict=True),
-        )
-        views = [key.message(kept, "message") for kept in (public, without(public, low))]
-        before, after = np.mean([[psnr(view(c).clip(0, 1), image) for view in views] for c, image in shown], axis=0)
-        return before - after
-
-    assert lost(HARDENED) < lost(SCHEME) - 1
 
 
 def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatch):

@@ -1,11 +1,13 @@
 """What every scheme promises: the built-in ones, and the example of the guide."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation.metrics import gradient_correlation
+from gspure.evaluation.metrics import gradient_correlation, psnr
 from gspure.evaluation.outcomes import BITS, is_picture
 from gspure.files import read_json
 from gspure.images import read_image
@@ -13,6 +15,7 @@ from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider
+from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model, schemes
 from gspure.schemes.scheme import hide
@@ -53,6 +56,25 @@ def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
     assert gradient_correlation(view(camera), photograph) > 0.3
     elsewhere, _ = held_out(pair.scene)[0]
     assert gradient_correlation(view(elsewhere), photograph) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [("gs_hider", {"iterations": 200, "max_gaussians": 2000}), ("secure_gs", {"iterations": 120, "max_anchors": 600})],
+)
+def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(name, settings, own_pair_folder):
+    pytest.importorskip("torch")
+    pair = read_pair(own_pair_folder)
+
+    def lost(scheme):
+        public, key = hide(find_scheme(scheme), pair, **settings)
+        kept = without(public, low_rows(public, pair.scene.views, 2.0, None))
+        views = [key.message(model, "message") for model in (public, kept)]
+        shown = zip(pair.message.views, pair.message.images, strict=True)
+        before, after = np.mean([[psnr(view(c).clip(0, 1), image) for view in views] for c, image in shown], axis=0)
+        return before - after
+
+    assert lost(f"{name}_hardened") < lost(name) - 1
 
 
 def test_scene_and_message_are_pictures_of_any_view(embedded):
@@ -126,9 +148,14 @@ def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):
     assert public.model.table.dtype == embedded.public.model.table.dtype
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_one_others(embedded, tmp_path):
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads(embedded, tmp_path, request):
     written = []
     for number, seed in enumerate((3, 3, 4)):
+        if embedded.scheme.name in NEEDS_TORCH:
+            from gspure.training.pytorch import torch
+
+            request.addfinalizer(partial(torch.set_num_threads, torch.get_num_threads()))
+            torch.set_num_threads(number + 1)
         public, key = hide(embedded.scheme, embedded.pair, seed=seed, **few_steps(embedded))
         public.write(tmp_path / f"{number}" / "point_cloud.ply")
         key.write(tmp_path / f"{number}")

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from gspure.evaluation.metrics import psnr
-from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
-from gspure.schemes.secure_gs import HARDENED, SCHEME, first_anchors
+from gspure.schemes.secure_gs import SCHEME, first_anchors
 from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
 from tests.anchor_cases import random_key, random_public
-from tests.models import camera, without
+from tests.models import camera
 
 VIEW = camera()
 
@@ -75,28 +74,3 @@ def test_scene_and_message_are_learned_over_the_same_anchors(pair):
     assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
     wrong = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(wrong, pair.message) < quality(message, pair.message) - 2
-
-
-def test_a_hardened_message_outlives_the_pruning_of_anchors_of_low_weight(own_pair_folder):
-    pytest.importorskip("torch")
-    pair = read_pair(own_pair_folder)
-
-    def lost(scheme):
-        public, key = hide(scheme, pair, **SHORT)
-        kept = without(public, low_rows(public, pair.scene.views, 2.0, None))
-        before, after = (quality(key.message(model, "message"), pair.message) for model in (public, kept))
-        return before - after
-
-    assert lost(HARDENED) < lost(SCHEME) - 1
-
-
-def test_bits_do_not_depend_on_the_number_of_pytorch_threads(pair):
-    torch = pytest.importorskip("torch")
-    before, tables = torch.get_num_threads(), []
-    for threads in (1, 3):
-        torch.set_num_threads(threads)
-        public, _ = hide(SCHEME, pair, iterations=8, max_anchors=200)
-        assert torch.get_num_threads() == threads
-        tables.append(public.model.table.tobytes())
-    torch.set_num_threads(before)
-    assert tables[0] == tables[1]
