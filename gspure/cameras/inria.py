@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gspure.cameras.camera import Camera, intrinsics, rigid
+import numpy as np
+
+from gspure.cameras.camera import Camera, intrinsics
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import view_names
 from gspure.errors import InputError
@@ -42,8 +44,9 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
 
 def _camera(entry: Entry, name: str, folder: Path) -> Camera:
     width, height = entry.pixels("width"), entry.pixels("height")
-    rotation = entry.rigid("rotation", (3, 3)).T
-    viewmat = rigid(rotation, -rotation @ entry.array("position", (3,)))
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = entry.rigid("rotation", (3, 3)).T
+    viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
     centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
     K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
     image = folder / entry.text("image") if "image" in entry else None

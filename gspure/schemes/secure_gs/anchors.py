@@ -156,16 +156,15 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     away = anchors.positions - centre
     distances = xp.sqrt((away * away).sum(axis=1))[:, None]
     views = away / distances
-    inputs = xp.concatenate([anchors.features, views], axis=1)
-    opacities = xp.tanh(perceptron(xp, networks["opacity"], inputs))
+    near = xp.concatenate([anchors.features, views], axis=1)
+    far = xp.concatenate([near, distances], axis=1)
+    opacities = xp.tanh(perceptron(xp, networks["opacity"], near))
     count = opacities.shape[0] * anchors.k
     active = xp.argwhere(~(opacities.reshape(count) <= 0))[:, 0]  # with not-a-number, so that it is noticed
     owners = active // anchors.k
-    offsets = anchors.offsets
-    if "offset" in networks:
-        offsets = perceptron(xp, networks["offset"], xp.concatenate([inputs, distances], axis=1))
+    offsets = perceptron(xp, networks["offset"], far) if "offset" in networks else anchors.offsets
     scalings = rows_of(xp.exp(anchors.log_scalings), owners)
-    shapes = rows_of(perceptron(xp, networks["cov"], inputs).reshape(count, 7), active)
+    shapes = rows_of(perceptron(xp, networks["cov"], near).reshape(count, 7), active)
     quats = shapes[:, 3:]
     return Neural(
         outputs=opacities,
@@ -174,7 +173,7 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
         quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
         scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
         opacities=rows_of(opacities.reshape(count), active),
-        colors=_sigmoid(xp, rows_of(perceptron(xp, networks["color"], inputs).reshape(count, 3), active)),
+        colors=_sigmoid(xp, rows_of(perceptron(xp, networks["color"], near).reshape(count, 3), active)),
     )
 
 
