@@ -212,4 +212,4 @@ def get_evaluated_files(model, names):
         files += [f"{model.pair}/scene", f"{model.pair}/message"]
     if "unattacked" not in names and (model.is_users or not variants[0].is_attacked):
         files += [f"{model.folder}/unattacked/renders"]
-    return files
+    return [*dict.fromkeys(files)]

@@ -1,5 +1,4 @@
-# Variants of a model: attacked, rendered, and compared with photographs of scene and message or, without photographs, with
-# renders of the unattacked model.
+# Variants of a model: attacked, rendered, and compared with photographs or renders of the unattacked model.
 
 
 # An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.

@@ -90,6 +90,16 @@ def secure_gs() -> PublicModel:
     return random_public(60)
 
 
+@pytest.mark.parametrize("scheme", ["gs_hider", "secure_gs"])
+def test_distilling_leaves_the_format_of_a_scheme_which_removes_its_message(scheme: str) -> None:
+    public = MODELS[scheme]()
+    attacked = attacked_by("distil", public, iterations=20)
+    assert attacked.removed
+    assert type(attacked.published(public)) is PublicModel
+    assert {"f_dc_0", "rot_0"} <= {*attacked.model.names}
+    assert not attacked_by("distil").removed
+
+
 MODELS = {"vanilla": lambda: PublicModel(blobs(ROWS)), "gs_hider": gs_hider, "secure_gs": secure_gs}
 
 

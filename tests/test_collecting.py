@@ -3,13 +3,17 @@
 import csv
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, write_results
+from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, read_results, write_results
+from gspure.evaluation.comparison import read_metrics, write_metrics
+from gspure.evaluation.summary import specificity
+from gspure.evaluation.survival import survival
 from gspure.files import save_array, write_json, write_text
 from tests.contest_cases import write_model
 
@@ -27,7 +31,7 @@ def by_variant(results: Path, plan: ModelPlan):
 
 
 def table(results: Path, plan: ModelPlan) -> list[dict[str, str]]:
-    write_results(results / "results.csv", collect(results, {MODEL: plan}))
+    write_results(results / "results.csv", collect(results, {MODEL: plan}), {})
     return [*csv.DictReader((results / "results.csv").read_text().splitlines())]
 
 
@@ -55,6 +59,34 @@ def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -
     save_array(folder / "key" / MESSAGE_ROWS, np.zeros(3, bool))
     with pytest.raises(InputError, match=MESSAGE_ROWS):
         by_variant(tmp_path, plan)
+
+
+def test_a_table_is_read_back_into_outcomes_with_the_same_drops_and_survival(tmp_path, plan) -> None:
+    write_json(
+        tmp_path / MODEL / "gspure" / "verdict.json", {"reached": {"message": True}, "removed": "no such format"}
+    )
+    rows = [row for row in read_metrics(tmp_path / MODEL / "gspure" / "metrics.csv") if row.target == "scene"]
+    write_metrics(tmp_path / MODEL / "gspure" / "metrics.csv", rows)
+    outcomes = collect(tmp_path, {MODEL: plan})
+    write_results(tmp_path / "results.csv", outcomes, {"noise": ["noise"]})
+    again, attacks = read_results(tmp_path / "results.csv")
+    assert attacks["noise"] == ["noise"]
+    np.testing.assert_array_equal(*([[*o.drops("scene").values()] for o in of] for of in (again, outcomes)))
+    assert survival(again) == survival(outcomes)
+    gspure = next(row for row in survival(again) if row.variant == "gspure")
+    assert (gspure.present, gspure.survived, gspure.message_drop) == (1, 0, None)
+    assert again[1].undetected == {"message": "removed: no such format"}
+
+
+def test_a_clean_model_is_compared_with_itself_before_gspure(tmp_path) -> None:
+    plan = write_model(tmp_path, MODEL, {**ATTACKS, "clean_gspure": (0.3, 0.6)})
+    save_array(tmp_path / MODEL / "clean_gspure" / "prune_mask.npy", np.array([True, False, False, False]))
+    plan = replace(plan, variants=plan.variants[:-1], controls=(*plan.controls, "clean_gspure"))
+    found = by_variant(tmp_path, plan)
+    (row,) = specificity([*found.values()])
+    assert row.clean_pruned.mean == 0.25
+    assert row.clean_scene_drop.mean == found["clean"].level("scene") - found["clean_gspure"].level("scene")
+    assert row.scene_drop.mean == found["gspure"].psnr_drop("scene")
 
 
 def log(results: Path, name: str, text: str, age: float = 0) -> None:

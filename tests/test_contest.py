@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest
+from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, contest, leads
 from gspure.evaluation.matched import MATCHED_DAMAGES, match, pareto_front
 from gspure.evaluation.outcomes import Outcome
 from gspure.report.attack_tables import matched_table
@@ -69,6 +69,21 @@ def test_at_equal_damage_the_sweeps_are_compared_scene_by_scene() -> None:
     assert [(row.attack, row.damage, row.cells) for row in rows] == [("theirs", at, 1) for at in MATCHED_DAMAGES[1:]]
     ours = np.interp(MATCHED_DAMAGES[1:], [0.6, 2.5], [10, 12])
     assert [row.difference.mean for row in rows] == pytest.approx(ours - [4.6, 7, 8.5])
+
+
+def test_the_lead_is_over_the_best_attack_that_costs_at_most_the_damage_in_most_scenes() -> None:
+    drops = {"gspure@1dB": (1.0, 10.0), "gof@1dB": (1.3, 30.0), "gof": (0.8, 6.0), "noise@1dB": (0.98, 3.0)}
+    scenes = {
+        name: {**drops, "half": (0.0, 9.0 + i), "rare": (0.5 if i == 0 else 3.0, 20.0)} for i, name in enumerate("abc")
+    }
+    attacks = {"gspure": ["gspure@1dB"], "gof": ["gof", "gof@1dB"], "gaussian_noise": ["noise@1dB"]}
+    attacks |= {"quantize": ["half"], "crop": ["rare"]}
+    every, paper = leads(benchmark(scenes), attacks)
+    assert (every.against, every.attack, every.is_bound) == ("all", "quantize", True)
+    assert every.difference == (0.0, -1.0, 1.0, 0.75, 3)
+    assert (paper.against, paper.attack, paper.is_bound, paper.difference.mean) == ("paper", "gof", True, 4.0)
+    (exact,) = (row for row in leads(benchmark(scenes), {"gspure": ["gspure@1dB"], "x": ["noise@1dB"]}))
+    assert (exact.attack, exact.is_bound, exact.difference.mean) == ("x", False, 7.0)
 
 
 SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}

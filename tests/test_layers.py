@@ -143,21 +143,21 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1600, 12),
-    "attacks": (1104, 10),
+    "attacks": (1113, 10),
     "cameras": (1409, 11),
     "cli": (2194, 23),
-    "evaluation": (2379, 16),
+    "evaluation": (2501, 16),
     "figures": (1508, 10),
     "method": (1041, 10),
     "model": (1707, 13),
     "opencl": (2215, 20),
-    "report": (1872, 15),
+    "report": (1877, 15),
     "scan": (268, 3),
     "scenes": (908, 7),
     "schemes": (2802, 24),
     "surface": (293, 4),
     "training": (1122, 9),
-    "workflow": (884, 8),
+    "workflow": (900, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

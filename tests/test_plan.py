@@ -9,7 +9,7 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.errors import InputError
-from gspure.evaluation.names import CONTROLS, OTHER_SCENE
+from gspure.evaluation.names import CLEAN_GSPURE, CONTROLS, OTHER_SCENE
 from gspure.files import write_json
 from gspure.images import write_image
 from gspure.model import write_model
@@ -127,10 +127,16 @@ def test_chosen_extractions_are_those_that_are_compared(again):
 
 
 def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again):
-    assert again.controls == list(CONTROLS)
+    assert again.controls == [name for name in CONTROLS if name != CLEAN_GSPURE]
     assert Variant(again, OTHER_SCENE).public == "results/splats_in_splats/front/public/point_cloud.ply"
     alike = changed(assets=None, pairs={"raised": {}, "front": {"placement": "front"}}).models[0]
-    assert alike.controls == [name for name in CONTROLS if name != OTHER_SCENE]
+    assert alike.controls == [name for name in again.controls if name != OTHER_SCENE]
+    searched = changed(assets=None, variants={"unattacked": {}, "gspure": {}, "gof": {"damage": 1}}).models[0]
+    assert searched.controls == list(CONTROLS)
+    purified = Variant(searched, CLEAN_GSPURE)
+    assert purified.public == Variant(searched, "clean").public == f"{searched.folder}/clean/public/point_cloud.ply"
+    assert purified.evaluation["compared"] == ["scene"]
+    assert purified.evaluation["purified"] == searched.decision(METHOD)
 
 
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():

@@ -12,7 +12,7 @@ from gspure.errors import InputError
 from gspure.files import Bools, Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.progress import Described
-from gspure.public_model import Columns
+from gspure.public_model import Columns, PublicModel
 
 
 class NotApplicable(InputError):  # noqa: N818
@@ -40,6 +40,8 @@ class Attacked(Described):
         Number K of rows of the public model.
     transform : array [4,4], optional
         Rigid transform applied to the whole model; views move with it (`gspure.cameras.camera.Camera.moved`).
+    removed : str
+        Why no extraction of the scheme can read it; it is vanilla 3DGS then. Empty if the format is unchanged.
 
     """
 
@@ -47,6 +49,12 @@ class Attacked(Described):
     rows: Indices
     count: int
     transform: Float64 | None = None
+    removed: str = ""
+
+    def published(self, public: PublicModel, comment: str = "") -> PublicModel:
+        """Return it in place of the model `public`, with the files beside that one."""
+        model = (self.model.with_comment(comment) if comment else self.model).with_background(public.model.background)
+        return PublicModel(model) if self.removed else public.with_model(model)
 
     @property
     def facts(self) -> dict[str, str]:

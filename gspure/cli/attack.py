@@ -1,6 +1,5 @@
 """``gspure attack``: one variant of a model."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +78,6 @@ def run(args: Arguments) -> None:
         settings[search.setting] = search.value
     attacked = attack.apply(public, measurements, **known, **settings)
     if search:
-        attacked = replace(attacked, model=attacked.model.with_comment(search.comment(args.damage)))
         estimated = "" if args.photographs else "an estimated "
         drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
         if search.misses(args.damage):
@@ -89,7 +87,7 @@ def run(args: Arguments) -> None:
     kept, count = int((~attacked.prune_mask).sum()), attacked.count
     if not len(attacked.model):
         raise NotApplicable(attack.name, f"none of {count} rows would remain")
-    public.with_model(attacked.model.with_background(public.model.background)).write(args.out)
+    attacked.published(public, search.comment(args.damage) if search else "").write(args.out)
     if args.removed:
         save_array(args.removed, attacked.prune_mask)
     if args.transform:

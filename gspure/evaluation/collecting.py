@@ -15,6 +15,7 @@ from gspure.errors import InputError, printable
 from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
 from gspure.evaluation.csv_tables import Drops, Values, grouped, read_table, write_table
 from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
+from gspure.evaluation.matched import Sweeps
 from gspure.evaluation.metrics import nominal_drop
 from gspure.evaluation.names import UNATTACKED, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
@@ -24,6 +25,7 @@ from gspure.progress import warn
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 _REFUSED: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
+REMOVED: Final = "removed"  # entry of ``verdict.json``: why no extraction can read the attacked model
 _ERROR: Final = re.compile(r"gspure \S+: |killed by signal|\S*(Error|Exception|Interrupt)\b")
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -85,7 +87,6 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
     tables = {v: path for v in plan.expected if not refused[v] and (path := place / v / "metrics.csv").is_file()}
     rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
     detections = read_detections(place)
-    truth_file = place / "key" / MESSAGE_ROWS
     for variant, expected in plan.expected.items():
         absent = [file for file in expected if refused[variant] or not (place / variant / file).is_file()]
         missing = {file: refused[variant] or _reason(results, place / variant) for file in absent}
@@ -102,11 +103,15 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
             run=run_of(place / variant / "public") or run_of(place / variant) or run_of(place / "public"),
         )
         if variant in rows:
-            o = replace(o, **verdicts[variant], **_measured(place / variant, rows[variant], truth_file))
+            verdict = dict(verdicts[variant])
+            if reason := verdict.pop(REMOVED, ""):
+                verdict["undetected"] = {**o.undetected} | dict.fromkeys(plan.targets[1:], f"{REMOVED}: {reason}")
+            truth_file = place / "key" / MESSAGE_ROWS if variant in plan.variants else None
+            o = replace(o, **verdict, **_measured(place / variant, rows[variant], truth_file))
         yield o
 
 
-def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> dict[str, Any]:
+def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path | None) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
     targets, views, same = (
         {mean.target: mean for mean in means(rows)},
@@ -121,7 +126,7 @@ def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path) -> di
     if (mask := folder / "prune_mask.npy").is_file():
         pruned = load_array(mask, dtype=np.bool_, shape=(None,))
         known["pruned_share"] = float(np.mean(pruned))
-        if truth_file.is_file():
+        if truth_file and truth_file.is_file():
             truth = load_array(truth_file, dtype=np.bool_, shape=(len(pruned),))
             known["precision"], known["recall"] = (
                 np.count_nonzero(pruned & truth) / count if (count := int(mask.sum())) else math.nan
@@ -188,15 +193,51 @@ class Result(NamedTuple):
     retrieval: Retrieval | None = None
     detection: Detection | None = None  # of a target that is a detector
     run: str = ""
+    attack: str = ""  # what the variant is one strength of
 
 
-def write_results(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """Write one CSV row per target of every outcome; unknown numbers are empty."""
-    write_table(path, Result, (row for outcome in outcomes for row in _rows(outcome)))
+def write_results(path: Path, outcomes: Sequence[Outcome], attacks: Sweeps) -> None:
+    """Write one CSV row per target of every outcome; unknown numbers are empty. `attacks` name the variants of each."""
+    of = {variant: attack for attack, variants in attacks.items() for variant in variants}
+    write_table(path, Result, (row for o in outcomes for row in _rows(o, of.get(o.variant, ""))))
 
 
-def _rows(o: Outcome) -> Iterator[Result]:
-    row = Result(o.condition, o.scene, o.seed, o.variant, run=o.run)
+def read_results(*paths: Path) -> tuple[list[Outcome], dict[str, list[str]]]:
+    """Return the outcomes and the variants of each attack, from tables of `write_results` of different pairs."""
+    outcomes, attacks = [], dict[str, dict[str, None]]()
+    of_variant = grouped(
+        (row for path in paths for row in read_table(path, Result)),
+        lambda row: (row.condition, row.scene, row.seed, row.variant),
+    )
+    for (condition, scene, seed, variant), rows in of_variant.items():
+        measured, first = [row for row in rows if row.reference], rows[0]
+        attacks.setdefault(first.attack, {})[variant] = None
+        o = Outcome(
+            condition.scheme,
+            scene,
+            variant,
+            {row.target: ViewMetrics(row.target, "mean", row.reference or TRUTH, row.values) for row in measured},
+            {row.target: row.views or 0 for row in measured},
+            *(first.pruned_share, first.precision, first.recall),
+            reached={row.target: row.reached for row in rows if row.reached is not None},
+            strength=first.strength,
+            failure="" if first.target else first.failure,
+            identical={row.target: row.identical for row in measured if row.identical is not None},
+            retrieval={row.target: row.retrieval for row in measured if row.retrieval},
+            detections={row.target: row.detection for row in rows if row.detection},
+            nominal={row.target: row.drops.get("psnr", math.nan) for row in measured if row.reference == RENDER},
+            undetected={row.target: row.failure for row in rows if row.target and row.failure},
+            seed=seed,
+            protocol=condition.protocol,
+            initialization=condition.initialization,
+            run=first.run,
+        )
+        outcomes.append(o)
+    return with_references(outcomes), {attack: [*variants] for attack, variants in attacks.items()}
+
+
+def _rows(o: Outcome, attack: str) -> Iterator[Result]:
+    row = Result(o.condition, o.scene, o.seed, o.variant, run=o.run, attack=attack)
     if o.failure:
         yield row._replace(failure=o.failure)
     for target in ordered(o.targets):

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval
-from gspure.evaluation.matched import Sweeps, completed, curves, damages, points
+from gspure.evaluation.intervals import Cells, Interval, by_scene, differences, mean_interval, means_of
+from gspure.evaluation.matched import Curves, Point, Sweeps, completed, curves, damages, points
 from gspure.evaluation.names import GSPURE, UNATTACKED
 from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions, is_picture
+from gspure.evaluation.paper import ATTACKS as PAPER_ATTACKS
 from gspure.evaluation.significance import holm, paired_test
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
@@ -66,6 +68,49 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
                 }
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
+
+
+class Lead(NamedTuple):
+    """GSPure minus the best other attack, in the drop of the message, at most a certain damage to the scene."""
+
+    condition: OfCondition
+    extraction: str
+    damage: float  # largest drop of the scene's PSNR, dB
+    against: str  # `all` other attacks, or those of the `paper`
+    attack: str  # the best of them: that of the smallest mean difference
+    is_bound: bool  # whether it does less damage than permitted somewhere: then the difference is an upper bound
+    difference: Interval  # dB, over the scenes in which both do at most this damage
+
+
+def leads(outcomes: Sequence[Outcome], attacks: Sweeps) -> list[Lead]:
+    """Compare GSPure with the best other attack at each of the `damages`, for every condition and extraction.
+
+    An attack counts in the scenes that it costs at most the damage, and competes if these are half of GSPure's or more.
+    """
+    rows = []
+    for condition, alike in by_condition(outcomes).items():
+        attacked = [o for o in alike if o.variant != UNATTACKED and not o.is_control]
+        for extraction, damage in product(extractions(attacked), damages(o.variant for o in attacked)):
+            known = curves(attacked, extraction)
+            reached = {name: _within(known, variants, damage) for name, variants in attacks.items()}
+            messages = {name: {cell: at.message for cell, at in of.items()} for name, of in reached.items()}
+            ours = messages.pop(GSPURE, {})
+            shared = {name: by_scene(differences(ours, theirs)) for name, theirs in messages.items()}
+            rivals = {name: of for name, of in shared.items() if of and 2 * len(of) >= len(by_scene(ours))}
+            for against, names in (("all", rivals), ("paper", [name for name in rivals if name in PAPER_ATTACKS])):
+                if names:
+                    best = min(names, key=lambda name, of=rivals: means_of(of[name]).mean())
+                    is_bound = any(reached[best][cell].scene < damage for cell in ours.keys() & reached[best].keys())
+                    difference = mean_interval(rivals[best])
+                    rows.append(Lead(condition, extraction, damage, against, best, is_bound, difference))
+    return rows
+
+
+def _within(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point]:
+    """Return the points of a sweep that do at most a damage, those of gentler strengths where a search missed it."""
+    gentle = {cell: {name: at for name, at in curve.items() if at[0] <= damage} for cell, curve in known.items()}
+    every = [*points(gentle, sweep, damage).items(), *points(known, sweep, damage).items()]
+    return {cell: point for cell, point in every if point and point.scene <= damage}
 
 
 def _against(

@@ -7,6 +7,7 @@ UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are rel
 GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
 CLEAN, WRONG_KEY, OTHER_SCENE = "clean", "wrong_key", "other_scene"
+CLEAN_GSPURE: Final = "clean_gspure"  # the clean model after GSPure: what it costs where there is nothing to remove
 BLACK, MEAN_COLOUR = "black", "mean_colour"
 MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)  # models that never held the message: trained without it, or with another
 BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
@@ -15,7 +16,7 @@ LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
 """Controls whose highest PSNR is the control level of a scene: a message is present only above it. Without the wrong
 key, which is applied to a model with the message."""
 
-CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE, *BASELINES)
+CONTROLS: Final = (CLEAN, CLEAN_GSPURE, WRONG_KEY, OTHER_SCENE, *BASELINES)
 """Negative controls: extractions without the message or without the right key."""
 
 SCHEMES: Final = {  # the built-in ones
@@ -31,6 +32,7 @@ SCHEMES: Final = {  # the built-in ones
 
 _NAMES: Final = SCHEMES | {
     CLEAN: "clean model",
+    CLEAN_GSPURE: "clean model after GSPure",
     OTHER_SCENE: "other scene's model",
     BLACK: "black image",
     MEAN_COLOUR: "mean-colour image",

@@ -10,7 +10,7 @@ from gspure.evaluation.csv_tables import UNPREFIXED, grouped
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval, difference, known_interval
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import CONTROLS, UNATTACKED, display_name
+from gspure.evaluation.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, display_name
 from gspure.evaluation.retrieval import Retrieval
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
@@ -56,12 +56,13 @@ class Outcome:
     retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
     nominal: Mapping[str, float] = field(default_factory=dict)  # of targets without photographs: `nominal_drop`, dB
-    undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector without readings, why
+    undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector without readings, why; and for each
+    # extraction that cannot read the attacked model at all, since the attack has left its format: the message is gone
     seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
     protocol: str = ""
     initialization: str = ""  # like `protocol`, see `Condition`
     run: str = ""  # run ID of its model
-    before: "Outcome | None" = None  # that of the variant `UNATTACKED` of the same model, without its own
+    before: "Outcome | None" = None  # that of the model before the attack, without its own
 
     @property
     def condition(self) -> Condition:
@@ -124,7 +125,7 @@ class Outcome:
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first, and its detectors."""
-        return ordered([*filter(is_picture, self.targets), *self.detections])
+        return ordered([*filter(is_picture, {**self.targets, **self.undetected}), *self.detections])
 
     def score_of(self, target: str) -> float:
         r"""Return the paper's measure of an attack, in dB; NaN for a control.
@@ -145,7 +146,7 @@ class Outcome:
         """Why there are no metrics, or no readings of a detector, by what is missing."""
         name = display_name(self.variant)
         failed = {name: self.failure} if self.failure else {}
-        return failed | {f"{detector} of {name}": reason for detector, reason in self.undetected.items()}
+        return failed | {f"{of} of {name}": reason for of, reason in self.undetected.items() if not is_picture(of)}
 
 
 def ordered(targets: Iterable[str]) -> list[str]:
@@ -164,11 +165,13 @@ def is_picture(target: str) -> bool:
 
 
 def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
-    """Return outcomes, sorted by model, with that of their unattacked model."""
+    """Return outcomes, sorted by model, with that of their unattacked model; of a clean model, with the clean one's."""
     complete: list[Outcome] = []
     for _, variants in by_model(outcomes):
-        before = next((o for o in variants if o.variant == UNATTACKED), None)
-        complete += [replace(o, before=before) for o in variants]
+        before = {o.variant: o for o in variants}
+        complete += [
+            replace(o, before=before.get(CLEAN if o.variant == CLEAN_GSPURE else UNATTACKED)) for o in variants
+        ]
     return complete
 
 

@@ -1,6 +1,6 @@
 """Retrieval: whether an extraction is most similar to its message among candidates, regardless of brightness."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -102,6 +102,14 @@ def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
         if picture.shape == truth.shape and not any(np.array_equal(picture, candidate) for candidate in candidates):
             candidates.append(picture)
     return np.array([gradient_correlation(candidate, extraction) for candidate in candidates])
+
+
+def retrieved(variant: str, pairs_of: Mapping[str, Sequence[ImagePair]], decoys: Sequence[Path]) -> Iterator[Retrieved]:
+    """Yield how well each extraction of a variant, in pairs with the photographs, is retrieved among candidates."""
+    for target, pairs in pairs_of.items():
+        candidates = [false_candidates(pair, index, decoys) for index, pair in enumerate(pairs)]
+        found = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
+        yield Retrieved(variant, target, retrieval(found))
 
 
 def _levels(image: Path) -> Float64:

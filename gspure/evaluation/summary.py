@@ -3,9 +3,11 @@
 import math
 from collections.abc import Sequence
 from functools import partial
+from operator import attrgetter
 from typing import NamedTuple
 
 from gspure.evaluation.intervals import Interval, known_interval
+from gspure.evaluation.names import CLEAN_GSPURE, GSPURE
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_rows, table_1
 
@@ -52,6 +54,27 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
                     known_interval({(o.scene, o.seed): o.retrieval[extraction].top1 for o in shown}),
                 )
                 rows.append(Summary(condition, variant, extraction, *means, *printed * (extraction == MESSAGE)))
+    return rows
+
+
+class Specificity(NamedTuple):
+    """What GSPure prunes, and what it costs the scene: the marked models of one condition, and their clean models."""
+
+    condition: OfCondition
+    pruned: Interval | None  # share of the rows
+    scene_drop: Interval | None  # dB
+    clean_pruned: Interval | None
+    clean_scene_drop: Interval | None
+
+
+def specificity(outcomes: Sequence[Outcome]) -> list[Specificity]:
+    """Return the conditions in which clean models were pruned, too."""
+    rows = []
+    for condition, alike in by_condition(outcomes).items():
+        marked, clean = ([o for o in alike if o.variant == name] for name in (GSPURE, CLEAN_GSPURE))
+        drop = partial(Outcome.psnr_drop, target=SCENE)
+        means = [mean_of(of, value) for of in (marked, clean) for value in (attrgetter("pruned_share"), drop)]
+        rows += [Specificity(condition, *means)] * bool(clean)
     return rows
 
 

@@ -121,50 +121,50 @@ def _highest(levels: Mapping[str, Cells]) -> Cells:
 
 
 def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Survival:
-    levels = _levels(alike, extraction)
+    levels, is_shown = _levels(alike, extraction), is_picture(extraction)
     known = [o for o in alike if extraction in o.messages]
     attacked, unattacked = ([o for o in known if o.variant == name] for name in (variant, UNATTACKED))
     before, after, control_level = levels.get(UNATTACKED, {}), levels.get(variant, {}), _highest(levels)
-    if is_picture(extraction):
+    if is_shown:
         tried = {o.scene for o in unattacked if extraction in o.retrieval and o.retrieval[extraction].decides}
-        present_before = _present(before, control_level) - (tried - _retrieved(unattacked, extraction))
-        survived = present_before & _present(after, control_level)
+        present = _present(before, control_level) - (tried - _retrieved(unattacked, extraction))
+        survived = present & _present(after, control_level)
     else:
-        present_before = _detected(unattacked, extraction) - doubtful_scenes(known, extraction)
-        survived = present_before & _detected(attacked, extraction)
-    lost = present_before & {scene for scene, _ in after} - survived
+        present = _detected(unattacked, extraction) - doubtful_scenes(known, extraction)
+        survived = present & _detected(attacked, extraction)
+    lost = present & {o.scene for o in attacked} - survived
     message_free = [o for o in known if o.variant in MESSAGE_FREE]  # whose key may hold what retrieval identifies
-    only_retrieved = lost & _retrieved(attacked, extraction) - _retrieved(message_free, extraction)
-    attacked = [o for o in attacked if o.scene in present_before or not present_before]
-    after = {cell: level for cell, level in after.items() if cell[0] in present_before or not present_before}
+    traces = lost & _retrieved(attacked, extraction) - _retrieved(message_free, extraction)
+    attacked = [o for o in attacked if o.scene in present or not present]
+    after = {cell: level for cell, level in after.items() if cell[0] in present or not present}
     reached = [changed for o in attacked if (changed := o.reaches(extraction)) is not None]
     # Kinds of controls are compared separately: those of one scene share its photographs, so they are not independent.
     groups = {kind: _scene_levels(after, levels.get(kind, {}), extraction) for kind in MESSAGE_FREE}
     auc = {kind: detectability(*both) for kind, both in groups.items() if all(both)}
     hardest = min(auc, key=lambda kind: auc[kind].auc, default="")
+    regions = _levels(alike, extraction, "region") if is_shown else {}
+    is_known = all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked)
     return Survival(
-        alike[0].condition,
-        extraction,
-        variant,
-        len(present_before & {scene for scene, _ in after}),
-        len(survived),
-        len(only_retrieved),
-        any(reached) if reached else None,
-        mean_of(attacked, lambda o: o.drop(extraction)),
-        mean_of(attacked, lambda o: o.drop(SCENE)),
-        mean_of(attacked, lambda o: o.drops(extraction)["region"]),
-        mean_of(attacked, lambda o: o.drops(extraction)["ms_ssim"]),
-        mean_of(attacked, lambda o: o.drops(extraction)["nc"]),
-        _rms_ratio(variant, {**levels, variant: after}, _levels(alike, SCENE)) if is_picture(extraction) else math.nan,
-        known_interval(differences(after, control_level)),
-        known_interval(_shares_left(levels, variant, present_before)),
-        known_interval(_shares_left(_levels(alike, extraction, "region"), variant, present_before))
-        if is_picture(extraction)
-        else None,
-        known_interval(differences(after, levels.get(WRONG_KEY, {}))),
-        hardest,
-        auc.get(hardest),
-        None if all(math.isfinite(o.psnr_drop(SCENE)) for o in attacked) else mean_of(attacked, reached_damage),
+        condition=alike[0].condition,
+        extraction=extraction,
+        variant=variant,
+        present=len(lost | survived),
+        survived=len(survived),
+        only_retrieved=len(traces),
+        reached=any(reached) if reached else None,
+        message_drop=mean_of(attacked, lambda o: o.drop(extraction)),
+        scene_drop=mean_of(attacked, lambda o: o.drop(SCENE)),
+        region_drop=mean_of(attacked, lambda o: o.drops(extraction)["region"]),
+        ms_ssim_drop=mean_of(attacked, lambda o: o.drops(extraction)["ms_ssim"]),
+        nc_drop=mean_of(attacked, lambda o: o.drops(extraction)["nc"]),
+        rms_ratio=_rms_ratio(variant, {**levels, variant: after}, _levels(alike, SCENE)) if is_shown else math.nan,
+        above_floor=known_interval(differences(after, control_level)),
+        share_left=known_interval(_shares_left(levels, variant, present)),
+        region_left=known_interval(_shares_left(regions, variant, present)),
+        above_wrong_key=known_interval(differences(after, levels.get(WRONG_KEY, {}))),
+        control=hardest,
+        detectability=auc.get(hardest),
+        damage=None if is_known else mean_of(attacked, reached_damage),
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from math import isfinite, nan
 from typing import Final
 
+from gspure.evaluation.collecting import REMOVED
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.intervals import Interval
@@ -82,7 +83,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
 def _metric(o: Outcome, target: str, name: str) -> Cell:
     """Return a metric of one target, PSNR with its change against the unattacked model."""
     if target not in o.targets:
-        return Cell()
+        return Cell(REMOVED) if name == "psnr" and target in o.undetected else Cell()
     text = METRICS[name].text(o.targets[target].values[name])
     if name != "psnr":
         return Cell(text)

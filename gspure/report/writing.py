@@ -7,12 +7,12 @@ from typing import Any, TypeVar
 
 from gspure.errors import InputError
 from gspure.evaluation.collecting import ModelPlan, collect, write_results
-from gspure.evaluation.contest import Contest, contest
+from gspure.evaluation.contest import Contest, Lead, contest, leads
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, Sweeps, match
 from gspure.evaluation.names import condition_name, model_name
 from gspure.evaluation.outcomes import SCENE, Outcome, by_model
-from gspure.evaluation.summary import Summary, summarize
+from gspure.evaluation.summary import Specificity, Summary, specificity, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
 from gspure.figures.gallery import CAPTIONS, PLATES
@@ -35,7 +35,8 @@ class ReportPlan:
 
     `models` are by ``SCHEME/SCENE``. `sweeps` name the variants that are one attack at several strengths, `points` for
     each scheme the tau_n and tau_c of variants that differ from GSPure in these alone, its own first. `links` are
-    further files to link on the page, `meanings` say by variant what its attack does.
+    further files to link on the page, `meanings` say by variant what its attack does. `attacks` name the variants of
+    each attack, also those of a single one.
     """
 
     models: Mapping[str, ModelPlan]
@@ -43,6 +44,7 @@ class ReportPlan:
     points: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     links: Sequence[Path] = ()
     meanings: Mapping[str, str] = field(default_factory=dict)
+    attacks: Sweeps = field(default_factory=dict)
 
 
 def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
@@ -54,11 +56,13 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     outcomes = collect(results, plan.models)
     survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
     tables = results / "tables"
-    write_results(tables / "results.csv", outcomes)
+    write_results(tables / "results.csv", outcomes, plan.attacks)
     write_table(tables / "summary.csv", Summary, summarize(outcomes))
     write_table(tables / "survival.csv", Survival, survivals)
     write_table(tables / "contest.csv", Contest, contests)
     write_table(tables / "matched.csv", Matched, matched)
+    write_table(tables / "leads.csv", Lead, leads(outcomes, plan.attacks))
+    write_table(tables / "clean.csv", Specificity, specificity(outcomes))
     write_text(tables / "results.md", results_markdown(outcomes))
     write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
     write_text(tables / "summary.tex", summary_table(outcomes).latex())
@@ -77,7 +81,7 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
         meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
         comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
     _draw_plates(results, comparisons)
-    names = ("results", "summary", "survival", "contest", "matched")
+    names = ("results", "summary", "survival", "contest", "matched", "leads", "clean")
     write_page(results, comparisons, [*(tables / f"{name}.csv" for name in names), *plan.links])
     return outcomes
 

@@ -31,16 +31,21 @@ def first_alike(among: Decisions, name: str, made: str) -> str:
     return next(other for other in among if all(among[other][s] == among[name][s] for s in relevant))
 
 
+def kinds(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
+    """Return the variants of each attack, by its name and those of its settings that are no strength."""
+    by_kind: dict[str, list[str]] = {}
+    for variant, settings in variants.items():
+        by_kind.setdefault(" ".join(_kind(settings, among)), []).append(variant)
+    return by_kind
+
+
 def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     """Return the variants of each sweep, that is, of one attack at several strengths, by its name.
 
     A strength is a number: a setting of the attack, or a pruning factor of its decision, `among` those of the scheme.
     Variants that differ in anything else are different sweeps. A single variant is no sweep.
     """
-    by_kind: dict[tuple[str, ...], list[str]] = {}
-    for variant, settings in variants.items():
-        by_kind.setdefault(_kind(settings, among), []).append(variant)
-    swept = {" ".join(kind): names for kind, names in by_kind.items() if len(names) > 1}
+    swept = {kind: names for kind, names in kinds(variants, among).items() if len(names) > 1}
     return {f"{name} sweep" if name in variants and name not in names else name: names for name, names in swept.items()}
 
 

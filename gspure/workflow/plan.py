@@ -11,7 +11,7 @@ from typing import Any, Final
 from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
 from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.names import BASELINES, CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.evaluation.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
 from gspure.method.features import PARTS
 from gspure.scenes.procedural import DECOYS
@@ -195,10 +195,14 @@ class Model:
 
     @property
     def controls(self) -> list[str]:
-        """Its negative controls; another scene's model must have another message."""
+        """Its negative controls: GSPure prunes the clean model, too, in runs that compare attacks at equal damage.
+
+        Another scene's model must have another message.
+        """
         has_clean = not self.is_users or bool(self.settings["clean"])
         marked = [WRONG_KEY, *([OTHER_SCENE] if self.other_pairs else []), *([] if self.hides_bits else BASELINES)]
-        return [CLEAN] * has_clean + (marked if self.is_watermarked else [])
+        clean = [CLEAN, *([CLEAN_GSPURE] if any("damage" in v for v in self.plan.config["variants"].values()) else [])]
+        return clean * has_clean + (marked if self.is_watermarked else [])
 
     @property
     def photographed(self) -> list[str]:

@@ -11,11 +11,11 @@ from gspure.attacks.attack import Attack
 from gspure.attacks.registry import BUILT_IN
 from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.detection import files_of
-from gspure.evaluation.names import BASELINES, CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.evaluation.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE
 from gspure.report.writing import ReportPlan
 from gspure.schemes.scheme import ADAPTIVE
-from gspure.workflow.decisions import FACTORS, METHOD, Settings, factors_of, sweeps
+from gspure.workflow.decisions import FACTORS, METHOD, Settings, factors_of, kinds, sweeps
 from gspure.workflow.inputs import model_files
 from gspure.workflow.plan import VANILLA, Model, Plan
 
@@ -90,8 +90,9 @@ class Variant:
         model = self.model
         if self.name == OTHER_SCENE:
             return f"results/{model.scheme}/{model.other_pairs[0]}/public/point_cloud.ply"
-        if self.name == CLEAN and model.is_users:
-            return Model(model.plan, VANILLA, model.settings["clean"]).public
+        if self.name in (CLEAN, CLEAN_GSPURE):
+            trained = f"{model.folder}/{CLEAN}/public/point_cloud.ply"
+            return Model(model.plan, VANILLA, model.settings["clean"]).public if model.is_users else trained
         if self.name in (WRONG_KEY, *BASELINES):
             return model.public
         return f"{self.folder}/public/point_cloud.ply"
@@ -99,6 +100,8 @@ class Variant:
     @property
     def targets(self) -> list[str]:
         """What is rendered of it; of controls that show a watermarked model, only the message is of interest."""
+        if self.name == CLEAN_GSPURE:
+            return [SCENE]
         shows_mark = self.name in (WRONG_KEY, OTHER_SCENE) and self.model.hides_picture
         return [] if self.name in BASELINES else self.model.targets[1:] if shows_mark else self.model.targets
 
@@ -109,7 +112,9 @@ class Variant:
         Nothing is read from an asset that is the clean model of another one.
         """
         model, of_user = self.model, self.model.plan.config["detectors"]
-        if model.scene in {asset.get("clean") for asset in model.plan.scenes[model.scheme].values()}:
+        if self.name == CLEAN_GSPURE or model.scene in {
+            asset.get("clean") for asset in model.plan.scenes[model.scheme].values()
+        }:
             return {}
         bits: dict[str, Settings] = {BITS: {}} if model.hides_bits else {}
         return {**(of_user if self.is_attacked or self.name == CLEAN else {}), **bits}
@@ -136,6 +141,7 @@ class Variant:
             "attacked": self.is_attacked,
             "baseline": self.name if self.name in BASELINES else None,
             "wrong_key": self.name == WRONG_KEY,
+            "purified": self.model.decision(METHOD) if self.name == CLEAN_GSPURE else None,
             "detectors": self.detectors,
         }
 
@@ -188,4 +194,5 @@ def report_plan(plan: Plan) -> ReportPlan:
         {scheme: points for scheme, points in factors.items() if points},
         [Path("results/configuration.json"), Path("results/logs")],
         {name: _meaning(find_attack(settings["attack"])) for name, settings in variants.items()},
+        kinds(variants, plan.decisions[VANILLA]),
     )

@@ -40,8 +40,8 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
         print(error)
         write_json(verdict, {"not applicable": error.reason})
         return
-    after = attacked.model.with_comment(search.comment(how["damage"])) if search else attacked.model
-    before.with_model(after.with_background(before.model.background)).write(public / "point_cloud.ply")
+    comment = search.comment(how["damage"]) if search else ""
+    attacked.published(before, comment).write(public / "point_cloud.ply")
     save_array(verdict.with_name("prune_mask.npy"), attacked.prune_mask)
     save_array(verdict.with_name("transform.npy"), np.eye(4) if attacked.transform is None else attacked.transform)
     reads = find_scheme(how["scheme"]).extractions if how["scheme"] else {}
@@ -50,7 +50,7 @@ def attack(name: str, settings: dict[str, Any], model: Path, public: Path, verdi
     strength = f"{known.strength.setting}={used[known.strength.setting]:.4g}" if known.strength else ""
     if search and search.misses(how["damage"]):
         strength += f", {search.damage:z.2f} dB reached"
-    write_json(verdict, {"reached": changed, "strength": strength})
+    write_json(verdict, {"reached": changed, "strength": strength, "removed": attacked.removed})
     write_provenance(public, "attack", inputs={"model": model}, settings={"attack": name, **used, **how})
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
 

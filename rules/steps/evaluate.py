@@ -1,7 +1,6 @@
 """Evaluate variants or controls of a model: render, extract, read marks, and compare all with the references."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +9,15 @@ import numpy as np
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.cameras.reading import read_transform
-from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, compare, write_metrics
+from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
 from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
-from gspure.evaluation.retrieval import Retrieved, compare_candidates, false_candidates, retrieval
-from gspure.files import read_json, write_json, write_provenance
+from gspure.evaluation.retrieval import Retrieved, retrieved
+from gspure.files import read_json, save_array, write_json, write_provenance
 from gspure.images import write_image
+from gspure.method.purify import purify
+from gspure.method.weights import evenly_spread
 from gspure.opencl.device import choose_device
 from gspure.progress import track
 from gspure.public_model import Lesson, PublicModel, RenderView
@@ -26,11 +27,9 @@ from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key
 from gspure.workflow.step import run, views_of
 
-Variant = dict[str, Any]  # `gspure.workflow.variants.Variant.evaluation`
-
 
 def evaluate(
-    variants: dict[str, Variant],
+    variants: dict[str, dict[str, Any]],  # `gspure.workflow.variants.Variant.evaluation`
     cameras: Path,
     split: str,
     photographed: list[str],
@@ -47,18 +46,26 @@ def evaluate(
     owners = find_scheme(scheme).read_key(key) if scheme and key else None
     original = read_public_model(published, scheme).drawn(published).model if published else None
     for name, variant in variants.items():
-        folder = Path(variant["folder"])
-        renders = folder / "renders"
+        renders = (folder := Path(variant["folder"])) / "renders"
         shutil.rmtree(renders, ignore_errors=True)
         renders.mkdir(parents=True)
         (folder / DETECTIONS).mkdir(exist_ok=True)
-        if variant["attacked"] and "not applicable" in read_json(folder / "verdict.json"):
+        verdict = read_json(folder / "verdict.json") if variant["attacked"] else {}
+        if "not applicable" in verdict:
             write_metrics(folder / "metrics.csv", [])
             write_table(folder / "retrieval.csv", Retrieved, [])
             continue
+<<<<<<< HEAD
         its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
+=======
+        if is_removed := bool(verdict.get("removed")):  # vanilla 3DGS, which no extraction of the scheme reads
+            variant |= {"rendered": [SCENE], "compared": [SCENE]}
+        its_key = wrong_key(owners, 1) if owners and variant["wrong_key"] else owners
+>>>>>>> f6fcbb6a (Compare GSPure with the best other attack, prune clean models as a control, and count distilled models as removal)
         transform = read_transform(folder / "transform.npy") if variant["attacked"] else np.eye(4)
-        public = read_public_model(model := Path(variant["model"]), scheme)
+        public = read_public_model(model := Path(variant["model"]), None if is_removed else scheme)
+        if variant["purified"]:
+            public = purified(public.drawable(model), views_of(cameras, "train"), folder, variant["purified"])
         for target in variant["rendered"]:
             moves = transform if target != ADAPTIVE else np.eye(4)
             if target == SCENE:
@@ -66,21 +73,18 @@ def evaluate(
                 draw = drawable.scene(choose_device(), drawable.model.background)
             elif its_key:
                 draw = extraction(public.drawn(model), its_key, target, original, photographs)
-            for camera in track([view.moved(moves) for view in views[SCENE if target == SCENE else MESSAGE]], target):
+            for camera in track([view.moved(moves) for view in views[kind(target)]], target):
                 write_image(renders / target / f"{camera.name}.png", draw(camera))
-        for detector, settings in variant["detectors"].items():
-            write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, settings, renders / SCENE))
+        for detector, of_user in variant["detectors"].items():
+            write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, of_user, renders / SCENE))
         shown = unattacked if variant["baseline"] else renders
         pairs = {t: paired(t, views, shown, photographed, unattacked) for t in sorted(variant["compared"])}
-        rows = [
-            compare(pair, TRUTH if kind(target) in photographed else RENDER, variant["baseline"])
-            for target, of_target in pairs.items()
-            for pair in of_target
-        ]
+        references: dict[str, Reference] = {t: TRUTH if kind(t) in photographed else RENDER for t in pairs}
+        rows = [compare(pair, references[t], variant["baseline"]) for t, of in pairs.items() for pair in of]
         if rows:
             write_metrics(folder / "metrics.csv", rows)
         seen = {target: pairs[target] for target in filter(is_picture, variant["rendered"])}
-        write_table(folder / "retrieval.csv", Retrieved, retrieved(name, seen, decoys))
+        write_table(folder / "retrieval.csv", Retrieved, [*retrieved(name, seen, decoys)])
         write_provenance(folder, "evaluate", inputs={"model": model}, settings=variant)
     if listed:
         write_json(listed, [*variants])
@@ -96,6 +100,15 @@ def extraction(public: PublicModel, key: Key, target: str, original: Any, photog
             lesson = Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=choose_device())
             key = key.fitted(public, lesson)
     return key.message(public, target, choose_device())
+
+
+def purified(public: PublicModel, views: list[Camera], folder: Path, how: dict[str, Any]) -> PublicModel:
+    """Return a model without the rows that GSPure prunes, and save their mask."""
+    views = evenly_spread(views, how["views"]) if how["views"] else views
+    settings = {name: how[name] for name in how.keys() - {"views", "cluster_on"}}
+    pruned = purify(public, views, device=choose_device(), **settings)
+    save_array(folder / "prune_mask.npy", pruned.prune_mask)
+    return public.with_model(pruned.model)
 
 
 def read(key: Key | None, settings: dict[str, Any], images: Path) -> list[Reading]:
@@ -118,14 +131,6 @@ def paired(
     references = [photograph(v) if of in photographed else unattacked / of / f"{v.name}.png" for v in views[of]]
     files = [renders / target / f"{view.name}.png" for view in views[of]]
     return [ImagePair(target, *each) for each in zip((view.name for view in views[of]), references, files, strict=True)]
-
-
-def retrieved(variant: str, pairs_of: dict[str, list[ImagePair]], decoys: list[Path]) -> Iterator[Retrieved]:
-    """Yield how well each extraction is retrieved among candidates."""
-    for target, pairs in pairs_of.items():
-        candidates = [false_candidates(pair, index, decoys) for index, pair in enumerate(pairs)]
-        found = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
-        yield Retrieved(variant, target, retrieval(found))
 
 
 run(evaluate)
