@@ -34,7 +34,6 @@ from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy
 from gspure.opencl.losses import Photographs
-from gspure.progress import warn
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key
@@ -60,8 +59,6 @@ def find_decoder(folder: Path, role: str) -> Path | None:
     folder = Path(folder).resolve()
     numbered = re.compile(decoder_name("([0-9]+)", role))
     files = {int(m[1]): file for file in folder.glob(decoder_name("*", role)) if (m := numbered.fullmatch(file.name))}
-    if len(files) > 1:
-        warn(f"{folder} has {len(files)} files {decoder_name('N', role)}: that of iteration {max(files)} is used")
     if files:
         return files[max(files)]
     file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)

@@ -226,9 +226,6 @@ class SplatsInSplatsKey(Key):
         require_finite(hidden, file)
         if hidden.sh_degree < 0:
             raise InputError(file, "columns", expected="f_dc_0 to f_dc_2", found="no colours")
-        if len(positions) > len(hidden):
-            expected = f"at most {len(hidden)}, one per Gaussian of {_HIDDEN}"
-            raise InputError(path, "positions", expected=expected, found=str(len(positions)))
         return SplatsInSplatsKey(positions, OpacityMapping.of(arrays), shift, hidden)
 
 
