@@ -55,13 +55,9 @@ def evaluate(
             write_metrics(folder / "metrics.csv", [])
             write_table(folder / "retrieval.csv", Retrieved, [])
             continue
-<<<<<<< HEAD
-        its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
-=======
         if is_removed := bool(verdict.get("removed")):  # vanilla 3DGS, which no extraction of the scheme reads
             variant |= {"rendered": [SCENE], "compared": [SCENE]}
-        its_key = wrong_key(owners, 1) if owners and variant["wrong_key"] else owners
->>>>>>> f6fcbb6a (Compare GSPure with the best other attack, prune clean models as a control, and count distilled models as removal)
+        its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
         transform = read_transform(folder / "transform.npy") if variant["attacked"] else np.eye(4)
         public = read_public_model(model := Path(variant["model"]), None if is_removed else scheme)
         if variant["purified"]:
