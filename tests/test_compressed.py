@@ -131,10 +131,14 @@ def test_rows_that_are_no_numbers_are_written_as_invisible(tmp_path, capsys, suf
     assert "1 of 60 rows are not finite" in capsys.readouterr().err
 
 
-def test_an_image_of_a_sog_model_that_lost_its_fourth_channel_is_refused(tmp_path):
-    image = (index := write_all(tmp_path)["version 2/meta.json"]).with_name("quats.webp")
-    Image.open(image).convert("RGB").save(image, lossless=True, exact=True)
-    refused(index, "rotations without their largest component")
+@pytest.mark.parametrize(
+    ("name", "lossless", "message"),
+    [("quats.webp", True, "rotations without their largest component"), ("means_l.webp", False, "a lossy image")],
+)
+def test_images_of_a_sog_model_that_lost_numbers_are_refused(tmp_path, name, lossless, message):
+    index = write_all(tmp_path)["version 2/meta.json"]
+    Image.open(index.with_name(name)).convert("RGB").save(index.with_name(name), lossless=lossless, exact=True)
+    refused(index, message)
 
 
 EXTENSIONS = {  # type and payload of an extension: whether the model is read

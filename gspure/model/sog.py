@@ -6,6 +6,7 @@ two images, of their lower and upper 8 bits. Spherical harmonics are indices int
 
 import io
 import json
+import struct
 import zipfile
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -25,6 +26,9 @@ Member = Callable[[str], bytes]
 _PARTS: Final = ("means", "quats", "scales", "sh0", "shN")
 _RENDER_MODES: Final = {"default": "", "antialiased": "mip", "2dgs": "2dgs"}
 _PER_ROW: Final = 64  # entries in each row of the image of spherical harmonics
+
+_RIFF_HEADER: Final = 12  # bytes of a WebP file before its chunks
+_CHUNK: Final = struct.Struct("<4sI")  # kind and length; padded to an even number of bytes
 
 _MOST_ENTRIES: Final = 1 << 16
 _BORDER: Final = 1 << 12  # an image may have this many pixels more than two per Gaussian
@@ -120,10 +124,23 @@ def _pixels(data: bytes, most: int) -> UInt8:
     """Return an image [H,W,4]."""
     from PIL import Image
 
+    if _is_lossy(data):
+        raise ValueError("a lossy image, whose numbers are others than those that were stored")
     with Image.open(io.BytesIO(data), formats=("WEBP",)) as image:
         if image.width * image.height > most:
             raise ValueError(f"an image of {image.width}x{image.height}, with more than {most} pixels")
         return np.asarray(image.convert("RGBA"))
+
+
+def _is_lossy(data: bytes) -> bool:
+    """Return whether a WebP file has a chunk of lossy pixels."""
+    at = _RIFF_HEADER
+    while at + _CHUNK.size <= len(data):
+        kind, length = _CHUNK.unpack_from(data, at)
+        if kind == b"VP8 ":
+            return True
+        at += _CHUNK.size + length + length % 2
+    return False
 
 
 def _values(settings: Any, stored: UInt8) -> Float32:
