@@ -27,6 +27,7 @@ from gspure.files import read_json
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
 """Flags and coefficients of Instant NGP's lenses, next to its pinhole, and further ones, on which readers disagree."""
+_OTHER_AXES = ("from_na", "from_mitsuba")  # flags of Instant NGP
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
@@ -68,7 +69,7 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
-    _require_pinhole(entry)
+    _require_opengl_pinhole(entry)
     measured = image if image.is_file() else existing or image
     width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
     fx = _focal(entry, "x", width)
@@ -79,11 +80,12 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
     return Camera(name, width, height, K, rigid(rotation, -rotation @ pose[:3, 3]), image, entry.distortion())
 
 
-def _require_pinhole(entry: Entry) -> None:
+def _require_opengl_pinhole(entry: Entry) -> None:
     if "camera_model" in entry and (model := entry.text("camera_model")) not in _PINHOLES:
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
-    for key in filter(entry.values.get, _OTHER_LENSES):
-        raise entry.refusal(key, expected="a pinhole camera", found=repr(entry.values[key]), hint=_HINT)
+    for key in filter(entry.values.get, (*_OTHER_LENSES, *_OTHER_AXES)):
+        expected, hint = ("OpenGL axes", None) if key in _OTHER_AXES else ("a pinhole camera", _HINT)
+        raise entry.refusal(key, expected=expected, found=repr(entry.values[key]), hint=hint)
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:
