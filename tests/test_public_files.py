@@ -1,6 +1,7 @@
 """Networks beside a public model: read, refused, never executed, and copied byte for byte by attacks."""
 
 import pickle
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -67,16 +68,22 @@ class Payload:
         return open, (str(self.file), "w")
 
 
-@pytest.mark.parametrize("form", ["zip", "legacy", "cut", "list"])
+@pytest.mark.parametrize("form", ["zip", "legacy", "cut", "list", "bomb"])
 def test_a_hostile_or_corrupt_decoder_is_refused_in_one_line_and_not_executed(tmp_path, form):
     torch = pytest.importorskip("torch")
     path, trace = tmp_path / "chkpnt7_net.pth", tmp_path / "executed"
-    content = {"zip": {"conv1": Payload(trace)}, "list": [torch.ones(2)]}.get(form, {"conv1.bias": torch.ones(64)})
+    content = {"zip": {"conv1": Payload(trace)}, "list": [torch.ones(2)]}.get(form, {"conv1.bias": torch.ones(1 << 16)})
     torch.save(content, path)
     if form == "legacy":
         path.write_bytes(pickle.dumps({"conv1": Payload(trace)}, protocol=2))
     elif form == "cut":
         path.write_bytes(path.read_bytes()[:200])
+    elif form == "bomb":
+        with zipfile.ZipFile(path) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, member in members.items():
+                archive.writestr(name, member)
     with pytest.raises(
         InputError, match=r"_net\.pth: file: expected a state dict of PyTorch, found another file; "
     ) as error:

@@ -6,6 +6,7 @@ Importing this module without PyTorch raises `InputError`.
 import ctypes
 import io
 import os
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -64,7 +65,9 @@ def read_tensors(source: Path, content: bytes) -> dict[str, torch.Tensor]:
     """Return the state dict that a file holds, or raise `InputError`; no code in it is executed."""
     state = None
     with suppress(Exception):  # of almost any kind, if a file is corrupt or hostile
-        state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+        members = zipfile.ZipFile(io.BytesIO(content)).infolist()
+        if sum(member.file_size for member in members) < len(content):  # not compressed: bounds the memory it takes
+            state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     if not isinstance(state, dict) or not all(isinstance(tensor, torch.Tensor) for tensor in state.values()):
         found = "another file; nothing in it was executed"
         raise InputError(source, "file", expected="a state dict of PyTorch", found=found)
