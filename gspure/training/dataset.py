@@ -185,17 +185,14 @@ def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
     return present or [*cameras]
 
 
-def _folder(source: Path) -> Path:
-    return source if source.is_dir() else source.parent
-
-
 def _with_photographs(cameras: list[Camera], photographs: Path | None, source: Path) -> list[Camera]:
     """Return the cameras of `source` with the photographs of their names in the folder `photographs`.
 
     If it is None, views that name no photograph get those in the capture.
     """
     if photographs is None:
-        images = located([c.name for c in cameras], [c.image for c in cameras], _folder(source))
+        folder = source if source.is_dir() else source.parent
+        images = located([c.name for c in cameras], [c.image for c in cameras], folder)
         return [replace(c, image=image) for c, image in zip(cameras, images, strict=True)]
     named: dict[str, Path] = {}
     views = {camera.name for camera in cameras}
