@@ -1,10 +1,12 @@
 """The leaderboard of the documentation site: which attack removes which message, and at which damage to the scene.
 
 Written from every ``docs/results/RUN/survival.csv``, a copy of ``results/tables/survival.csv`` of a run.
+``python setup/leaderboard.py RESULTS``, in a checkout, draws its pictures from the results of config/six_pairs.yaml.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from html import escape
 from math import inf
@@ -13,6 +15,7 @@ from pathlib import Path
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, wanted_damage
 from gspure.evaluation.survival import Survival
+from gspure.progress import decimal
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 OTHERS = {"objects", "readings"}  # runs that vary GSPure and the scene, not the attack
@@ -23,6 +26,23 @@ EQUAL = {
     "noise_equal": "gaussian_noise",
 }
 BANDS = (0.3, 1.0, 2.0)  # damage in dB: at most 1 dB is broken, at most 2 dB weak
+
+PICTURED = "six_pairs"  # the run, and one of its scenes and views
+MODEL, VIEW = "rooms_shared", "view_008"
+SHOWN = {
+    "gspure": "gspure_equal@1dB",
+    "random_pruning": "random_equal@1dB",
+    "feature_scaling": "feature_scaling",
+    "gaussian_noise": "noise_equal@1dB",
+    "gof": "gof_equal@1dB",
+    "plain_weight": "plain_weight",
+    "prune_repair": "prune_repair",
+    "reestimate": "reestimate",
+}
+"""The variant of each attack in the pictures, from left to right after the unattacked model."""
+
+SHEETS = RESULTS.parent / "pictures"
+TILE = (192, 144)  # pixels
 
 PAGE = """\
 ---
@@ -35,10 +55,17 @@ The damage to the scene, in dB of PSNR, at which a message is lost: after the at
 scene. A cell has the least such damage over all strengths of the attack that were tried; `>` means that the message
 survives all of them, up to this damage. In small print: how far the message is above its control level, in dB,
 after the attack at 1 dB of damage. The message is extracted as published, by an *adaptive* owner, or by an *oracle*
-([schemes](schemes.md)). Click on a title to sort. [Tables](tables/README.md) lists the commands; the models are
-small.
+([schemes](schemes.md)). Click on a title to sort, and on a number to see [pictures](#pictures).
+[Tables](tables/README.md) lists the commands; the models are small.
 
 {tables}
+
+## Pictures
+
+One view of one of the six pairs: the scene, and below it the message as published, after each attack. With `1 dB`, the
+strength of the attack was searched for that damage.
+
+{pictures}
 
 ## Add a scheme
 
@@ -55,10 +82,39 @@ def leaderboard_page() -> str:
     """Return the page as Markdown with tables in HTML."""
     runs = {path.parent.name: read_table(path, Survival) for path in sorted(RESULTS.glob("*/survival.csv"))}
     largest_first = sorted(runs.keys() - OTHERS, key=lambda name: -len(runs[name]))
-    return PAGE.format(tables="\n\n".join(f"## {name}\n\n{table(runs[name])}" for name in largest_first))
+    tables = (f"## {name}\n\n{table(runs[name], linked=name == PICTURED)}" for name in largest_first)
+    return PAGE.format(tables="\n\n".join(tables), pictures="\n\n".join(map(sheet, sheets())))
 
 
-def table(rows: Iterable[Survival]) -> str:
+def sheets() -> list[str]:
+    """Return the schemes that have pictures."""
+    return sorted(file.stem.removeprefix("leaderboard-") for file in SHEETS.glob("leaderboard-*.jpg"))
+
+
+def sheet(scheme: str) -> str:
+    """Return the pictures of a scheme, each with an anchor for its cells."""
+    figures = "".join(
+        f'<figure id="{scheme}-{attack}"><i style="background-image: url(pictures/leaderboard-{scheme}.jpg); '
+        f'--at: {i}"></i><figcaption>{display_name(attack)}{", 1 dB" * (variant != attack)}</figcaption></figure>'
+        for i, (attack, variant) in enumerate({UNATTACKED: UNATTACKED, **SHOWN}.items())
+    )
+    return f'### {condition_name(scheme)}\n\n<div class="sheet">{figures}</div>'
+
+
+def draw_sheets(results: Path) -> None:
+    """Write the pictures of every scheme as one JPEG: a column for each attack."""
+    from PIL import Image
+
+    for folder in (file.parent for file in results.glob(f"*/{MODEL}/{UNATTACKED}")):
+        row = Image.new("RGB", (TILE[0] * (len(SHOWN) + 1), 2 * TILE[1]))
+        for i, variant in enumerate([UNATTACKED, *SHOWN.values()]):
+            for j, target in enumerate(("scene", "message")):
+                tile = Image.open(folder / variant / "renders" / target / f"{VIEW}.png").convert("RGB")
+                row.paste(tile.resize(TILE, Image.Resampling.LANCZOS), (i * TILE[0], j * TILE[1]))
+        row.save(SHEETS / f"leaderboard-{folder.parent.name}.jpg", quality=85)
+
+
+def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     """Return the table of one run: a row for each condition and owner whose message is present before attacks."""
     owners: dict[tuple[str, str], list[Survival]] = {}
     for row in rows:
@@ -69,7 +125,9 @@ def table(rows: Iterable[Survival]) -> str:
     )
     titles = ["scheme", "extraction", "least", *map(display_name, attacks)]
     head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-    body = "".join(f"<tr>{''.join(cells(*owner, found, attacks))}</tr>" for owner, found in owners.items())
+    body = "".join(
+        f"<tr>{''.join(cells(*owner, found, attacks, linked=linked))}</tr>" for owner, found in owners.items()
+    )
     return f'<table class="leaderboard"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
@@ -79,23 +137,31 @@ def base(variant: str) -> str:
     return EQUAL.get(name, name)
 
 
-def cells(condition: str, extraction: str, rows: list[Survival], attacks: Iterable[str]) -> Iterator[str]:
+def cells(
+    condition: str, extraction: str, rows: list[Survival], attacks: Iterable[str], *, linked: bool
+) -> Iterator[str]:
     """Yield the cells of one owner: names, the least damage of all attacks, and that of each."""
     yield f"<td>{escape(condition)}</td><td>{escape(extraction)}</td>"
     yield cell([row for row in rows if row.variant != UNATTACKED], left=False)
     for attack in attacks:
-        yield cell([row for row in rows if base(row.variant) == attack])
+        anchor = (
+            f"{rows[0].condition.scheme}-{attack}"
+            if linked and rows[0].condition.scheme in sheets() and attack in SHOWN
+            else ""
+        )
+        yield cell([row for row in rows if base(row.variant) == attack], anchor=anchor)
 
 
-def cell(rows: list[Survival], *, left: bool = True) -> str:
-    """Return the cell of one attack at all its strengths: colour, damage, and what is left at 1 dB."""
+def cell(rows: list[Survival], *, left: bool = True, anchor: str = "") -> str:
+    """Return the cell of one attack at all its strengths: colour, damage with its pictures, what is left at 1 dB."""
     known = {row: found.mean for row in rows if (found := row.scene_drop or row.damage)}
     if not known:
         return '<td data-sort="-1"></td>'
     lost, tried = min((damage for row, damage in known.items() if not row.survived), default=inf), max(known.values())
-    text = f"{lost:z.1f}" if lost < inf else f"&gt; {tried:z.1f}"
+    text = decimal(lost, 1) if lost < inf else f"&gt; {decimal(tried, 1)}"
     margins = (row.above_floor.mean for row in rows if left and row.above_floor and at_1_db(row))
-    text += "".join(f"<small>{margin:+.1f}</small>" for margin in margins)
+    text = f'<a href="#{anchor}">{text}</a>' if anchor else text
+    text += "".join(f"<small>{f'{margin:+.1f}'.replace('-', '−')}</small>" for margin in margins)
     band = f"band{sum(lost > damage for damage in BANDS)}" if lost < inf or tried > BANDS[-1] - 0.1 else ""
     return f'<td class="{band}" data-sort="{min(lost, 1e3):.3f}">{text}</td>'
 
@@ -103,3 +169,7 @@ def cell(rows: list[Survival], *, left: bool = True) -> str:
 def at_1_db(row: Survival) -> bool:
     """Return whether the strength was searched for 1 dB of damage."""
     return wanted_damage(row.variant) == 1.0
+
+
+if __name__ == "__main__":
+    draw_sheets(Path(sys.argv[1]))

@@ -113,6 +113,9 @@ def test_the_leaderboard_shows_the_least_damage_at_which_each_message_is_lost(mo
     rows = read_table(DOCS / "results" / "six_pairs" / "survival.csv", Survival)
     of_owner = [r for r in rows if r.condition == ("gs_hider", "own", "both") and r.extraction == "message"]
     lost = min(row.scene_drop.mean for row in of_owner if not row.survived)
-    (row,) = re.findall(r"<tr><td>GS-Hider, own poses</td>.*?</tr>", leaderboard.leaderboard_page())
+    page = leaderboard.leaderboard_page()
+    (row,) = re.findall(r"<tr><td>GS-Hider, own poses</td>.*?</tr>", page)
+    assert set(re.findall('href="#(gs_hider[^"]+)"', row)) <= set(re.findall('id="([^"]+)"', page))
+    assert row.count("href") == len(leaderboard.SHOWN)
     assert re.findall(r'data-sort="([^"]+)">', row)[0] == f"{lost:.3f}"
     assert len(re.findall("<td", row)) == len(re.findall("<th>", leaderboard.table(rows)))
