@@ -143,10 +143,10 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1599, 12),
-    "attacks": (1113, 10),
+    "attacks": (1101, 10),
     "cameras": (1412, 11),
     "cli": (2192, 23),
-    "evaluation": (2501, 16),
+    "evaluation": (2489, 16),
     "figures": (1508, 10),
     "method": (1041, 10),
     "model": (1707, 13),

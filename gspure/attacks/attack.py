@@ -32,31 +32,19 @@ Rng = np.random.Generator
 class Measurements:
     """What an attacker has measured on the public model, one number per row."""
 
-    weights: Float32 | None = None
-    """Weights ω_k [K]."""
-
-    prune_mask: Bools | None = None
-    """GSPure's decision [K], true where a row is removed."""
-
-    opacities: Float32 | None = None
-    """Opacities [K], 0 to 1: stored in Gaussians, computed by the networks for anchors."""
-
-    surface: Float32 | None = None
-    """Distances from the visible surface [K], in the row's own scales (`gspure.surface`)."""
-
-    labels: Int32 | None = None
-    """GSPure's clusters [K], 0 .. M-1; -1 is noise."""
+    weights: Float32 | None = None  # ω_k [K]
+    prune_mask: Bools | None = None  # GSPure's decision [K], true where a row is removed
+    opacities: Float32 | None = None  # [K], 0 to 1: stored in Gaussians, computed by the networks for anchors
+    surface: Float32 | None = None  # distances from the visible surface [K], in the row's own scales (`gspure.surface`)
+    labels: Int32 | None = None  # GSPure's clusters [K], 0 .. M-1; -1 is noise
 
     @classmethod
     def read(cls, public: PublicModel, files: Mapping[str, Path]) -> Self:
         """Read measurements of a public model from files by name; opacities of Gaussians are in the model."""
         known: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
         for name, file in files.items():
-            if name == "labels":
-                known[name] = read_labels(file)
-            else:
-                dtype = np.bool_ if name == "prune_mask" else np.float32
-                known[name] = load_array(file, dtype=dtype, shape=(len(public.model),), least=0)
+            dtype, shape = np.bool_ if name == "prune_mask" else np.float32, (len(public.model),)
+            known[name] = read_labels(file) if name == "labels" else load_array(file, dtype=dtype, shape=shape, least=0)
         return cls(**known)
 
 

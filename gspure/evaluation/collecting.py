@@ -113,12 +113,9 @@ def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
 
 def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path | None) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
-    targets, views, same = (
-        {mean.target: mean for mean in means(rows)},
-        Counter(row.target for row in rows),
-        identical(rows),
-    )
-    known: dict[str, Any] = {"targets": targets, "views": views, "identical": {name: same[name] for name in targets}}
+    targets, same = {mean.target: mean for mean in means(rows)}, identical(rows)
+    known: dict[str, Any] = {"targets": targets, "views": Counter(row.target for row in rows)}
+    known["identical"] = {name: same[name] for name in targets}
     rendered = grouped((row for row in rows if row.reference == RENDER), lambda row: row.target)
     known["nominal"] = {name: float(np.mean([nominal_drop(row.psnr) for row in of])) for name, of in rendered.items()}
     if (table := folder / "retrieval.csv").is_file():

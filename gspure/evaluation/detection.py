@@ -133,19 +133,15 @@ def read_detections(model: Path) -> dict[str, dict[str, Detection]]:
     Scores are compared with those of the views of the same model's clean control alone, by the same detector.
     """
     tables = sorted(model.glob(f"*/{DETECTIONS}/*.csv"))
-    readings = {(path.parent.parent.name, path.stem): read_readings(path) for path in tables}
+    readings = {(path.parent.parent.name, path.stem): read_table(path, Reading) for path in tables}
     by_variant: dict[str, dict[str, Detection]] = {}
     for (variant, detector), rows in readings.items():
+        if not rows:
+            table = model / variant / DETECTIONS / f"{detector}.csv"
+            raise InputError(table, "rows", expected="at least one view", found="none")
         clean = [row.level for row in readings.get((CLEAN, detector), ())]
         by_variant.setdefault(variant, {})[detector] = detection(rows, clean)
     return by_variant
-
-
-def read_readings(table: Path) -> list[Reading]:
-    """Return the readings of all views, or raise `InputError` if there is none."""
-    if rows := read_table(table, Reading):
-        return rows
-    raise InputError(table, "rows", expected="at least one view", found="none")
 
 
 def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from gspure.evaluation.intervals import Interval, known_interval
 from gspure.evaluation.names import CLEAN_GSPURE, GSPURE
 from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
-from gspure.evaluation.paper import TARGETS, ablations, printed_scores, read_rows, table_1
+from gspure.evaluation.paper import TARGETS, mean_psnr, printed_scores, read_rows
 
 
 class Summary(NamedTuple):
@@ -37,7 +37,7 @@ def summarize(outcomes: Sequence[Outcome]) -> list[Summary]:
     A scene in which a number is unknown does not count; the interval states how many do.
     """
     paper = read_rows()
-    scores, psnr = printed_scores(paper), ablations(paper) | table_1(paper)
+    scores, psnr = printed_scores(paper), mean_psnr(paper)
     rows = []
     for condition, of_all in by_condition(outcomes).items():
         alike = _without_clean_assets(of_all)
