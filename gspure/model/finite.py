@@ -43,11 +43,10 @@ def undrawable_rows(model: Gaussians) -> Indices:
 
 
 def drawable(model: Gaussians, source: str | Path) -> Gaussians:
-    """Return a model that can be drawn: rows that cannot become invisible, with a warning.
+    """Return a model as it is drawn: with the 3-D filter in its scales and opacities, and no row that cannot be drawn.
 
-    So a planted row cannot stop an audit. In such a row, numbers without a meaning are replaced by the median of
-    their column, and the opacity by 0. A 3-D filter becomes part of scales and opacities. Other models are returned
-    unchanged.
+    Such rows become invisible, with a warning, so that a planted one cannot stop an audit: numbers without a meaning
+    are replaced by the median of their column, and the opacity by 0. Other models are returned unchanged.
 
     Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
     """

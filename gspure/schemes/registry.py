@@ -34,7 +34,7 @@ def find_scheme(name: str) -> Scheme:
 
 
 def read_public_model(path: str | Path, scheme: str | None = None) -> PublicModel:
-    """Read a public model of the named scheme, else of the scheme with its columns, else vanilla 3DGS.
+    """Read a model's file as that of the named scheme, else of the scheme with its columns, else as vanilla 3DGS.
 
     Warn of implausible values, and of what may make other programs draw another image.
     """
