@@ -137,7 +137,7 @@ class PublicModel:
         return type(self)(model)
 
     def drawable(self, source: str | Path) -> Self:
-        """Return the model as it is drawn, see `gspure.model.finite.drawable`: 3-D filter merged, bad rows invisible."""
+        """Return the model as it is drawn (`gspure.model.finite.drawable`): 3-D filter merged, bad rows invisible."""
         rows = drawable(self.model, source)
         return self if rows is self.model else self.with_model(rows)
 
