@@ -12,7 +12,9 @@ from collections import deque
 from collections.abc import Sequence
 from datetime import timedelta
 from pathlib import Path
+from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
+from textwrap import fill
 from typing import Any, Final
 
 from gspure.cli.options import QUIET, add_cameras, read_source
@@ -105,7 +107,8 @@ def _answer(args: Arguments) -> int:
         print(json.dumps([answer.facts() for answer in found], indent=2))
     else:
         for answer in found:
-            print("", *answer.lines(), sep="\n")
+            *table, sentence = answer.lines()
+            print("", *table, fill(sentence, get_terminal_size((120, 24)).columns), sep="\n")
         print(f"\n{_RESULTS / 'report.html'}")
     return int(any(answer.audit.damage < (args.fail_under or 0) for answer in found))
 

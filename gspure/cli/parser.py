@@ -72,7 +72,7 @@ class Parser(argparse.ArgumentParser):
         known = self._option_string_actions
         for option in (word.partition("=")[0] for word in words[:end] if word.startswith("--")):
             if not any(name.startswith(option) for name in known):
-                self.error(f"no option {option}{suggestion(option, known)}")
+                self.error(f"no option {option}{suggestion(option, known.keys() - {'--help'})}")
         parsed = super().parse_intermixed_args(words[:end])  # PAIR of `embed` may follow options
         if end < len(words):
             parsed.passed_on = [*words[end + 1 :]]

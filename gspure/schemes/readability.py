@@ -39,10 +39,12 @@ class Readability:
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        levels, bits = (self.message, self.controls[best]), CHANCE in self.controls
-        texts = [percent(level / 100, 0) if bits else f"{decimal(level, 1)} dB" for level in levels]
-        numbers = f"{'correct bits' if bits else 'message PSNR'} {texts[0]}"
-        numbers += f"; highest control {texts[1]} ({display_name(best)})"
+        gap, bits = self.message - self.controls[best], CHANCE in self.controls
+        texts = [percent(x / 100, 0) if bits else f"{decimal(x, 1)} dB" for x in (self.message, abs(gap))]
+        numbers = (
+            f"{'correct bits' if bits else 'message PSNR'} {texts[0]}, {texts[1]} {'above' if gap > 0 else 'below'}"
+        )
+        numbers += f" the highest control, {display_name(best)}"
         (say if self.readable else warn)(f"readable: {'yes' if self.readable else 'no'} ({numbers})")
 
 
