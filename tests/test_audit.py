@@ -32,23 +32,15 @@ FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"messag
 @pytest.mark.parametrize(
     ("outcomes", "verdict", "text"),
     [
-        (
-            of_scenes(1, gof=(0.5, 2.0), jpeg=(2.2, 20.0)),
-            "holds",
-            "no tested attack with at most 2 dB of damage removes",
-        ),
+        (of_scenes(1, gof=(0.5, 2.0), jpeg=(2.2, 20.0)), "holds", "no tested attack with at most 2 dB of damage"),
         (of_scenes(2, gof=(1.02, 20.0), jpeg=(1.9, 25.0)), "broken", "the message is lost at 1.0 dB of damage (GOF)."),
         (of_scenes(1, gof=(1.4, 20.0), jpeg=(0.9, 2.0)), "weak", "the message is lost at 1.4 dB of damage (GOF)."),
         (
             benchmark({"a": {"gof": (1.0, 20.0)}, "b": {"gof": (1.0, 2.0)}}),
             "weak",
-            "attacks with at most 2 dB of damage remove the message from some scenes",
+            "remove the message from some scenes",
         ),
-        (
-            of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)),
-            "broken",
-            "is lost at 0.5 dB of damage (crop)",
-        ),
+        (of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)), "broken", "0.5 dB of damage (crop)"),
         (of_scenes(2, gof=(2.5, 25.0)), "unknown", "no attack was tested with at most 2 dB"),
         ([o for o in of_scenes(2, gof=(1.0, 3.0)) if not o.is_control], "unknown", "no negative control"),
         ([outcome(n, targets={"scene": 30.0}) for n in ("unattacked", "gspure")], "unknown", NO_KEY),
@@ -61,11 +53,7 @@ FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"messag
             "does not exceed the controls",
         ),
         ([FLAT], "not present", "Look at the extraction"),
-        (
-            [replace(o, reached={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))],
-            "not affected",
-            "no attack changed anything",
-        ),
+        ([replace(o, reached={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))], "not affected", "no attack"),
         ([detected(n, mark=False) for n in ("unattacked", "clean")], "not present", "mark (mark)"),
         ([detected("unattacked", length=0, mark=None)], "unknown", "too few views"),
     ],

@@ -68,13 +68,7 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "",
-        "x",
-        "x,c,1,,1,true,1,2,,",
-        "x,a,1,,one,true,1,2,,",
-        "x,a,1,,1,true,,,,",
-    ],
+    ["", "x", "x,c,1,,1,true,1,2,,", "x,a,1,,one,true,1,2,,", "x,a,1,,1,true,,,,"],
 )
 def test_a_corrupt_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
     rest = "," * 2 * len(METRICS) if line.count(",") > 1 else ""

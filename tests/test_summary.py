@@ -23,11 +23,8 @@ def outcomes():
 
 def test_rows_are_means_over_scenes_in_the_order_of_outcomes(outcomes):
     rows = summarize(outcomes)
-    assert [(row.condition.scheme, row.variant) for row in rows] == [
-        ("my_scheme", "gspure"),
-        ("my_scheme", "wrong_key"),
-        ("splats_in_splats", "gspure"),
-    ]
+    assert [row.condition.scheme for row in rows] == ["my_scheme", "my_scheme", "splats_in_splats"]
+    assert [row.variant for row in rows] == ["gspure", "wrong_key", "gspure"]
     assert [row.message.mean for row in rows] == [11.0, 8.0, 13.0]
     assert [row.message.scenes for row in rows] == [3, 3, 7]
     assert rows[0].score.mean == (BEFORE["message"] - 11) - (BEFORE["scene"] - 29)
