@@ -29,10 +29,6 @@ FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds cen
 CLONED: Final = 0.25  # fraction of the rows to clone; ours
 INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of the published range, 0.05 to 0.3
 DISTANCE: Final = 0.02  # standard deviation of an injected row's offset along each axis, in radii of the model; ours
-ANGLE: Final = 30.0
-DEGREES: Final = Range(-3600.0, 3600.0)
-AXIS: Final = "0,1,0"
-TRANSLATION: Final = "0,0,0"
 
 
 def crop(model: Gaussians, _rng: Rng, *, fraction: Share = CROPPED) -> Attacked:
@@ -48,9 +44,9 @@ def rigid_transform(
     _rng: Rng,
     columns: Columns,
     *,
-    angle: Annotated[float, DEGREES] = ANGLE,
-    axis: str = AXIS,
-    translation: str = TRANSLATION,
+    angle: Annotated[float, Range(-3600.0, 3600.0)] = 30.0,
+    axis: str = "0,1,0",
+    translation: str = "0,0,0",
 ) -> Attacked:
     """Rotate the model about an axis through the world's origin, in degrees, then translate it.
 

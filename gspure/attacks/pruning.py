@@ -16,12 +16,9 @@ from gspure.model.gaussians import Gaussians
 from gspure.settings import Amount, Factor, Share
 
 FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
-
 SHARE: Final = 0.002  # of the weight of all rows; ours: it costs large models about 1 dB
-
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
 TAUS: Final = Strength("tau", 100.0, 0.01, "log")
-
 TOLERANCE: Final = 3.0  # scales from the surface; ours: the paper does not say how GOF decides what to remove
 
 
