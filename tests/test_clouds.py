@@ -112,6 +112,10 @@ def test_a_page_shows_two_models_beside_each_other(tmp_path: Path, monkeypatch: 
     for name, count in (("before.ply", 40), ("after.ply", 30)):
         write_model(name, blobs(count))
     write_cameras("cameras.json", [camera(name=f"view_{i}") for i in range(9)])
+    write_cameras("pair/cameras.json", [camera(name="own")])
+    assert main(["view", "before.ply", "--cameras", "pair", "--out", "pair.html"]) == 0
+    assert '"name": "own"' in Path("pair.html").read_text()
+    assert capsys.readouterr().out == "pair.html\n"
     assert main(["view", "before.ply", "after.ply"]) == 0
     page = Path("view.html").read_text()
     data = json.loads(page.partition('<script type="application/json">')[2].partition("</script>")[0])

@@ -2,30 +2,34 @@
 
 from pathlib import Path
 
+from gspure.cli.options import add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
   gspure view point_cloud.ply                                  # view.html, which works from disk
   gspure view point_cloud.ply purified/purified.ply --out compared.html
+  gspure view marked/public --cameras marked/pair              # a room, as seen from inside
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run, with its cameras")
     parser.reads("other", "OTHER", "another model, in the same world: a draggable divider separates both", nargs="?")
+    add_cameras(parser, "views to begin from", more=" (default: those beside MODEL)", required=False)
     parser.writes("--out", "HTML", "page to write", default=Path("view.html"))
 
 
 def run(args: Arguments) -> None:
     """Write the page."""
-    from gspure.cameras import read_cameras
+    from gspure.cameras.reading import place_in
     from gspure.figures.viewer import view_of
     from gspure.report.page import write_view
     from gspure.schemes.registry import read_public_model
 
     files = [file for file in (args.model, args.other) if file]
     folder = args.model if args.model.is_dir() else args.model.parent
-    cameras = read_cameras(folder / "cameras.json") if (folder / "cameras.json").is_file() else []
+    source = args.cameras or place_in(folder)
+    cameras = read_source(source, args.model, up=args.up) if source else []
     models = [read_public_model(file).drawable(file) for file in files]
     write_view(args.out, view_of(dict(zip(map(str, files), models, strict=True)), cameras))
     print(args.out)
