@@ -234,7 +234,7 @@ def test_a_driver_that_lacks_memory_only_when_a_kernel_starts_is_reported(device
     def fails(*_):
         raise cl.MemoryError(cl._cl._ErrorRecord("", getattr(cl.status_code, code), "clEnqueueNDRangeKernel"))
 
-    engine = Engine(device.cl_device)
+    engine, fails.set_scalar_arg_dtypes = Engine(device.cl_device), list
     program = Program({"fails": fails}, engine.queue, 1)
     with pytest.raises(InputError, match=f"memory: expected room for all buffers at once, found .*{code}"):
         program.launch("fails", 1)

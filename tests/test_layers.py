@@ -147,7 +147,7 @@ BUDGETS = {
     "cameras": (1412, 11),
     "cli": (2199, 23),
     "evaluation": (2489, 16),
-    "figures": (1508, 10),
+    "figures": (1507, 10),
     "method": (1041, 10),
     "model": (1707, 13),
     "opencl": (2215, 20),
@@ -157,7 +157,7 @@ BUDGETS = {
     "schemes": (2797, 24),
     "surface": (293, 4),
     "training": (1122, 9),
-    "workflow": (900, 8),
+    "workflow": (901, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

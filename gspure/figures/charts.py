@@ -69,9 +69,8 @@ def draw_weights(path: Path, model: Purified) -> str:
                 axes.axvline(float(np.log10(at)), linestyle=dash, label=label, **look) for label, at, dash in marks
             ]
         axes.set_xticks(list(ticks), list(ticks.values()), parse_math=True)
-        axes.set_xlim(low - (5 if zero.any() else 1) * step, high + step)
-        axes.set_xlabel("weight ω (mean over views)")
-        axes.set_ylabel(f"{model.rows} (%)")
+        left = low - (5 if zero.any() else 1) * step
+        axes.set(xlim=(left, high + step), xlabel="weight ω (mean over views)", ylabel=f"{model.rows} (%)")
         for text in figure.legend(handles=keys, loc="outside upper center", ncols=5).get_texts():
             text.set_parse_math(True)
     return (

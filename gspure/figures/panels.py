@@ -53,19 +53,13 @@ def write_tiles(path: Path, titles: Sequence[str], rows: Sequence[Sequence[Tile]
     height = _TITLE + len(rows) * (height + (_LABEL if any(t.label for row in rows for t in row) else _PADDING))
     with style.page(path, style.PAGE, count * height + (count - 1) * _GAP) as figure:
         for block, part in enumerate(figure.subfigures(count, squeeze=False, hspace=_GAP / height)[:, 0]):
-            grid = part.subplots(len(rows), breadth, squeeze=False)
+            grid = part.subplots(len(rows), breadth, squeeze=False, subplot_kw=style.BARE)
             chosen = slice(block * breadth, (block + 1) * breadth)
-            for axes in grid.flat:
-                axes.set_axis_off()
             for axes, title in zip(grid[0], titles[chosen], strict=False):
                 axes.set_title(fill(title, _TITLE_WIDTH), pad=3)
             for row, tiles in zip(grid, rows, strict=True):
                 for axes, tile in zip(row, tiles[chosen], strict=False):
-                    axes.set_axis_on()
                     axes.imshow(as_bytes(tile.image))
-                    axes.set_xticks([])
-                    axes.set_yticks([])
-                    axes.spines[:].set_visible(False)
                     axes.set_xlabel(tile.label, labelpad=2)
             for row, name in zip(grid, names, strict=False):
                 row[0].set_ylabel(name, labelpad=2)

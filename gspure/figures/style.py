@@ -32,6 +32,7 @@ RANKS: Final = "viridis"
 CLUSTERS: Final = ("#332288", "#88ccee", "#117733", "#ddcc77", "#cc6677", "#44aa99", "#aa4499", "#999933", "#882255")
 """Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
 
+BARE: Final[dict[str, Any]] = {"xticks": [], "yticks": [], "frame_on": False}  # axes of a picture
 _TICKS: Final = {"color": INK, "major.width": 0.6, "labelsize": 6.5}
 _LEGEND: Final = {"frameon": False, "fontsize": 6.5, "handletextpad": 0.3, "handlelength": 1.2, "columnspacing": 0.7}
 _LAYOUT: Final = {"h_pad": 0.02, "w_pad": 0.02, "hspace": 0.0, "wspace": 0.0}

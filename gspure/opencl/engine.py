@@ -95,14 +95,16 @@ class Program:
         if not items:
             return None
         group = group or self._group
+        kernel = _typed(self._kernels[name], tuple(map(type, args)))
         with _in_memory(self._queue.device):
-            return self._kernels[name](self._queue, (-(-items // group) * group,), (group,), *map(_argument, args))
+            return kernel(self._queue, (-(-items // group) * group,), (group,), *args)
 
 
-def _argument(value: cl.Buffer | float) -> Any:
-    if isinstance(value, int):
-        return np.uint32(value)
-    return np.float32(value) if isinstance(value, float) else value
+@cache
+def _typed(kernel: cl.Kernel, types: tuple[type, ...]) -> cl.Kernel:
+    """Return a kernel that knows the types of its arguments: pyopencl finds each by up to five C++ exceptions."""
+    kernel.set_scalar_arg_dtypes([{int: np.uint32, float: np.float32}.get(kind) for kind in types])
+    return kernel
 
 
 class Engine:

@@ -135,19 +135,17 @@ def _join(targets: UInt32, lengths: Float64) -> tuple[Indices, int, Int32]:
     left out. Return the components whose edges join the tree, the number of new components, and the new component of
     each old one.
     """
-    from scipy.sparse import csr_matrix  # 32-bit indices: SciPy before 1.17.1 refuses those of csr_array here
-    from scipy.sparse.csgraph import connected_components
-    from scipy.sparse.csgraph import minimum_spanning_tree as least_forest
+    from scipy.sparse import csgraph, csr_matrix  # 32-bit indices: SciPy before 1.17.1 refuses those of csr_array here
 
     count = len(targets)
     components = np.arange(count)
     kept = np.flatnonzero((targets[targets] != components) | (components < targets))
     graph = csr_matrix((np.ones(len(kept)), (kept, targets[kept])), shape=(count, count))
-    joined, labels = connected_components(graph, directed=False)
+    joined, labels = csgraph.connected_components(graph, directed=False)
     if len(kept) > count - joined:
         kept = kept[np.argsort(lengths[kept], kind="stable")]
         ranks = csr_matrix((np.arange(1.0, len(kept) + 1), (kept, targets[kept])), shape=(count, count))
-        kept = kept[least_forest(ranks).data.astype(np.intp) - 1]
+        kept = kept[csgraph.minimum_spanning_tree(ranks).data.astype(np.intp) - 1]
     return kept, joined, labels
 
 

@@ -1,5 +1,6 @@
 """The start of a step: a script of ``rules/steps``, which a rule runs with two arguments, JSON objects."""
 
+import gc
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -16,15 +17,15 @@ def run(function: Callable[..., None]) -> None:
 
     On bad input, end with exit status 2 and one line: the last one of the log is the reason of a failure.
     """
-    hints = get_type_hints(function)
-    given = {name: value for text in sys.argv[1:] for name, value in json.loads(text).items()}
-    arguments = {name: _typed(value, hints.get(name)) for name, value in given.items()}
+    hints, texts = get_type_hints(function), sys.argv[1:]
+    arguments = {name: _typed(value, hints.get(name)) for text in texts for name, value in json.loads(text).items()}
     try:
         with warnings_in_lines():
             function(**arguments)
     except (InputError, MemoryError, OSError) as error:
         tell(f"gspure {Path(sys.argv[0]).stem}: {refusal(error)}")
         sys.exit(2)
+    gc.freeze()  # as `gspure.__main__` does
 
 
 def _typed(value: Any, hint: Any) -> Any:
