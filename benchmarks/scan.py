@@ -39,11 +39,11 @@ RATE = 0.01  # of false positives, of all statistics together
 CLEAN, ENCRYPTED = "clean", "encrypted_bits"
 SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, scheme, its settings
     CLEAN: (50, "splats_in_splats", {"message_weight": 0}),
-    "splats_in_splats": (8, "splats_in_splats", {"iterations": 1000}),
-    "splats_in_splats_hardened": (4, "splats_in_splats_hardened", {"iterations": 1000}),
-    ENCRYPTED: (8, "splats_in_splats", {}),
-    "keyss": (5, "keyss", {"iterations": 1000}),
-    "marked_clones": (4, "marked_clones", {"iterations": 1000, "decoder_steps": 300, "marking_steps": 200}),
+    "splats_in_splats": (14, "splats_in_splats", {"iterations": 1000}),
+    "splats_in_splats_hardened": (7, "splats_in_splats_hardened", {"iterations": 1000}),
+    ENCRYPTED: (14, "splats_in_splats", {}),
+    "keyss": (7, "keyss", {"iterations": 1000}),
+    "marked_clones": (7, "marked_clones", {"iterations": 1000, "decoder_steps": 300, "marking_steps": 200}),
     "gs_hider": (2, "gs_hider", {"iterations": 150}),
     "gs_hider_hardened": (1, "gs_hider_hardened", {"iterations": 150}),
     "secure_gs": (2, "secure_gs", {"iterations": 200}),
@@ -57,8 +57,10 @@ SIZES = ((3000, 200), (6000, 60), (3000, 100), (12000, 100), (6000, 300), (12000
 """Most rows, and points of each of 24 views of 96x72 pixels. Where there are more points than rows, nothing grows."""
 
 ROUNDS = ((1, 1000), (2, 1000), (0.5, 3000), (1, 5000), (1, 2000))  # factor of the rows, and iterations of clean models
-LARGE = (100_000, 2500)
-LARGE_CASES = {CLEAN: (30, 35), "splats_in_splats": (7,)}  # 160x120 pixels
+LARGE = {  # most rows, points of each of 24 views of 160x120 pixels, and iterations of clean models
+    **dict.fromkeys(((CLEAN, 30), (CLEAN, 35), ("splats_in_splats", 7)), (100_000, 2500, 1000)),
+    **dict.fromkeys(((CLEAN, 40), (CLEAN, 41), (CLEAN, 42), (CLEAN, 46)), (30_000, 250, 3000)),
+}
 ATTACKS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in ("unattacked", "gspure", "random_pruning", "prune_repair", "finetune")},
     "quantize_16": ("quantize", {"bits": 16}),
@@ -87,16 +89,16 @@ class Case(NamedTuple):
 
     @property
     def is_large(self) -> bool:
-        return self.number in LARGE_CASES.get(self.family, ())
+        return self in LARGE
 
     @property
     def rows(self) -> int:
         factor, _ = ROUNDS[self.number // len(PAIRS)]
-        return LARGE[0] if self.is_large else int(factor * SIZES[self.pair % 8][0])
+        return LARGE[self][0] if self.is_large else int(factor * SIZES[self.pair % 8][0])
 
     @property
     def points(self) -> int:
-        return LARGE[1] if self.is_large else SIZES[self.pair % 8][1]
+        return LARGE[self][1] if self.is_large else SIZES[self.pair % 8][1]
 
 
 def cases() -> list[Case]:
@@ -136,7 +138,7 @@ def build(case: Case, folder: Path) -> None:
         public = PublicModel.read(folder / f"{scheme}-{case.number:02d}" / "unattacked" / "point_cloud.ply")
         public = public.with_model(encrypted(public.model, np.random.default_rng(case.number)))
     else:
-        settings = {"iterations": 1000 if case.is_large else ROUNDS[case.number // len(PAIRS)][1], **settings}
+        settings = {"iterations": LARGE[case][2] if case.is_large else ROUNDS[case.number // len(PAIRS)][1], **settings}
         limit = {"max_anchors": case.rows // 3} if scheme == "secure_gs" else {"max_gaussians": case.rows}
         public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings, **limit)
     with filling(place) as out:
@@ -231,8 +233,10 @@ def calibrate(rows: Sequence[Row]) -> Iterator[Clean]:
     limits, models = thresholds(clean), len({row["model"] for row in clean})
     for name in (*limits, *LIKENESS):
         values = [row[name] for row in clean if not np.isnan(row[name])]
-        quantiles = np.quantile(values, [0, 0.5, 1] if name in LIKENESS else [0.01, 0.5, 0.99]).tolist()
-        yield Clean(name, *quantiles, limits.get(name, np.nan), len(values), models)
+        quantiles = np.quantile(values, [0, 0.5, 1] if name in LIKENESS else [0.01, 0.5, 0.99])
+        yield Clean(
+            name, *(float(f"{quantile:.6g}") for quantile in quantiles), limits.get(name, np.nan), len(values), models
+        )
 
 
 def tabulate(folder: Path, found: Sequence[str]) -> None:

@@ -152,7 +152,7 @@ BUDGETS = {
     "model": (1707, 13),
     "opencl": (2215, 20),
     "report": (1878, 15),
-    "scan": (268, 3),
+    "scan": (272, 3),
     "scenes": (908, 7),
     "schemes": (2797, 24),
     "surface": (293, 4),

@@ -13,7 +13,7 @@ from gspure.files import Bools, Float32, Indices, UInt32
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.storage import morton_order
 
-WINDOWS: Final = 15  # of 8 neighbouring bits: from the lowest that varies up to the highest of a float32's mantissa
+WINDOWS: Final = 15  # of 8 neighbouring bits of a float32, whose mantissa has 23
 LEVELS: Final = 256  # a column with no more values is of a compressed format, and has no low bits
 ROWS: Final = 20_000  # most of a column, evenly spread, whose bits are counted; ours
 LEAST_ROWS: Final = 1000  # fewer bytes are too few for an entropy of up to 8 bits; ours

@@ -19,7 +19,7 @@ NOTHING: Final = "nothing found"
 UNLIKE: Final = "unlike the calibration models"
 
 LIKENESS: Final = ("rows", "sh_degree", "median_opacity")  # outside of which the calibration says little
-KNOWN_NULL: Final = "bit_entropy"  # the statistic that decides about any model: low bits of trained numbers are uniform
+NO_NOISE: Final = 4.0  # an entropy below it decides about any model: low bits of trained numbers are uniform; ours
 TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by benchmarks/scan.py
 
 
@@ -113,9 +113,12 @@ def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
     reasons = [_likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)]
     names = flagged(measured.values, {name: row.threshold for name, row in clean.items()})
     suspects = [(s, measured.values[s.name]) for s in STATISTICS if s.name in names]
-    likely = KNOWN_NULL in names or (names and not reasons)
+    likely = measured.values["bit_entropy"] < NO_NOISE or (names and not reasons)
     reasons[:0] = [f"{s.meaning} {_text(s, value)}, {_limit(s)} in clean models" for s, value in suspects]
-    return Verdict(LIKELY if likely else UNLIKE if reasons else NOTHING, tuple(reasons), measured)
+    word = LIKELY if likely else UNLIKE if reasons else NOTHING
+    if np.isnan(measured.values["bit_entropy"]):
+        reasons.append("the colours have too few values, as in compressed formats, or rows, to test their low bits")
+    return Verdict(word, tuple(reasons), measured)
 
 
 def _is_alike(name: str, value: float) -> bool:
@@ -124,4 +127,5 @@ def _is_alike(name: str, value: float) -> bool:
 
 def _likeness_reason(name: str, value: float) -> str:
     clean = calibration()[name]
-    return f"{name.replace('_', ' ')} {value:.4g}, where the calibration has {clean.low:.4g} to {clean.high:.4g}"
+    found, *known = (f"{number:,.3f}".rstrip("0").rstrip(".") for number in (value, clean.low, clean.high))
+    return f"{name.replace('_', ' ')} {found}, where the calibration has {' to '.join(dict.fromkeys(known))}"
