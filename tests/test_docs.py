@@ -92,7 +92,8 @@ def numbers(table: Path) -> set[float]:
 @pytest.mark.parametrize("section", SECTIONS)
 def test_decimals_of_the_results_stand_in_a_linked_table_possibly_with_more_digits(section: str) -> None:
     text = SECTIONS[section]
-    known = set[float]().union(*(numbers(DOCS / link) for link in re.findall(r"\(((?:tables|results)/[\w/-]+\.csv)\)", text)))
+    links = re.findall(r"\(((?:tables|results)/[\w/-]+\.csv)\)", text)
+    known = set[float]().union(*(numbers(DOCS / link) for link in links))
     for number in DECIMAL.findall(text):
         half = 0.5 * 10.0 ** -len(number.partition(".")[2]) + 1e-9
         assert any(abs(float(number) - value) <= half for value in known), number
