@@ -13,6 +13,7 @@ from gspure.evaluation.metrics import psnr
 from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
+from gspure.model import read_model, write_model
 from gspure.model.summary import kind
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.matching import registered
@@ -21,7 +22,7 @@ from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import HARDENED, SCHEME, opacity_mapping
 from gspure.schemes.splats_in_splats.bits import LARGEST, SHIFT, SHIFT_RANGE, embed, extract
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
-from tests.models import without
+from tests.models import blobs, without
 
 BANDS = (1, 4, 9, 16)
 colours = st.sampled_from(BANDS).flatmap(
@@ -240,3 +241,11 @@ def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():
     assert (np.abs(extract(embed(ones, twos, fewest - 1), fewest - 1) - 2) > 1).any()  # an exponent lost a bit
     assert (embed(ones, twos, most) >= 1).all()
     assert (embed(ones, twos, most + 1) < 1).any()  # an exponent was overwritten
+
+
+def test_hidden_bits_survive_a_file_but_not_scaling(tmp_path):
+    model, hidden = blobs(50, sh_degree=3), np.random.default_rng(1).normal(0, 0.3, (50, 16, 3)).astype(np.float32)
+    write_model(tmp_path / "a.ply", model.with_appearance(model.table["opacity"], embed(model.sh_coeffs, hidden)))
+    stored = read_model(tmp_path / "a.ply").sh_coeffs
+    np.testing.assert_allclose(extract(stored), hidden, rtol=2.0**-7)
+    assert np.median(np.abs(extract((1.2 * stored).astype(np.float32)) - hidden)) > np.median(np.abs(hidden)) / 2
