@@ -143,8 +143,8 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1599, 12),
-    "attacks": (1094, 10),
-    "cameras": (1412, 11),
+    "attacks": (1091, 10),
+    "cameras": (1420, 11),
     "cli": (2199, 23),
     "evaluation": (2489, 16),
     "figures": (1507, 10),
@@ -152,11 +152,11 @@ BUDGETS = {
     "model": (1707, 13),
     "opencl": (2215, 20),
     "report": (1878, 15),
-    "scan": (272, 3),
+    "scan": (276, 3),
     "scenes": (908, 7),
     "schemes": (2797, 24),
     "surface": (293, 4),
-    "training": (1122, 9),
+    "training": (1129, 9),
     "workflow": (901, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""

@@ -16,7 +16,7 @@ from gspure.model.gaussians import Gaussians
 from gspure.settings import Amount, Factor, Share
 
 FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
-SHARE: Final = 0.002  # of the weight of all rows; ours: it costs large models about 1 dB
+SHARE: Final = 0.002  # of the weight of all rows; ours: it costs a good model of 100,000 rows 2 dB, τ = 4 costs it 9 dB
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
 TAUS: Final = Strength("tau", 100.0, 0.01, "log")
 TOLERANCE: Final = 3.0  # scales from the surface; ours: the paper does not say how GOF decides what to remove
@@ -55,13 +55,10 @@ def weight_share(model: Gaussians, _rng: Rng, weights: Float32, *, share: Share 
     r"""Remove the rows with the lowest ω_k that together hold at most a `share` of all weight.
 
     .. math:: \sum_{k\,\mathrm{pruned}} \omega_k \le s \sum_{k} \omega_k
-
-    So the damage depends little on the number of rows, unlike that of a threshold relative to the mean weight.
     """
-    total = np.cumsum(np.sort(weights), dtype=np.float64)
-    return Attacked.without(
-        model, lowest_mask(weights, int(np.searchsorted(total, share * total.max(initial=0.0), "right")))
-    )
+    held = np.cumsum(np.sort(weights), dtype=np.float64)
+    removed = int(np.searchsorted(held, share * held.max(initial=0.0), "right"))
+    return Attacked.without(model, lowest_mask(weights, removed))
 
 
 def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: Share = FRACTION) -> Attacked:

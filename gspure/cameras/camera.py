@@ -44,6 +44,12 @@ class Camera(Described):
         `COEFFICIENTS` of the lens, or the first of them, if it is not that of a pinhole. Only
         `gspure.cameras.undistortion` knows of it.
 
+    Raises
+    ------
+    InputError
+        A size is no whole number of pixels, a number is not finite or above `LARGEST`, a focal length is not positive,
+        `K` has skew, or `viewmat` has scale, shear or mirroring.
+
     """
 
     name: str

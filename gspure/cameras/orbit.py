@@ -51,7 +51,8 @@ def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[
 
     The other parameters are `width` and `height` in pixels, `fov_degrees`, horizontal, and `up` [3], the up direction
     of the world: (0, -1, 0) for models trained from COLMAP data, (0, 0, 1) for those from nerfstudio, Blender and most
-    scanners. By default it is guessed, and printed.
+    scanners. By default it is guessed, and printed. Raise `InputError` if the model has no finite row, or a setting is
+    out of range.
     """
     VIEWS.require("orbit views", "count", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]

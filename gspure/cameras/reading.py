@@ -70,7 +70,8 @@ def read_lenses(path: str | Path) -> list[Camera]:
 
     `path` is a cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses of
     ``ns-export cameras``, or a folder: with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with
-    one of those files; or with one subfolder, up to two levels deeper, that has them.
+    one of those files; or with one subfolder, up to two levels deeper, that has them. Raise `InputError` if there are
+    no cameras, or a field is invalid.
     """
     path = Path(path)
     place = camera_place(path)

@@ -27,7 +27,7 @@ COMMANDS = {
     "train": "train a 3DGS model from photographs",
     "doctor": "check OpenCL devices, OpenGL and packages; with --fix, install what is missing",
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
-    "scan": "look for hidden content in a model without a key, and say how clean models compare",
+    "scan": "look for hidden content in a model without a key, and compare the model with clean ones",
     "render": "render a model's views to images",
     "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
     "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
@@ -35,7 +35,7 @@ COMMANDS = {
     "detect": "read bits from images with a scheme's key, or bits or scores with a program of your own",
     "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
-    "report": "write tables, figures and report of a run, even if it failed or still goes on",
+    "report": "write tables, figures and report of a run, even if it failed or is running",
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
     "completion": "print a script for tab completion in a shell",
 }

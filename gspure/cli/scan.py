@@ -22,7 +22,7 @@ EXAMPLES = """\
   gspure scan output/bicycle --json
 
 The verdict is "hidden content likely", "nothing found", or "unlike the calibration models" (docs/scan.md). At most 1 %
-of the clean files of the calibration lie beyond a threshold. "Nothing found" does not mean that nothing is hidden.
+of the clean calibration files lie beyond any threshold. "Nothing found" does not mean that nothing is hidden.
 
 never drawn  rows whose opacity is at most 1/255
 unseen       other rows without weight in the training views among the cameras
@@ -33,7 +33,7 @@ flatter      than a row that is drawn or seen: hidden surfaces are flat, floater
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    parser.reads("--cameras", "SOURCE", "public views, which weigh the rows: a file or folder", required=False)
+    parser.reads("--cameras", "SOURCE", "public views, used to weight the rows: a file or folder", required=False)
     parser.flag("--json", "print the verdict as JSON")
     parser.writes("--picture", "PNG", "also draw the rows that the statistics count", required=False)
     options.add_device(parser)

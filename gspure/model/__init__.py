@@ -51,7 +51,7 @@ def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
     The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
-    of an unpacked or streamed SOG model.
+    of an unpacked or streamed SOG model. Raise `InputError` if there is no such file, or if it holds no 3DGS model.
     """
     file = model_file(Path(path))
     if file.suffix.lower() == ".ksplat":
@@ -87,7 +87,8 @@ def model_file(path: Path) -> Path:
 def write_model(path: str | Path, model: Gaussians) -> None:
     """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all.
 
-    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format, which rounds all values.
+    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format, which rounds all values. Raise
+    `InputError` for the name of a format that is only read.
     """
     write = write_ply if is_plain(Path(path)) else write_compressed
     write(Path(path), model)

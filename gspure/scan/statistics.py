@@ -35,11 +35,11 @@ STATISTICS: Final = (
     Statistic("bit_entropy", "colours: least entropy of 8 low bits", raised=False, is_share=False),
     Statistic("never_drawn", "never drawn: share of the rows", raised=True, is_share=True),
     Statistic("never_drawn_clump", "never drawn: clumping", raised=True, is_share=False),
-    Statistic("never_drawn_flat", "never drawn: probability to be flatter", raised=True, is_share=False),
+    Statistic("never_drawn_flat", "never drawn: chance of being flatter", raised=True, is_share=False),
     Statistic("repeated", "repeated centres: share of the rows", raised=True, is_share=True),
     Statistic("unseen", "unseen: share of the rows", raised=True, is_share=True, of_weights=True),
     Statistic("unseen_clump", "unseen: clumping", raised=True, is_share=False, of_weights=True),
-    Statistic("unseen_flat", "unseen: probability to be flatter", raised=True, is_share=False, of_weights=True),
+    Statistic("unseen_flat", "unseen: chance of being flatter", raised=True, is_share=False, of_weights=True),
 )
 
 

@@ -47,8 +47,10 @@ def passes(statistic: Statistic, value: float, threshold: float) -> bool:
 
 
 def flagged(values: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
-    """Return the statistics that lie beyond their thresholds."""
-    return [s.name for s in STATISTICS if s.name in values and passes(s, values[s.name], limits[s.name])]
+    """Return the statistics that lie beyond their thresholds; those without one do not count."""
+    return [
+        s.name for s in STATISTICS if s.name in limits.keys() & values and passes(s, values[s.name], limits[s.name])
+    ]
 
 
 def likeness(model: Gaussians) -> dict[str, float]:
@@ -64,28 +66,31 @@ class Verdict:
     word: str  # `LIKELY`, `NOTHING` or `UNLIKE`
     reasons: tuple[str, ...]
     measured: Measured
+    limits: Mapping[str, float]  # thresholds of the statistics that count for this model
 
     def statistics(self) -> dict[str, dict[str, Any]]:
         """Return each statistic with its place among those of clean models, None where it cannot be measured."""
         return {
-            name: {"value": None if np.isnan(value) else value, **calibration()[name]._asdict()}
+            name: calibration()[name]._asdict()
+            | {"value": None if np.isnan(value) else value, "threshold": self.limits.get(name)}
             for name, value in self.measured.values.items()
         }
 
     def lines(self) -> Iterator[str]:
         """Yield the statistics as aligned lines of text, after a header; nothing without any."""
         if self.measured.values:
-            yield f"{'':<40}{'this file':>10}{'clean: 1 %':>12}{'median':>9}{'99 %':>9}   a message if"
+            yield f"{'':<40}{'this file':>10}{'clean: 1st':>12}{'50th':>9}{'99th':>9}   flagged if"
         for s in STATISTICS:
             if s.name in self.measured.values:
                 value, clean = self.measured.values[s.name], calibration()[s.name]
-                cells = [_text(s, number) for number in (value, clean.low, clean.median, clean.high, clean.threshold)]
-                mark = "  <--" * passes(s, value, clean.threshold)
-                side = "above" if s.raised else "below"
-                yield "{:<40}{:>10}{:>12}{:>9}{:>9}   {} {}{}".format(s.meaning, *cells[:4], side, cells[4], mark)
+                cells = [_text(s, number) for number in (value, clean.low, clean.median, clean.high)]
+                limit = self.limits.get(s.name, np.nan)
+                flag = f"{'above' if s.raised else 'below'} {_text(s, limit)}" if s.name in self.limits else "-"
+                mark = "  <--" * passes(s, value, limit)
+                yield "{:<40}{:>10}{:>12}{:>9}{:>9}   {}{}".format(s.meaning, *cells, flag, mark)
         if self.measured.values:
             clean = calibration()[LIKENESS[0]]
-            yield f"calibrated on {clean.files} clean files, made of {clean.models} models; - is not measurable"
+            yield f"percentiles of {clean.files} clean files from {clean.models} models; -: unknown, or does not count"
 
 
 def _text(statistic: Statistic, value: float) -> str:
@@ -94,9 +99,8 @@ def _text(statistic: Statistic, value: float) -> str:
     return f"{100 * value:.2f} %" if statistic.is_share else f"{value:.2f}"
 
 
-def _limit(statistic: Statistic) -> str:
-    side = "at most" if statistic.raised else "at least"
-    return f"{side} {_text(statistic, calibration()[statistic.name].threshold)}"
+def _limit(statistic: Statistic, limit: float) -> str:
+    return f"{'at most' if statistic.raised else 'at least'} {_text(statistic, limit)}"
 
 
 def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
@@ -104,21 +108,21 @@ def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
     nothing = Measured({}, {})
     if model.has_anchors:
         reason = "its rows are anchors: SecureGS publishes what Scaffold-GS does, and keeps the message's networks"
-        return Verdict(UNLIKE, (reason,), nothing)
+        return Verdict(UNLIKE, (reason,), nothing, {})
     if model.sh_degree < 0:
         scheme = recognized(model)
         reason = f"it stores features that only a network decodes, as {scheme.name} does" if scheme else "no colours"
-        return Verdict(LIKELY if scheme else UNLIKE, (reason,), nothing)
-    measured, clean = measure(model, weights), calibration()
+        return Verdict(LIKELY if scheme else UNLIKE, (reason,), nothing, {})
+    measured = measure(model, weights)
     reasons = [_likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)]
-    names = flagged(measured.values, {name: row.threshold for name, row in clean.items()})
-    suspects = [(s, measured.values[s.name]) for s in STATISTICS if s.name in names]
-    likely = measured.values["bit_entropy"] < NO_NOISE or (names and not reasons)
-    reasons[:0] = [f"{s.meaning} {_text(s, value)}, {_limit(s)} in clean models" for s, value in suspects]
-    word = LIKELY if likely else UNLIKE if reasons else NOTHING
+    limits = {"bit_entropy": NO_NOISE} if reasons else {s.name: calibration()[s.name].threshold for s in STATISTICS}
+    names = flagged(measured.values, limits)
+    word = LIKELY if names else UNLIKE if reasons else NOTHING
+    suspects = [(s, measured.values[s.name], limits[s.name]) for s in STATISTICS if s.name in names]
+    reasons[:0] = [f"{s.meaning} {_text(s, value)}, {_limit(s, limit)} in clean models" for s, value, limit in suspects]
     if np.isnan(measured.values["bit_entropy"]):
         reasons.append("the colours have too few values, as in compressed formats, or rows, to test their low bits")
-    return Verdict(word, tuple(reasons), measured)
+    return Verdict(word, tuple(reasons), measured, limits)
 
 
 def _is_alike(name: str, value: float) -> bool:

@@ -66,6 +66,13 @@ class TorchRenderer:
         background : tensor or sequence of C floats, optional
             Zero by default.
 
+        Raises
+        ------
+        TypeError
+            A tensor is not float32.
+        ValueError
+            A tensor has another shape, or not exactly one of `features` and `sh_coeffs` is given.
+
         """
         if (features is None) == (sh_coeffs is None):
             raise ValueError("give either features or sh_coeffs")
