@@ -18,7 +18,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
 from gspure.opencl.gradients import by_row
-from gspure.opencl.opacity_field import Rays
+from gspure.opencl.opacity_field import PointRays
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward, require_conservation
 from gspure.opencl.storage import positions_of, store, upload_attributes, upload_sh_coeffs
 
@@ -126,9 +126,12 @@ class Renderer:
             require_conservation(camera.name, touched, transmittance)
         return touched
 
+    def _point_rays(self, camera: Camera) -> PointRays:
+        return PointRays(self._engine, self._storage, camera, self._entry_budget)
+
     def _centre_contributions(self, camera: Camera) -> NDArray[np.void]:
-        owners = positions_of(self._storage.order)
-        shares = Rays(self._engine, self._storage, camera, self._entry_budget).blended(self.model.means, owners)
+        positions = positions_of(self._storage.order)
+        shares = self._point_rays(camera).contributions(self.model.means, positions)
         rows = np.flatnonzero(shares)
         touched = np.ones(len(rows), CONTRIBUTION)
         touched["index"], touched["sum"], touched["max"] = rows, shares[rows], shares[rows]
@@ -144,11 +147,11 @@ class Renderer:
         canvas = self._render(camera, Traversal(self.energy, median_depth=True)).canvas
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
-    def rays(self, camera: Camera) -> Rays:
+    def rays(self, camera: Camera) -> PointRays:
         """Return a view prepared for `opacities_at`; usable until the renderer's next image."""
         if self.energy != "ray":
             raise ValueError("opacities of points exist for the energy 'ray'")
-        return Rays(self._engine, self._storage, camera, self._entry_budget)
+        return self._point_rays(camera)
 
     def opacities_at(self, camera: Camera, points: NDArray[np.floating[Any]]) -> Float32:
         """Return the opacity [P] that a view's rays have met at each of the world `points` [P,3] (GOF).
@@ -156,7 +159,7 @@ class Renderer:
         Each Gaussian counts by its energy "ray" up to the point: by its maximum if that lies before the point, else by
         its value at the point. The opacity is 1 where the view does not show it. Raise ValueError for another energy.
         """
-        return self.rays(camera).blended(points)
+        return self.rays(camera).opacities(points)
 
     def vjp(
         self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None

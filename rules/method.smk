@@ -69,7 +69,7 @@ use rule base_step as decide_pruning with:
     input:
         model=get_public_model,
         tree=get_made("tree.npy"),
-        weights=lambda wildcards: get_model(wildcards).thresholded(get_decision(wildcards)),
+        thresholded=lambda wildcards: get_model(wildcards).thresholded(get_decision(wildcards)),
     output:
         clusters="results/{scheme}/{scene}{decision}/clusters.npz",
         mask="results/{scheme}/{scene}{decision}/prune_mask.npy",

@@ -96,7 +96,7 @@ def test_prepared_rays_serve_sets_of_points_and_end_at_a_transmittance(device, s
     points = points_around(model)
     renderer = Renderer(model, device, energy="ray", style=style, entry_budget=500)
     whole, rays = renderer.opacities_at(view, points), renderer.rays(view)
-    early = np.concatenate([rays.blended(part, least=0.5) for part in np.array_split(points, 3)])
+    early = np.concatenate([rays.opacities(part, least=0.5) for part in np.array_split(points, 3)])
     np.testing.assert_array_equal(early[whole <= 0.5], whole[whole <= 0.5])
     assert (early <= whole).all()
     assert (early < whole).any()

@@ -1,4 +1,4 @@
-"""Blending along the rays through points in space in one view (opacity_field.cl)."""
+"""Blending along the rays through points: opacities at them (GOF), or contributions of the energy "center_ray"."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ from gspure.opencl.storage import Rows, Storage
 FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
 
 
-class Rays:
+class PointRays:
     """A view prepared for blending along its rays through points; usable until the engine's next frame."""
 
     def __init__(self, engine: Engine, storage: Storage, camera: Camera, entry_budget: int) -> None:
@@ -30,13 +30,21 @@ class Rays:
         self.bands = bands(self.frame, self.projected, self.bounds, entry_budget)
         self.lists: TileLists | None = None  # of the last band
 
-    def blended(self, points: NDArray[Any], owners: Rows | None = None, least: float = TRANSMITTANCE_MIN) -> Float32:
+    def opacities(self, points: NDArray[Any], least: float = TRANSMITTANCE_MIN) -> Float32:
         """Return the opacity [P] blended up to each of the `points` [P,3]; 1 where the view does not show it.
 
         Blending ends at transmittances below `least`: opacities above 1 - `least` are lower bounds.
-        If the points are the centres of Gaussians, at the positions `owners` [P] in storage, return the contribution of
-        each on the ray through its centre; 0 where the view does not show it.
         """
+        return self._blended(points, None, least)
+
+    def contributions(self, centres: NDArray[Any], positions: Rows) -> Float32:
+        """Return the contribution [P] of Gaussians, at `positions` [P] in storage, on the rays through their `centres`.
+
+        It is 0 where the view does not show the centre.
+        """
+        return self._blended(centres, positions, TRANSMITTANCE_MIN)
+
+    def _blended(self, points: NDArray[Any], owners: Rows | None, least: float) -> Float32:
         columns, _ = self.frame.tiles
         rows, tiles, positions = _by_tile(self.frame, points)
         values = np.full(len(points), owners is None, np.float32)

@@ -1,4 +1,4 @@
-"""A model's arrays on the device: along a space-filling curve, in blocks (see vector.cl)."""
+"""A model's arrays on the device, in blocks (see vector.cl); more than `FEW` rows lie along a space-filling curve."""
 
 from __future__ import annotations
 

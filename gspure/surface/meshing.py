@@ -17,7 +17,7 @@ from gspure.model import Gaussians
 from gspure.model.finite import widened
 from gspure.model.gaussians import SCALES
 from gspure.opencl.device import Device
-from gspure.opencl.opacity_field import Rays
+from gspure.opencl.opacity_field import PointRays
 from gspure.progress import say, track
 from gspure.renderer import Renderer
 from gspure.surface.tetrahedra import box_points, march, shown, spaced, tetrahedra
@@ -121,6 +121,6 @@ def crossings(renderer: Renderer, cameras: Sequence[Camera], edges: Float64, fir
     return np.asarray((inner + outer) / 2)
 
 
-def _outside(rays: Rays, points: Float64) -> Bools:
+def _outside(rays: PointRays, points: Float64) -> Bools:
     """Return the mask of the `points` [P,3] that a view sees outside."""
-    return np.asarray(rays.blended(points, least=1 - LEVEL) < LEVEL)
+    return np.asarray(rays.opacities(points, least=1 - LEVEL) < LEVEL)

@@ -50,7 +50,7 @@ class Variant:
 
     @property
     def measured(self) -> dict[str, str]:
-        """The files that its attack needs beside the model."""
+        """The files that its attack needs beside the model; weights, masks and labels are those of its decision."""
         model, decision = self.model, self.settings.get("decision", METHOD)
         files = {"opacities": model.path("opacities.npy"), "surface": f"{model.folder}/surface.npy"}
         files |= {name: model.path(f"{name}.npy", decision) for name in ("weights", "prune_mask")}

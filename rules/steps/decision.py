@@ -15,17 +15,16 @@ from gspure.model.summary import suspicious_rows
 from gspure.workflow.step import run
 
 
-def decide(model: Path, tree: Path, weights: Path, clusters: Path, mask: Path, diagnosis: Path, **how: Any) -> None:
+def decide(model: Path, tree: Path, thresholded: Path, clusters: Path, mask: Path, diagnosis: Path, **how: Any) -> None:
     edges, factors = read_tree(tree), {name: how.pop(name) for name in ("tau_c", "tau_n")}
     labels, coincident = select(edges, **how), coincident_points(edges)
     write_clusters(clusters, labels, coincident, how)
-    # These are opacities if the clusters ignore weights.
-    omega = load_array(weights, dtype=np.float32, shape=(len(labels),), least=0)
-    save_array(mask, prune_mask(labels, omega, **factors))
-    diagnosed = diagnose(labels, omega, **factors, coincident=coincident, quantity=weights.stem)
+    values = load_array(thresholded, dtype=np.float32, shape=(len(labels),), least=0)
+    save_array(mask, prune_mask(labels, values, **factors))
+    diagnosed = diagnose(labels, values, **factors, coincident=coincident, quantity=thresholded.stem)
     suspicious = {reason: rows.tolist() for reason, rows in suspicious_rows(read_model(model)).items()}
     write_json(diagnosis, diagnosed.to_json() | {"suspicious": suspicious})
-    inputs = {"model": model, "tree": tree, "weights": weights}
+    inputs = {"model": model, "tree": tree, thresholded.stem: thresholded}
     write_provenance(mask.parent, "decision", inputs=inputs, settings=how | factors)
 
 
