@@ -56,10 +56,7 @@ def assert_contributions_agree(actual, reference, *, tight=5e-6):
     dense = np.zeros(len(reference.sums), actual.dtype)
     dense[actual["index"]] = actual
     touched = np.maximum(reference.pixels, 1)
-    for error in (
-        np.abs(dense["sum"] - reference.sums) / touched,
-        np.abs(dense["max"] - reference.maxima),
-    ):
+    for error in (np.abs(dense["sum"] - reference.sums) / touched, np.abs(dense["max"] - reference.maxima)):
         assert error.sum() <= tight * error.size
         assert (error < max(FLIP, 20 * tight)).all()
     flipped = np.abs(dense["pixels"].astype(np.int64) - reference.pixels)

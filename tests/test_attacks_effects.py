@@ -33,9 +33,6 @@ def image(model: Gaussians, view=None) -> np.ndarray:
     return render(model, view or camera(), "ewa").channels
 
 
-# --- pruning ----------------------------------------------------------------------------------------------------------
-
-
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
 def test_exactly_the_fraction_of_lowest_or_random_rows_is_removed(count: int, fraction: float, seed: int) -> None:
@@ -82,9 +79,6 @@ def test_crop_keeps_a_box_and_a_larger_one_keeps_more(fraction: float, seed: int
         np.testing.assert_array_equal(inside, ~attacked.prune_mask)
 
 
-# --- rows -------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_reordering_is_a_permutation_that_no_image_shows(kind: str) -> None:
     model = KINDS[kind](COUNT)
@@ -119,9 +113,6 @@ def test_injected_rows_are_moved_copies_behind_the_untouched_ones(kind: str, fra
     assert attacked.model.table[:COUNT].tobytes() == model.table.tobytes()
     assert changed(Gaussians(model.table[attacked.rows]), attacked.model) <= {"x", "y", "z"}
     assert (attacked.model.means[COUNT:] != model.means[attacked.rows[COUNT:]]).any(axis=1).all()
-
-
-# --- values -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -184,9 +175,6 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
     assert {name.rpartition("_")[0] for name in changed(before, after)} == {"f_rest"}
 
 
-# --- compressed formats -----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("codec", ["compressed_ply", "spz"])
 @pytest.mark.parametrize("degree", range(4))
 def test_rows_come_back_nearly_as_they_were_and_the_same_way_each_time(codec: str, degree: int) -> None:
@@ -210,9 +198,6 @@ def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPat
         apply("compression", blobs(300))
 
 
-# --- motion -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("view", [camera(), tilted_camera()], ids=["straight", "tilted"])
 def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view) -> None:
     before = blobs(20)
@@ -221,8 +206,6 @@ def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view)
     assert np.abs(image(attacked.model, view.moved(attacked.transform)) - truth).mean() < 1e-4
     assert np.abs(image(attacked.model, view) - truth).mean() > 1e-2
 
-
-# --- the message ------------------------------------------------------------------------------------------------------
 
 BITS = ("f_dc_*", "f_rest_*", "opacity")  # Splats in Splats, read from the public colours
 PLACES = ("x", "y", "z")  # the same, with the owner's own colours and opacities

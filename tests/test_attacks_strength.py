@@ -22,10 +22,7 @@ VIEWS = [camera(name="a"), tilted_camera(name="b")]
 @pytest.mark.parametrize("target", [0.3, 1.0, 2.0])
 @pytest.mark.parametrize(
     ("strength", "damage"),
-    [
-        (Strength("fraction", 0.0, 1.0), lambda x: 30 * x**2),
-        (Strength("tau", 100.0, 0.01, "log"), lambda x: 4 / x),
-    ],
+    [(Strength("fraction", 0.0, 1.0), lambda x: 30 * x**2), (Strength("tau", 100.0, 0.01, "log"), lambda x: 4 / x)],
 )
 def test_a_search_on_a_monotone_damage_meets_its_target_in_few_evaluations(strength, damage, target) -> None:
     tried = []

@@ -39,14 +39,6 @@ def test_intrinsics_of_frames_are_those_of_their_views(tmp_path):
     assert (second.K[0, 0], second.width) == (500, 640)
 
 
-ODD = {
-    "normalized": {"cx": 0.5, "cy": 0.5},
-    "normalized focal": {"fl_x": 0.8, "fl_y": 0.8},
-    "another size": {"w": 1280, "h": 960},
-}
-ODD |= {"unequal": {"fl_x": 500.0, "fl_y": 1500}, "almost none": {"fl_x": 1e10, "fl_y": 1e-300}}
-
-
 @given(quats, numbers(-5, 5), numbers(-5, 5), numbers(0.1, 5))
 def test_the_camera_looks_along_minus_z_with_y_up(tmp_path_factory, quat, x, y, depth):
     rotation, position = rotation_from(quat), np.array([3.0, -1.0, 2.0])

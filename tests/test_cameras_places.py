@@ -110,10 +110,7 @@ def test_a_larger_model_beside_the_one_that_is_read_is_mentioned(project, capsys
 
 @pytest.mark.parametrize(
     ("places", "hint"),
-    [
-        (["images elsewhere"], "--images DIR"),
-        (["images/orbit_000.png ../gone.png"], "--skip-missing` leaves out"),
-    ],
+    [(["images elsewhere"], "--images DIR"), (["images/orbit_000.png ../gone.png"], "--skip-missing` leaves out")],
 )
 def test_the_hint_about_missing_photographs_can_help(project, places, hint):
     for skip_missing in (False, "skip" not in hint):

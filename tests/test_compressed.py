@@ -12,12 +12,7 @@ from PIL import Image
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
 from gspure.model.rotations import rotation_matrices
-from tests.compressed_cases import (
-    SPLAT_TRANSFORM,
-    model,
-    unpacked_sog,
-    write_all,
-)
+from tests.compressed_cases import SPLAT_TRANSFORM, model, unpacked_sog, write_all
 from tests.models import blobs
 
 NAMES = ["model.splat", "version 2.spz", "v3.spz", "v4.spz", "model.compressed.ply"]

@@ -89,10 +89,7 @@ def test_an_interrupted_job_keeps_its_finished_views_and_the_next_one_computes_t
     assert renderer.asked == ["view_2", "view_3"]
 
 
-DAMAGES = {
-    "cut": lambda content: content[:-5],
-    "another dtype": lambda content: content.replace(b"pixels", b"texels"),
-}
+DAMAGES = {"cut": lambda content: content[:-5], "another dtype": lambda content: content.replace(b"pixels", b"texels")}
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)

@@ -66,10 +66,7 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
     assert math.isnan(read_table(tmp_path / "r.csv", Sample)[0].number)
 
 
-@pytest.mark.parametrize(
-    "line",
-    ["", "x", "x,c,1,,1,true,1,2,,", "x,a,1,,one,true,1,2,,", "x,a,1,,1,true,,,,"],
-)
+@pytest.mark.parametrize("line", ["", "x", "x,c,1,,1,true,1,2,,", "x,a,1,,one,true,1,2,,", "x,a,1,,1,true,,,,"])
 def test_a_corrupt_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
     rest = "," * 2 * len(METRICS) if line.count(",") > 1 else ""
     (tmp_path / "r.csv").write_text(f"{COLUMNS}\n{line}{rest}\n" if line else "")

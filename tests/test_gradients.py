@@ -44,9 +44,6 @@ def bits(found):
     return [getattr(found, field.name).tobytes() for field in fields(found)]
 
 
-# --- agreement with the reference -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("case", AWKWARD)
 def test_gradients_of_awkward_models_agree_with_the_reference(device, style, case):
     model, view = AWKWARD[case]()
@@ -102,9 +99,6 @@ def test_gradients_are_slopes_of_random_scenes(device, style, seed, name, larges
     terms = getattr(pullback(gradient), GRADIENT_OF[name]) * direction
     slope = exact.slope(name, direction, view, gradient)
     assert slope == pytest.approx(terms.sum(), abs=1e-4 * np.linalg.norm(terms) + 1e-5)
-
-
-# --- the rules --------------------------------------------------------------------------------------------------------
 
 
 def test_nothing_but_colour_flows_through_a_clamped_alpha(device, style):
@@ -172,9 +166,6 @@ def test_a_row_that_is_not_drawn_has_no_gradient_and_leaves_no_trace(device, sty
         assert not found[17:].any(), field.name
 
 
-# --- invariants -------------------------------------------------------------------------------------------------------
-
-
 def test_the_image_of_a_vjp_is_the_image(device, style):
     model, view = blobs(60, 3), tilted_camera(33, 31)
     renderer, features = Renderer(model, device, style=style), model.means
@@ -190,9 +181,6 @@ def test_the_gradient_of_a_feature_is_the_gaussians_contribution(device, style):
     found = pullback(np.ones((view.height, view.width, 1), np.float32)).channels[:, 0]
     np.testing.assert_allclose(found[contributions["index"]], contributions["sum"], rtol=1e-5, atol=1e-5)
     assert np.count_nonzero(found) == len(contributions)
-
-
-# --- determinism ------------------------------------------------------------------------------------------------------
 
 
 def test_a_second_vjp_gives_the_same_bits(device, style):
@@ -216,9 +204,6 @@ def test_bands_give_the_same_gradients(device, style, budget):
     _, pullback = banded.vjp(view)
     assert bits(pullback(random_gradient(view))) == expected
     assert bits(pullback(random_gradient(view))) == expected
-
-
-# --- refusals ---------------------------------------------------------------------------------------------------------
 
 
 def test_a_pullback_ends_with_the_renderers_next_image(device):

@@ -9,12 +9,7 @@ from PIL import Image
 
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
-from gspure.images import (
-    FORMATS,
-    read_back,
-    read_image,
-    write_image,
-)
+from gspure.images import FORMATS, read_back, read_image, write_image
 from gspure.training.dataset import _with_photographs
 from tests.models import camera
 

@@ -32,9 +32,6 @@ def pictures(height, width, channels=3, seed=0):
     return np.maximum(image, 0).astype(np.float32), target.astype(np.float32)
 
 
-# --- the oracle -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("size", SIZES, ids="{0[0]}x{0[1]}".format)
 def test_the_reference_is_the_evaluations_ssim_and_a_mean_difference(size):
     image, target = pictures(*size)
@@ -53,9 +50,6 @@ def test_every_entry_of_the_references_gradient_is_a_slope(weight):
         step[place] = 1e-6
         ahead, back = (reference_loss(image + sign * step, target, weight)[0] for sign in (1, -1))
         assert (ahead - back) / 2e-6 == pytest.approx(gradient[place], rel=1e-5, abs=1e-9)
-
-
-# --- the kernels ------------------------------------------------------------------------------------------------------
 
 
 def assert_agrees(engine, image, target, weight):

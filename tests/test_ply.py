@@ -124,9 +124,6 @@ def test_elements_after_the_vertices_are_skipped(tmp_path):
     assert read_model(save(tmp_path / "m.ply", content)).table.tobytes() == table.tobytes()
 
 
-# --- what is read although it is not quite a 3DGS model --------------------------------------------------------------
-
-
 def read_with_a_warning(path, capsys):
     """Return a model and the one warning that reading it prints."""
     model = read_model(path)
@@ -237,9 +234,6 @@ def test_flat_gaussians_get_a_thin_third_axis(tmp_path, capsys):
     model, line = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
     np.testing.assert_allclose(model.scales, [np.exp([-1, -2, -2]) * [1, 1, 1e-3]] * 3, rtol=1e-6)
     assert "2DGS" in line
-
-
-# --- what is refused --------------------------------------------------------------------------------------------------
 
 
 def refusal(path):

@@ -74,13 +74,7 @@ def test_decisions_do_not_depend_on_the_order_of_rows(found: Purification) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("reduction", "mean"),
-        ("min_samples", 0),
-        ("selection", "best"),
-        ("tau_n", float("nan")),
-    ],
+    ("name", "value"), [("reduction", "mean"), ("min_samples", 0), ("selection", "best"), ("tau_n", float("nan"))]
 )
 def test_settings_out_of_range_are_refused_before_anything_is_rendered(monkeypatch, name: str, value: object) -> None:
     monkeypatch.setattr("gspure.renderer.Renderer", None)

@@ -53,9 +53,6 @@ def assert_same_bits(first, second):
         assert a.tobytes() == b.tobytes()
 
 
-# --- agreement with the reference -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("case", AWKWARD)
 def test_awkward_models_agree_with_the_reference(device, style, energy, case):
     model, view = AWKWARD[case]()
@@ -107,9 +104,6 @@ def test_random_scenes_agree(device, style, energy, seed, count, size, largest, 
     assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(*size, focal=focal), tight=2e-5)
 
 
-# --- culling ----------------------------------------------------------------------------------------------------------
-
-
 def test_the_near_plane_belongs_to_what_is_culled(device, style, energy):
     near = np.float32(NEAR_PLANE)
     depths = np.array([np.nextafter(near, np.float32(0)), near, np.nextafter(near, np.float32(1))])
@@ -157,9 +151,6 @@ def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, colum
         assert_same_bits([getattr(alone, product)(view)], [getattr(among, product)(view)])
 
 
-# --- invariants -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("case", AWKWARD)
 def test_weights_and_transmittance_add_up_to_one(device, style, energy, case):
     model, view = AWKWARD[case]()
@@ -173,9 +164,6 @@ def test_weights_and_transmittance_add_up_to_one(device, style, energy, case):
     assert (contributions["max"] <= contributions["sum"] * (1 + 1e-6) + 1e-6).all()
     assert (contributions["sum"] <= contributions["max"] * contributions["pixels"] * (1 + 1e-6) + 1e-5).all()
     assert (contributions["pixels"] <= view.width * view.height).all()
-
-
-# --- determinism ------------------------------------------------------------------------------------------------------
 
 
 def test_a_second_run_gives_the_same_bits(device, style, energy):
@@ -240,9 +228,6 @@ def test_a_device_is_chosen_only_where_none_is_named(device, monkeypatch):
     assert Renderer(blobs(1), device)._engine.device == device.cl_device
     with pytest.raises(AttributeError):
         Renderer(blobs(1))
-
-
-# --- refusals ---------------------------------------------------------------------------------------------------------
 
 
 def test_an_image_needs_colours(device):

@@ -169,9 +169,6 @@ def few_steps(embedded):
     return embedded.settings | ({"iterations": 6} if "iterations" in embedded.settings else {})
 
 
-# --- rows, registry, commands -----------------------------------------------------------------------------------------
-
-
 def test_a_model_is_opened_by_its_columns(tmp_path):
     model = blobs(5, sh_degree=0)
     write_model(tmp_path / "point_cloud.ply", model)

@@ -56,9 +56,6 @@ def bits(state):
     return [array.tobytes() for part in arrays(state) for array in part]
 
 
-# --- one step ---------------------------------------------------------------------------------------------------------
-
-
 def reference_step(model, view, photograph):
     """(loss, gradients of the activated parameters) of one view."""
     rendered = render(model, view, "ewa", background=BACKGROUND)
@@ -87,9 +84,6 @@ def test_a_step_follows_the_references_gradient_of_the_loss(device, style, numbe
     assert_gradients_agree(actual, expected, model, tight=2e-5)
 
 
-# --- spherical harmonics by and by ------------------------------------------------------------------------------------
-
-
 def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style):
     """A model of degree 2, used to degree 1, is the model of degree 1."""
     rich = scene(sh_degree=2)
@@ -106,12 +100,6 @@ def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style
     found.sh_degree_active = 2
     steps(found, range(1))
     assert found.state().first.sh_coeffs[:, 4:].any()
-
-
-# --- state ------------------------------------------------------------------------------------------------------------
-
-
-# --- statistics -------------------------------------------------------------------------------------------------------
 
 
 def test_statistics_add_up_gradients_of_centres_in_units_of_the_image(device, style):
