@@ -18,7 +18,7 @@ from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.cameras import Camera, read_cameras, split
 from gspure.cli import main
 from gspure.evaluation.csv_tables import csv_text, grouped, write_table
-from gspure.evaluation.significance import detectability
+from gspure.evaluation.statistics import detectability
 from gspure.files import filling, write_text
 from gspure.method.purify import purify
 from gspure.method.weights import accumulate

@@ -7,6 +7,8 @@ import pytest
 
 from gspure import plugins
 from gspure.attacks import (
+    BUILT_IN,
+    GROUP,
     Attack,
     Attacked,
     Measurements,
@@ -15,7 +17,6 @@ from gspure.attacks import (
     compression,
     find_attack,
     learning,
-    registry,
 )
 from gspure.errors import InputError
 from tests.attack_cases import KINDS, apply, measurements
@@ -23,7 +24,7 @@ from tests.models import blobs
 
 COUNT = 40
 ELSEWHERE = (*compression.ATTACKS, *learning.ATTACKS)  # they need a package, or views
-HERE = [attack for attack in registry.BUILT_IN if attack not in ELSEWHERE]
+HERE = [attack for attack in BUILT_IN if attack not in ELSEWHERE]
 KEEPS_ALL_ROWS = {
     *("gaussian_noise", "opacity_noise", "position_noise", "feature_scaling", "quantize", "sh_truncation"),
     *("rigid_transform", "densify_clone", "inject", "reorder"),
@@ -95,8 +96,8 @@ def offer(monkeypatch: pytest.MonkeyPatch):
     """Return a function that offers a plug-in of this module."""
 
     def register(target: str) -> None:
-        entry = EntryPoint("theirs", f"{__name__}:{target}", registry.GROUP)
-        monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == registry.GROUP else [])
+        entry = EntryPoint("theirs", f"{__name__}:{target}", GROUP)
+        monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == GROUP else [])
 
     return register
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from gspure.attacks import Strength, find_attack
-from gspure.attacks.registry import BUILT_IN
+from gspure.attacks import BUILT_IN, Strength, find_attack
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.errors import InputError
 from gspure.evaluation.matched import DAMAGE_TOLERANCE

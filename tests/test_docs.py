@@ -11,8 +11,7 @@ import pytest
 import yaml
 
 from gspure import constants
-from gspure.attacks import Measurements, attacks
-from gspure.attacks.registry import BUILT_IN
+from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.survival import Survival
 from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges

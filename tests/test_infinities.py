@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gspure.attacks import NotApplicable, find_attack, registry
+from gspure.attacks import BUILT_IN, NotApplicable, find_attack
 from gspure.method.purify import purify
 from gspure.model import read_model, require_finite, write_model
 from gspure.model.finite import drawable, undrawable_rows
@@ -66,7 +66,7 @@ def test_purification_prunes_the_same_rows_and_keeps_them_as_stored(device):
     assert np.isinf(kept["opacity"]).any()
 
 
-@pytest.mark.parametrize("attack", registry.BUILT_IN, ids=lambda attack: attack.name)
+@pytest.mark.parametrize("attack", BUILT_IN, ids=lambda attack: attack.name)
 def test_attacks_do_the_same_to_them(device, attack):
     for package in attack.packages:
         pytest.importorskip(package)

@@ -42,7 +42,7 @@ OWNERS = {
     "matplotlib": ("figures",),
     "argparse": ("cli",),
     "plyfile": ("model",),
-    "gsply": ("model/compression.py",),
+    "gsply": ("model/compressed.py",),
     "hdbscan": ("method/tree.py",),
     "snakemake": (),
     "requests": ("datasets.py",),
@@ -143,21 +143,21 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1602, 12),
-    "attacks": (1091, 10),
+    "attacks": (1088, 9),
     "cameras": (1420, 11),
-    "cli": (2199, 23),
-    "evaluation": (2489, 16),
+    "cli": (2198, 23),
+    "evaluation": (2491, 15),
     "figures": (1507, 10),
     "method": (1041, 10),
-    "model": (1707, 13),
-    "opencl": (2223, 20),
-    "report": (1878, 15),
+    "model": (1685, 11),
+    "opencl": (2222, 20),
+    "report": (1863, 14),
     "scan": (276, 3),
     "scenes": (908, 7),
-    "schemes": (2797, 24),
+    "schemes": (2794, 24),
     "surface": (293, 4),
     "training": (1129, 9),
-    "workflow": (901, 8),
+    "workflow": (900, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gspure.attacks.registry import attacks
+from gspure.attacks import attacks
 from gspure.errors import InputError
 from gspure.schemes.registry import schemes
 from gspure.settings import Range, bounds, defaults, parsed_settings, require_settings

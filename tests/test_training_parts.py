@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.model.activations import sigmoid
+from gspure.model.gaussians import sigmoid
 from gspure.training.dataset import extent
 from gspure.training.initialization import COMMON_SHARE, consistent_points, gaussians_at, random_points, view_counts
 from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint

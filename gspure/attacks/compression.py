@@ -11,13 +11,12 @@ from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.errors import InputError
 from gspure.files import Float64, Indices
 from gspure.model import read_model, write_model
-from gspure.model.compressed import CHUNK
-from gspure.model.compression import PACKAGES, PACKED_PLY, SPZ
+from gspure.model.compressed import CHUNK, PACKAGES, PACKED_PLY
 from gspure.model.gaussians import COLOUR, CORE, Gaussians
 from gspure.opencl.storage import morton_codes
 from gspure.public_model import Columns
 
-_SUFFIXES: Final = {"compressed_ply": PACKED_PLY, "spz": SPZ}
+_SUFFIXES: Final = {"compressed_ply": PACKED_PLY, "spz": ".spz"}
 
 
 def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "compressed_ply") -> Attacked:

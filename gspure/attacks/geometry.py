@@ -16,8 +16,7 @@ from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
 from gspure.files import Float64
-from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.model.rotations import moved, rotation
 from gspure.public_model import Columns
 from gspure.settings import Range, Share

@@ -10,8 +10,7 @@ from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
 from gspure.constants import MAX_SH_DEGREE
 from gspure.files import Float32
-from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.public_model import ATTRIBUTES, Columns
 from gspure.settings import Amount, Range
 

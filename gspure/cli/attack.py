@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Measurements, NotApplicable, find_attack
-from gspure.attacks.registry import BUILT_IN
+from gspure.attacks import BUILT_IN, Measurements, NotApplicable, find_attack
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser

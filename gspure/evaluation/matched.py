@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.intervals import Interval, by_scene, mean_interval, scene_means
 from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
 from gspure.evaluation.outcomes import SCENE, OfCondition, Outcome, by_condition, cells, extractions
+from gspure.evaluation.statistics import Interval, by_scene, mean_interval, scene_means
 from gspure.files import Bools
 from gspure.progress import decimal
 

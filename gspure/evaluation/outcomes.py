@@ -8,10 +8,10 @@ from typing import Annotated, Final, NamedTuple
 from gspure.evaluation.comparison import ViewMetrics
 from gspure.evaluation.csv_tables import UNPREFIXED, grouped
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.intervals import Interval, difference, known_interval
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, display_name
 from gspure.evaluation.retrieval import Retrieval
+from gspure.evaluation.statistics import Interval, difference, known_interval
 
 SCENE, MESSAGE, BITS = "scene", "message", "bits"
 

@@ -13,10 +13,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.intervals import Interval, mean_interval
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, OfCondition
+from gspure.evaluation.statistics import Interval, mean_interval
 from gspure.evaluation.survival import Survival
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")

@@ -9,7 +9,7 @@ import numpy as np
 from gspure.errors import InputError
 from gspure.evaluation.comparison import ImagePair
 from gspure.evaluation.metrics import gradient_correlation
-from gspure.evaluation.significance import detectability
+from gspure.evaluation.statistics import detectability
 from gspure.files import Float64
 from gspure.images import levels, read_image
 

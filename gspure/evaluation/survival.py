@@ -7,7 +7,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.intervals import LEVEL, Cells, Interval, differences, known_interval, scene_means
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
 from gspure.evaluation.names import (
@@ -30,7 +29,16 @@ from gspure.evaluation.outcomes import (
     is_picture,
     mean_of,
 )
-from gspure.evaluation.significance import Detectability, detectability
+from gspure.evaluation.statistics import (
+    LEVEL,
+    Cells,
+    Detectability,
+    Interval,
+    detectability,
+    differences,
+    known_interval,
+    scene_means,
+)
 from gspure.progress import decimal
 
 MARGIN: Final = 1.0  # smallest margin above the control level at which a message counts as present, dB

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gspure.evaluation.intervals import Interval
 from gspure.evaluation.names import extraction_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, is_picture
+from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import summarize
 from gspure.figures import style
 from gspure.figures.clouds import Purified

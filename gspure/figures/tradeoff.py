@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.intervals import known_interval, scene_means
 from gspure.evaluation.matched import damages, pareto_front, reached_name
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
+from gspure.evaluation.statistics import known_interval, scene_means
 from gspure.evaluation.survival import control_levels
 from gspure.figures import style
 

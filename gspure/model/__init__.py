@@ -1,19 +1,20 @@
 """A set of 3D Gaussians and its files."""
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from gspure import files
 from gspure.errors import InputError
-from gspure.model.compressed import read_splat
-from gspure.model.compression import is_plain, write_compressed, writer
-from gspure.model.finite import require_finite
+from gspure.model.compressed import PACKED_PLY, read_splat, write_packed, writing_package
+from gspure.model.finite import drawable, require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
 from gspure.model.ply import read_ply, write_ply
 from gspure.model.sog import read_sog, read_streamed
-from gspure.model.spz import read_spz
+from gspure.model.spz import read_spz, write_spz
 
 __all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_writable", "write_model"]
 
@@ -87,15 +88,37 @@ def model_file(path: Path) -> Path:
 def write_model(path: str | Path, model: Gaussians) -> None:
     """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all.
 
-    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format, which rounds all values. Raise
-    `InputError` for the name of a format that is only read.
+    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format. It rounds values and clips them to its
+    range, and rows that are not finite become invisible, with a warning. In a compressed ``.ply``, 256 successive rows
+    share one range of values: sort them along a space-filling curve before. Raise `InputError` for the name of a format
+    that is only read.
     """
-    write = write_ply if is_plain(Path(path)) else write_compressed
-    write(Path(path), model)
+    path = Path(path)
+    if _is_plain(path):
+        write_ply(path, model)
+        return
+    write = _writer(path)
+    if model.sh_degree < 0:
+        raise InputError(path, "colour", expected="columns f_dc_*", found="features")
+    with files.replacing(path) as temporary:
+        write(temporary, drawable(model, path.name))
 
 
 def require_writable(path: Path) -> None:
     """Refuse a file to which `write_model` cannot write a model, before any work is done."""
-    if not is_plain(path):
-        writer(path)
+    if not _is_plain(path):
+        _writer(path)
     files.require_writable(path.parent)
+
+
+def _is_plain(path: Path) -> bool:
+    """Return whether a name is that of a ``.ply`` that is not compressed."""
+    return path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY)
+
+
+def _writer(path: Path) -> Callable[[Path, Gaussians], None]:
+    """Return the function that writes the compressed format of a name; refuse other names, and a missing package."""
+    is_spz = path.suffix.lower() == ".spz"
+    if not (is_spz or path.name.endswith(PACKED_PLY)):
+        raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or .spz", found=path.suffix or "no suffix")
+    return partial(write_spz if is_spz else write_packed, writing_package(path))

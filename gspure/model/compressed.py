@@ -7,6 +7,8 @@ A compressed ``.ply`` of PlayCanvas has four numbers of 32 bits per Gaussian, re
     sh       f_rest_0, ...: uint8, with spherical harmonics beyond the zeroth only
 
 A ``.splat`` has 32 bytes per Gaussian, no header and no spherical harmonics beyond the zeroth.
+
+gsply (MIT), an optional package, writes compressed ``.ply`` and SPZ.
 """
 
 from pathlib import Path
@@ -18,19 +20,23 @@ from numpy.typing import NDArray
 from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
-from gspure.model.activations import LEAST_OPACITY, logit
-from gspure.model.gaussians import COEFFICIENTS, Gaussians
-from gspure.model.header import Header, require_size
+from gspure.model.gaussians import CERTAIN, COEFFICIENTS, LEAST_OPACITY, Gaussians, finite, logit
+from gspure.model.header import Header, require_size, with_comments
+from gspure.progress import warn
 
 Bits = tuple[tuple[int, int], ...]  # the lowest bit of each number, and its number of bits
 
 _COLUMNS: Final = 17  # columns of a model without spherical harmonics beyond the zeroth
 _OTHERS: Final = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
+PACKAGES: Final = {"gsply": "gspure[compression]"}
+PACKED_PLY: Final = ".compressed.ply"
+
 CHUNK: Final = 256  # rows that share a range of values
 _THREE: Final = ((21, 11), (11, 10), (0, 11))
 _ROTATION: Final = ((20, 10), (10, 10), (0, 10))
 _COLOUR: Final = ((24, 8), (16, 8), (8, 8))
+_CHUNK_STEPS: Final = np.array([2047, 1023, 2047])  # of a coordinate in a chunk: 11, 10 and 11 bits
 _HARMONICS: Final = 8  # range of spherical harmonics, from minus half of it
 
 _ROW: Final = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quat", "u1", 4)])
@@ -103,6 +109,46 @@ def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
     rest = np.sqrt(np.maximum(0, 1 - np.sum(np.square(three), 1, keepdims=True)))
     np.put_along_axis(quats, largest[:, None], rest, 1)
     return quats
+
+
+def writing_package(path: Path) -> Any:
+    """Return gsply, which writes compressed formats, or refuse to write `path` without it."""
+    try:
+        import gsply
+    except ImportError as error:
+        hint = f"pip install {PACKAGES['gsply']}"
+        raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
+    return gsply
+
+
+def write_packed(gsply: Any, path: Path, model: Gaussians) -> None:
+    """Write a compressed ``.ply``, with a warning of positions that rows far from each other in space coarsen."""
+    warn_of_clipping(model, f_rest_=(-4, 4), scale_=(-20, 20))
+    size, starts = float(np.median(model.scales.max(axis=1))), np.arange(0, len(model), CHUNK)
+    spans = np.maximum.reduceat(model.means, starts) - np.minimum.reduceat(model.means, starts)
+    steps = (spans / _CHUNK_STEPS).max(axis=1)
+    if rows := int(np.diff(np.append(starts, len(model)))[steps > size].sum()):
+        larger = f"steps of up to {steps.max():.3g}, larger than the median Gaussian ({size:.3g})"
+        warn(f"positions of {rows} of {len(model)} rows are rounded to {larger}: {CHUNK} consecutive rows share a box")
+    data = gsply.compress_to_bytes(gsply_parts(gsply, model, model.means, model.quats, model.sh_coeffs))
+    path.write_bytes(with_comments(data, model.comments))
+
+
+def warn_of_clipping(model: Gaussians, **ranges: tuple[float, float]) -> None:
+    """Warn of rows with values beyond the range of their column, named by its prefix."""
+    for prefix, (least, largest) in ranges.items():
+        values = model.columns(*model.columns_named(prefix))
+        if rows := int(((values < least) | (values > largest)).any(axis=1).sum()):
+            limits = f"{least:.3g} to {largest:.3g}"
+            warn(f"{prefix}* of {rows} of {len(model)} rows are clipped to the range of the format, {limits}")
+
+
+def gsply_parts(gsply: Any, model: Gaussians, means: Any, quats: Any, coeffs: Any) -> Any:
+    """Return columns [K,...] in the order and units of gsply, with finite numbers in place of infinities."""
+    quats = quats / np.maximum(np.linalg.norm(quats, axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    opacities = np.clip(model.table["opacity"], -CERTAIN, CERTAIN)
+    parts = means, finite(model.log_scales), quats, opacities, coeffs[:, 0], coeffs[:, 1:]
+    return gsply.GSData.from_arrays(*parts, format="ply")
 
 
 def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.files import Float32, Float64, Indices
-from gspure.model.activations import LEAST_OPACITY, NOTHING, logit
-from gspure.model.gaussians import COLOUR, CORE, SCALES, Gaussians
+from gspure.model.gaussians import COLOUR, CORE, LEAST_OPACITY, NOTHING, SCALES, Gaussians, logit
 from gspure.progress import warn
 
 FILTER: Final = "filter_3D"  # column of its standard deviation, world units

@@ -1,4 +1,4 @@
-"""A set of 3D Gaussians, stored as the table of its file."""
+"""A set of 3D Gaussians, stored as the table of its file: opacities as logits and scales as logarithms."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from mmap import MADV_DONTNEED, mmap
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.files import Float32, digest
-from gspure.model.activations import logit, sigmoid
 from gspure.progress import Described
 
 Table = NDArray[np.void]
@@ -32,6 +31,10 @@ _RENDER_MODE = re.compile(r"splatrendermode:? *(default|mip|2dgs)|(postshot\.ant
 """Comments of Brush, Postshot and PlayCanvas that name how a model is to be rendered, in lower case."""
 
 _BLOCK_ROWS = 4096
+
+CERTAIN: Final = 20.0  # a logit whose opacity is 1 in float32
+NOTHING: Final = -200.0  # a logit whose opacity is 0, and the logarithm of a size that is 0, in float32
+LEAST_OPACITY: Final = 1e-6  # changed opacities are clipped to this and one minus this, so that their logits are finite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -225,3 +228,20 @@ def _colour_columns(sh_coeffs: Values) -> dict[str, Values]:
     """Return the columns of coefficients [K,S,3] by name, channel-major."""
     rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(len(sh_coeffs), 3 * (sh_coeffs.shape[1] - 1))
     return dict(zip(COLOUR, sh_coeffs[:, 0].T, strict=True)) | {f"f_rest_{i}": rest[:, i] for i in range(rest.shape[1])}
+
+
+def sigmoid(logits: Float32) -> Float32:
+    """Return 1 / (1 + exp(-x)), with full relative precision for very negative logits."""
+    with np.errstate(over="ignore"):
+        return np.float32(1) / (np.float32(1) + np.exp(-logits))
+
+
+def logit(opacities: Any, least: float = 0.0) -> Float32:
+    """Return log(α / (1 - α)) of opacities, clipped to `least` .. 1 - `least` first."""
+    clipped = np.clip(np.asarray(opacities, np.float64), least, 1 - least)
+    return np.asarray(np.log(clipped) - np.log1p(-clipped), np.float32)
+
+
+def finite(stored: Float32) -> Float32:
+    """Return logits or logarithms with finite numbers of the same meaning in place of infinities."""
+    return np.asarray(np.nan_to_num(stored, nan=np.nan, posinf=CERTAIN, neginf=NOTHING))

@@ -8,23 +8,25 @@ The format has no field for a model's comments, so they are in the comment of th
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
-from gspure.model.compressed import from_bytes, require_room, smallest_three
+from gspure.model.compressed import from_bytes, gsply_parts, require_room, smallest_three, warn_of_clipping
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
-from gspure.model.header import decoded
+from gspure.model.header import decoded, encoded
+from gspure.progress import warn
 
-TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
-TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs of (w, x, y, z), and of degrees 1 to 3
-TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
+_TURNED: Final = np.array([1, -1, -1], np.float32)  # SPZ has y up and z backwards: a rotation by 180 degrees about x
+_TURNED_QUATS: Final = np.array([1, 1, -1, -1], np.float32)  # the signs of (w, x, y, z), and of degrees 1 to 3
+_TURNED_HARMONICS: Final = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.float32)[:, None]
 
 _GZIP: Final = b"\x1f\x8b"
 _GZIP_HEADER: Final = 10  # size
@@ -42,6 +44,8 @@ _OWN_AXES: Final = (b"\0\0\0\0", b"\4\0\0\0")  # none named, and right, up, back
 _MOST_EXTENSIONS: Final = 1 << 16  # bytes
 
 _COLOUR_SCALE: Final = 0.15
+_FRACTION_BITS: Final = 12  # of positions, as usual
+_FIXED_POINT: Final = (1 << 23) - 1  # the largest number of 24 bits
 _STEPS: Final = 511  # largest magnitude of a rotation's component: 9 bits, beside the sign
 
 
@@ -88,11 +92,37 @@ def read_spz(path: Path) -> Gaussians:
         return commented.with_comment(RENDER_MODE + "mip") if header.flags & _ANTIALIASED else commented
 
 
-def with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
+def write_spz(gsply: Any, path: Path, model: Gaussians) -> None:
+    """Write SPZ 3; positions have fewer digits, with a warning, if the farthest centre needs more room."""
+    warn_of_clipping(model, f_dc_=(-10 / 3, 10 / 3), f_rest_=(-1, 1), scale_=(-10, 6))
+    coeffs = model.sh_coeffs.copy()
+    coeffs[:, 1:] *= _TURNED_HARMONICS[: coeffs.shape[1] - 1]
+    parts = gsply_parts(gsply, model, model.means * _TURNED, model.quats * _TURNED_QUATS, coeffs)
+    gsply.write_spz(path, parts, fractional_bits=_fraction_bits(path, model))
+    path.write_bytes(_with_comments(path.read_bytes(), encoded(model.comments)))
+
+
+def _with_comments(data: bytes, comments: Sequence[bytes]) -> bytes:
     """Return a file of version 2 or 3 with comment lines and without a time; its gzip header has no further fields."""
     comment = b"\n".join(comments).replace(b"\0", b" ") + b"\0" if comments else b""
     flags = bytes([_COMMENTED if comments else 0])
     return data[:_FLAGS] + flags + bytes(4) + data[_FLAGS + 5 : _GZIP_HEADER] + comment + data[_GZIP_HEADER:]
+
+
+def _fraction_bits(path: Path, model: Gaussians) -> int:
+    """Return as many fractional bits as leave room for the farthest centre; warn if positions become coarser."""
+    distances = np.abs(model.means).max(axis=1)
+    farthest, size = float(distances.max()), float(np.median(model.scales.max(axis=1)))
+    bits = min(_FRACTION_BITS, math.floor(math.log2(_FIXED_POINT / max(farthest, 1))))
+    if bits < 1 or 2.0**-bits > size:
+        found = f"{2.0**-bits:.3g}, for coordinates up to {farthest:.3g}"
+        hint = "`gspure info` lists far rows; remove them"
+        raise InputError(path, "x, y, z", expected=f"steps of at most {size:.3g}", found=found, hint=hint)
+    if bits < _FRACTION_BITS:
+        far = int((distances > _FIXED_POINT / 2**_FRACTION_BITS).sum())
+        text = f"{far} of {len(model)} rows have coordinates beyond ±2048"
+        warn(f"{text}, so all positions are rounded to 1/{2**bits}, not to 1/4096")
+    return bits
 
 
 def _require_usual_values(extensions: bytes) -> None:
@@ -131,9 +161,9 @@ def _model(header: _Header, body: UInt8) -> Gaussians:
         sh[:] = (bytes_of_sh[0].reshape(sh.shape) - np.float32(128)) / 128
     rgb = (colours / 255 - 0.5) / _COLOUR_SCALE
     fixed = np.pad(centres.reshape(-1, 3), ((0, 0), (1, 0))).view("<i4").reshape(-1, 3) >> 8  # of 24 bits, signed
-    means = np.asarray(fixed / (1 << header.fraction_bits), np.float32) * TURNED
-    harmonics = sh * TURNED_HARMONICS[: sh.shape[1]]
-    return from_bytes(means, _quats(rotations) * TURNED_QUATS, scales / 16 - 10, alphas[:, 0], rgb, harmonics)
+    means = np.asarray(fixed / (1 << header.fraction_bits), np.float32) * _TURNED
+    harmonics = sh * _TURNED_HARMONICS[: sh.shape[1]]
+    return from_bytes(means, _quats(rotations) * _TURNED_QUATS, scales / 16 - 10, alphas[:, 0], rgb, harmonics)
 
 
 def _quats(stored: UInt8) -> Float32:

@@ -11,8 +11,7 @@ import pyopencl as cl
 
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.files import Float32, Float64, UInt32
-from gspure.model.activations import sigmoid
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import Gaussians, sigmoid
 from gspure.opencl.engine import Engine
 
 FEW = 1 << 14  # Gaussians that caches hold in any order: sorting them takes longer than it saves

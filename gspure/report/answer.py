@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import isfinite, isnan, nan
 from typing import Any, Literal, NamedTuple
 
-from gspure.evaluation.intervals import LEVEL, Interval
 from gspure.evaluation.matched import reached_damage
 from gspure.evaluation.names import (
     CONTROLS,
@@ -17,6 +16,7 @@ from gspure.evaluation.names import (
     extraction_name,
 )
 from gspure.evaluation.outcomes import SCENE, Outcome, is_picture, mean_of
+from gspure.evaluation.statistics import LEVEL, Interval
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.progress import UNKNOWN, decimal, percent, significant
 from gspure.report.audit import NO_VERDICT, Audit, Loss, audits

@@ -76,7 +76,7 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
     linked = [os.path.relpath(file.resolve(), results.resolve()) for file in links]
     page = environment().get_template("page.html.j2")
     thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
-    text = page.render(version=__version__, comparisons=comparisons, links=linked, **thresholds)
+    text = page.render(version=__version__, alone=False, comparisons=comparisons, links=linked, **thresholds)
     write_text(results / "report.html", text)
 
 
@@ -84,7 +84,7 @@ def write_view(path: Path, data: Mapping[str, Any]) -> None:
     """Write a page with the view of `gspure.figures.viewer.view_of` alone, whole or not at all."""
     from gspure import __version__
 
-    write_text(path, environment().get_template("view.html.j2").render(version=__version__, data=data))
+    write_text(path, environment().get_template("page.html.j2").render(version=__version__, alone=True, data=data))
 
 
 def picture(file: Path, caption: str, results: Path) -> Picture:

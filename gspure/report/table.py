@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.intervals import LEVEL, Interval
+from gspure.evaluation.statistics import LEVEL, Interval
 from gspure.progress import UNKNOWN, decimal
 
 _LATEX: Final = {ord(character): f"\\{character}" for character in "&%$#_{}"} | str.maketrans(

@@ -7,12 +7,12 @@ from typing import Final
 from gspure.evaluation.collecting import REMOVED
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.detection import Detection
-from gspure.evaluation.intervals import Interval
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.metrics import METRICS
 from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, is_picture, ordered
 from gspure.evaluation.paper import Beside
+from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import summarize
 from gspure.progress import UNKNOWN, decimal, percent, signed, significant
 from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document

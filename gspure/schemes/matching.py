@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.files import Float64, Indices
-from gspure.model.activations import finite
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import Gaussians, finite
 from gspure.model.rotations import moved
 from gspure.model.summary import extent_and_distances
 from gspure.public_model import PublicModel

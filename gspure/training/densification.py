@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from gspure.files import Bools, Float32, Indices
-from gspure.model.activations import logit, sigmoid
+from gspure.model.gaussians import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 
 GRADIENT_THRESHOLD: Final = 2e-4  # a Gaussian grows where the mean norm of dL/d(projected centre), in NDC, reaches this

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import MAX_SH_DEGREE, SH_DC
 from gspure.files import Float32, Float64, Indices, UInt8
-from gspure.model.activations import logit
+from gspure.model.gaussians import logit
 from gspure.opencl.trainable import Parameters
 
 OPACITY: Final = 0.1  # initial opacity (3DGS)

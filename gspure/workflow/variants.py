@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gspure.attacks import find_attack
+from gspure.attacks import BUILT_IN, find_attack
 from gspure.attacks.attack import Attack
-from gspure.attacks.registry import BUILT_IN
 from gspure.evaluation.collecting import ModelPlan
 from gspure.evaluation.detection import files_of
 from gspure.evaluation.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY

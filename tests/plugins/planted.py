@@ -13,7 +13,7 @@ import numpy as np
 from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.files import load_array, load_arrays, save_array, save_arrays
 from gspure.model import Gaussians
-from gspure.model.activations import logit
+from gspure.model.gaussians import logit
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import MESSAGE, Key, Scheme

@@ -15,7 +15,7 @@ import numpy as np
 from gspure.cameras.camera import Camera, looking_at, spread
 from gspure.files import Bools
 from gspure.model import Gaussians
-from gspure.model.activations import LEAST_OPACITY, logit
+from gspure.model.gaussians import LEAST_OPACITY, logit
 from gspure.opencl.device import Device
 from gspure.public_model import Rows
 from gspure.training.pytorch import torch

@@ -1,5 +1,3 @@
-"use strict";
-
 // Show the part of the page to which the address leads, or the first.
 const panels = [...document.querySelectorAll(".panel")];
 function reveal() {

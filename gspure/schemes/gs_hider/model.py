@@ -27,9 +27,8 @@ from gspure.cameras.camera import Camera
 from gspure.errors import InputError, reading
 from gspure.files import Float32, replacing
 from gspure.model import Gaussians, model_file, read_model
-from gspure.model.activations import sigmoid
 from gspure.model.finite import require_computed
-from gspure.model.gaussians import CORE, NORMALS
+from gspure.model.gaussians import CORE, NORMALS, sigmoid
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.frame import Energy

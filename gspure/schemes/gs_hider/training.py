@@ -10,7 +10,7 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.files import Float32
 from gspure.model import Gaussians
-from gspure.model.activations import sigmoid
+from gspure.model.gaussians import sigmoid
 from gspure.opencl.losses import Photographs
 from gspure.opencl.trainable import Parameters
 from gspure.renderer import Renderer

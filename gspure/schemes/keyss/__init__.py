@@ -20,8 +20,8 @@ from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
 from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians
-from gspure.model.activations import finite
 from gspure.model.finite import require_computed
+from gspure.model.gaussians import finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.trainable import Parameters
 from gspure.public_model import Lesson, PublicModel, Rows

@@ -22,9 +22,8 @@ import numpy as np
 from gspure.errors import InputError
 from gspure.files import Float32, Kind, load_arrays, save_arrays
 from gspure.model import Gaussians, read_model, write_model
-from gspure.model.activations import LEAST_OPACITY, logit, sigmoid
 from gspure.model.finite import require_computed, require_finite
-from gspure.model.gaussians import CORE
+from gspure.model.gaussians import CORE, LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.storage import morton_order
