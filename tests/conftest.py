@@ -59,6 +59,13 @@ def pair_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def pair(pair_folder):
+    from gspure.schemes.pair import read_pair
+
+    return read_pair(pair_folder)
+
+
+@pytest.fixture(scope="session")
 def own_pair_folder(tmp_path_factory):
     """The same pair with the message at poses of its own."""
     from tests.scheme_cases import small_pair

@@ -4,11 +4,14 @@ import importlib.util
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gspure.cameras.camera import Camera
 from gspure.cli import main
+from gspure.evaluation.metrics import psnr
 from gspure.files import Float32
+from gspure.public_model import RenderView
 from gspure.schemes.pair import Capture, read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme, hide
@@ -37,6 +40,11 @@ def small_pair(folder: Path, protocol: str = "shared") -> Path:
 def held_out(capture: Capture) -> list[tuple[Camera, Float32]]:
     """Return the held-out views of a capture, with their photographs."""
     return list(zip(capture.dataset.test, read_photographs(capture.dataset.test), strict=True))
+
+
+def quality(view: RenderView, capture: Capture) -> float:
+    """Return the mean PSNR of what is shown in the held-out views of a capture."""
+    return float(np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in held_out(capture)]))
 
 
 def example() -> Scheme:

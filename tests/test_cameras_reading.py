@@ -21,11 +21,6 @@ def colmap(folder):
     (folder / "images.txt").write_text("1 1 0 0 0 0 0 0 1 from_colmap.jpg\n\n")
 
 
-def test_an_output_folder_is_read_by_its_cameras_json(tmp_path):
-    write_cameras(tmp_path / "cameras.json", [view("a")])
-    assert [c.name for c in read_cameras(tmp_path)] == ["a"]
-
-
 def test_camera_files_are_recognized_by_content(tmp_path):
     frame = {"file_path": "b.png", "transform_matrix": POSE}
     (tmp_path / "cameras.json").write_text(json.dumps({"w": 8, "h": 6, "fl_x": 8, "frames": [frame]}))

@@ -88,6 +88,9 @@ def test_comments_and_the_background_among_them_survive(tmp_path, suffix):
     assert after.comments[-2:] == ("another", "of two lines")
     read_by_others = gsply.read_spz(path) if suffix == ".spz" else gsply.plyread(path)
     assert len(read_by_others) == 300
+    foreign = "\udcff café \x85"  # a byte that is no UTF-8, and what ends a line in other encodings
+    write_model(path, before.with_comment(foreign))
+    assert read_model(path).comments[-1] == foreign
 
 
 def test_spz_keeps_far_positions_in_coarser_steps_and_says_so(tmp_path, capsys):

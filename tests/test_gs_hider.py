@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from gspure.evaluation.metrics import psnr, ssim  # noqa: E402
+from gspure.evaluation.metrics import ssim  # noqa: E402
 from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402
@@ -17,29 +17,18 @@ from gspure.schemes.gs_hider.model import (  # noqa: E402
     SCENE_DECODER,
     DecoderFile,
 )
-from gspure.schemes.pair import read_pair  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
-from tests.scheme_cases import held_out  # noqa: E402
-
-
-@pytest.fixture(scope="module")
-def pair(pair_folder):
-    return read_pair(pair_folder)
-
-
-def quality(view, pair, which):
-    shown = held_out((pair.scene, pair.message)[which])
-    return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in shown])
+from tests.scheme_cases import quality  # noqa: E402
 
 
 def test_scene_and_message_are_learned_from_one_map(pair):
     def qualities(public, key):
-        return np.array([quality(public.scene(), pair, 0), quality(key.message(public, "message"), pair, 1)])
+        return np.array([quality(public.scene(), pair.scene), quality(key.message(public, "message"), pair.message)])
 
     public, key = hide(SCHEME, pair, iterations=40)
     assert (qualities(public, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
-    assert quality(stranger, pair, 1) < quality(key.message(public, "message"), pair, 1) - 3
+    assert quality(stranger, pair.message) < quality(key.message(public, "message"), pair.message) - 3
 
 
 def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatch):

@@ -8,21 +8,19 @@ from hypothesis.extra import numpy as arrays
 from threadpoolctl import threadpool_limits
 
 from gspure.attacks import Measurements, find_attack
-from gspure.cameras import read_cameras, split
 from gspure.evaluation.metrics import psnr
-from gspure.images import read_image
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
 from gspure.model import read_model, write_model
 from gspure.model.summary import kind
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.matching import registered
-from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats import HARDENED, SCHEME, opacity_mapping
 from gspure.schemes.splats_in_splats.bits import LARGEST, SHIFT, SHIFT_RANGE, embed, extract
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from tests.models import blobs, without
+from tests.scheme_cases import quality
 
 BANDS = (1, 4, 9, 16)
 colours = st.sampled_from(BANDS).flatmap(
@@ -128,11 +126,6 @@ LITERAL, ADAPTIVE, ORACLE = SCHEME.extractions
 
 
 @pytest.fixture(scope="module")
-def pair(pair_folder):
-    return read_pair(pair_folder)
-
-
-@pytest.fixture(scope="module")
 def embedded(pair):
     return hide(SCHEME, pair, **SETTINGS)
 
@@ -147,32 +140,21 @@ def key(embedded):
     return embedded[1]
 
 
-@pytest.fixture(scope="module")
-def quality(pair_folder):
-    """Mean PSNR of a view's held-out images: `quality(view, "message")`."""
-    test = split(read_cameras(pair_folder / "cameras.json"))[1]
-
-    def measured(view, kind="message"):
-        files = [pair_folder / kind / f"{camera.name}.png" for camera in test]
-        return np.mean([psnr(view(c).clip(0, 1), read_image(f)) for c, f in zip(test, files, strict=True)])
-
-    return measured
-
-
-def test_scene_and_message_can_both_be_seen(public, key, quality, pair):
+def test_scene_and_message_can_both_be_seen(public, key, pair):
     mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message.images])
-    assert quality(public.scene(), "scene") > 20
-    assert quality(key.message(public, ORACLE)) > mean_colour + 6
-    assert quality(key.message(public, LITERAL)) > mean_colour + 4
+    assert kind(public.model).startswith("vanilla 3DGS")
+    assert quality(public.scene(), pair.scene) > 20
+    assert quality(key.message(public, ORACLE), pair.message) > mean_colour + 6
+    assert quality(key.message(public, LITERAL), pair.message) > mean_colour + 4
 
 
-def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their_pruning(pair, embedded, quality):
+def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their_pruning(pair, embedded):
     def left(scheme_public, scheme_key):
         """Share of the message on low rows, and its PSNR before and after they are pruned."""
         weights = accumulate(map(scheme_public.contributions(), pair.scene.views), len(scheme_public.model))
         hidden = hidden_weights(scheme_public, scheme_key, ORACLE, pair.message.views, "ray")
         pruned = without(scheme_public, plain_prune_mask(weights, 2.0))
-        psnrs = [quality(scheme_key.message(public, LITERAL)) for public in (scheme_public, pruned)]
+        psnrs = [quality(scheme_key.message(public, LITERAL), pair.message) for public in (scheme_public, pruned)]
         return share_on_low(weights, hidden, 2.0), *psnrs
 
     hardened = hide(HARDENED, pair, **SETTINGS)
@@ -181,18 +163,7 @@ def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their
     assert low < 0.1 < published_low
     assert before - after < 0.5 < published_before - published_after - 3
     assert after > published_after + 1
-    assert quality(embedded[0].scene(), "scene") - quality(hardened[0].scene(), "scene") < 1
-
-
-def test_the_public_file_is_a_vanilla_model_and_reads_back_exactly(public, key, tmp_path):
-    public.write(tmp_path / "public" / "point_cloud.ply")
-    key.write(tmp_path / "key")
-    again, opened = SCHEME.read_public(tmp_path / "public"), SCHEME.read_key(tmp_path / "key")
-    assert kind(again.model).startswith("vanilla 3DGS")
-    assert again.model.table.tobytes() == public.model.table.tobytes()
-    for extraction in SCHEME.extractions:
-        one, other = (k.revealed(a, extraction)[0].table for k, a in ((key, public), (opened, again)))
-        assert one.tobytes() == other.tobytes()
+    assert quality(embedded[0].scene(), pair.scene) - quality(hardened[0].scene(), pair.scene) < 1
 
 
 def test_the_message_is_read_from_what_survives_in_any_order(public, key):
@@ -217,20 +188,20 @@ def test_the_message_is_read_from_what_survives_in_any_order(public, key):
         ("rigid_transform", {"angle": 75.0, "axis": "1,2,-1", "translation": "1,1,0"}),
     ],
 )
-def test_the_adaptive_extraction_matches_rows_that_moved(public, key, quality, pair, attack, settings):
+def test_the_adaptive_extraction_matches_rows_that_moved(public, key, pair, attack, settings):
     attacked = find_attack(attack).apply(public, Measurements(), cameras=pair.scene.views, **settings)
-    moved, before = public.with_model(attacked.model), quality(key.message(public, ORACLE))
+    moved, before = public.with_model(attacked.model), quality(key.message(public, ORACLE), pair.message)
     back = registered(moved, public.model)
-    assert quality(key.message(back, ADAPTIVE)) == pytest.approx(before, abs=0.3)
-    assert max(quality(key.message(moved, extraction)) for extraction in (LITERAL, ORACLE)) < before - 3
+    assert quality(key.message(back, ADAPTIVE), pair.message) == pytest.approx(before, abs=0.3)
+    assert max(quality(key.message(moved, extraction), pair.message) for extraction in (LITERAL, ORACLE)) < before - 3
 
 
-def test_low_weights_carry_the_message(public, key, quality, pair):
+def test_low_weights_carry_the_message(public, key, pair):
     contributions = public.contributions()
     weights = accumulate([contributions(camera) for camera in pair.scene.views], len(public.model))
     purified = without(public, plain_prune_mask(weights))
-    lost = quality(key.message(public, ORACLE)) - quality(key.message(purified, ORACLE))
-    assert lost > 5 + quality(public.scene(), "scene") - quality(purified.scene(), "scene")
+    lost = quality(key.message(public, ORACLE), pair.message) - quality(key.message(purified, ORACLE), pair.message)
+    assert lost > 5 + quality(public.scene(), pair.scene) - quality(purified.scene(), pair.scene)
 
 
 def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():

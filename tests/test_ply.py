@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import read_model, write_model
 from tests.models import blobs
 
 CORE = ["x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4))]
@@ -202,17 +202,6 @@ def test_comments_of_any_encoding_are_kept_byte_for_byte(folder, comments):
     assert "comment één".encode() in written
 
 
-@pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])
-def test_compressed_files_keep_them_too(tmp_path, suffix):
-    pytest.importorskip("gsply", reason="gspure[compression] is not installed")
-    content = of_columns(vanilla_columns(0)).replace(b"element", b"comment \xff caf\xc3\xa9 \x85\nelement", 1)
-    model = Gaussians(blobs(3).table, read_model(save(tmp_path / "in.ply", content)).comments)
-    write_model(tmp_path / f"m{suffix}", model)
-    assert read_model(tmp_path / f"m{suffix}").comments[-1:] == model.comments
-    write_model(tmp_path / "out.ply", read_model(tmp_path / f"m{suffix}"))
-    assert b"\ncomment \xff caf\xc3\xa9 \x85\n" in (tmp_path / "out.ply").read_bytes()
-
-
 SHADES = {"|u1": (0, 255, 51), "<u2": (0, 65535, 13107), "<f4": (0, 1, 0.2), "<f8": (0, 255, 51), "<i4": (0, 255, 51)}
 
 
@@ -234,14 +223,6 @@ def test_flat_gaussians_get_a_thin_third_axis(tmp_path, capsys):
     model, line = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
     np.testing.assert_allclose(model.scales, [np.exp([-1, -2, -2]) * [1, 1, 1e-3]] * 3, rtol=1e-6)
     assert "2DGS" in line
-
-
-def refusal(path):
-    with pytest.raises(InputError) as caught:
-        read_model(path)
-    assert caught.value.source == str(path)
-    assert "\n" not in str(caught.value)
-    return caught.value
 
 
 def of_columns(columns, rows=1, encoding="binary_little_endian", body=None):
@@ -275,10 +256,13 @@ REFUSED = {
 
 @pytest.mark.parametrize(("content", "field"), REFUSED.values(), ids=REFUSED)
 def test_a_file_is_refused_by_its_field(tmp_path, content, field):
-    assert refusal(save(tmp_path / "m.ply", content)).field == field
+    path = save(tmp_path / "m.ply", content)
+    with pytest.raises(InputError) as caught:
+        read_model(path)
+    assert (caught.value.source, caught.value.field) == (str(path), field)
+    assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_and_a_model_without_rows_are_refused(tmp_path):
-    assert str(refusal(tmp_path / "absent.ply")).endswith("absent.ply: no such file")
+def test_a_model_without_rows_is_not_written(tmp_path):
     with pytest.raises(InputError, match=r"m\.ply: element vertex: expected at least one row"):
         write_model(tmp_path / "m.ply", blobs(1)[np.zeros(1, np.bool_)])

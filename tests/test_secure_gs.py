@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from gspure.evaluation.metrics import psnr
-from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from gspure.schemes.secure_gs import SCHEME, first_anchors
 from gspure.schemes.secure_gs.anchors import neural, visible_rows
@@ -12,6 +11,7 @@ from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidat
 from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
+from tests.scheme_cases import quality
 
 VIEWS = VIEW, _ = camera(), tilted_camera()
 
@@ -140,26 +140,14 @@ def test_each_voxel_with_points_starts_with_one_anchor(at_most):
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
 
 
-SHORT = {"iterations": 120, "max_anchors": 600}
-
-
-@pytest.fixture(scope="module")
-def pair(pair_folder):
-    pytest.importorskip("torch")
-    return read_pair(pair_folder)
-
-
-def quality(view, capture):
-    return np.mean([psnr(view(c).clip(0, 1), photo) for c, photo in zip(capture.views, capture.images, strict=True)])
-
-
 def mean_colour(photographs):
     mean = np.mean(photographs, axis=(0, 1, 2))
     return np.mean([psnr(np.broadcast_to(mean, photo.shape), photo) for photo in photographs])
 
 
 def test_scene_and_message_are_learned_over_the_same_anchors(pair):
-    public, key = hide(SCHEME, pair, seed=3, **SHORT)
+    pytest.importorskip("torch")
+    public, key = hide(SCHEME, pair, seed=3, iterations=120, max_anchors=600)
     scene, message = public.scene(), key.message(public, "message")
     assert quality(scene, pair.scene) > mean_colour(pair.scene.images) + 2
     assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
