@@ -201,13 +201,12 @@ def get_embedding(wildcards, out, **changes):
 
 
 def get_evaluated_files(model, names):
-    """Return the files that the evaluation of variants or controls reads beside attacked models."""
+    """Return the files that the evaluation of variants or controls reads."""
     variants = [Variant(model, name) for name in names]
     files = [f"{model.folder}/cameras.json", *([] if model.is_users else model.decoys)]
     files += [file for variant in variants for file in variant.users_files]
-    files += [variant.public for variant in variants if not variant.is_attacked]
-    if model.is_watermarked:
-        files += [*model.owned.values(), model.public]
+    files += [file for v in variants for file in ([*v.measured.values()] if v.is_attacked else [v.public])]
+    files += [model.public, *(model.owned.values() if model.is_watermarked else ())]
     if not model.is_users:
         files += [f"{model.pair}/scene", f"{model.pair}/message"]
     if "unattacked" not in names and (model.is_users or not variants[0].is_attacked):

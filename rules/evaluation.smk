@@ -2,41 +2,22 @@
 
 
 # An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.
-use rule base_step as attack_model with:
-    input:
-        unpack(lambda wildcards: {**get_variant(wildcards).measured, **get_variant(wildcards).rendered}),
-        model=get_public_model,
-    output:
-        public=directory("results/{scheme}/{scene}/{variant}/public"),
-        verdict="results/{scheme}/{scene}/{variant}/verdict.json",
-    log:
-        "results/logs/{scheme}/{scene}/{variant}/attack.log",
-    benchmark:
-        "results/benchmarks/{scheme}/{scene}/{variant}/attack.tsv"
-    threads: lambda wildcards: get_threads(wildcards) if get_variant(wildcards).rendered else 1
-    params:
-        **step("attack", lambda wildcards: get_variant(wildcards).attacked_by, scheme=get_scheme),
-        attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
-    message:
-        "Attacking {wildcards.scheme}/{wildcards.scene}: {wildcards.variant}"
-
-
 use rule base_step as evaluate_variant with:
     input:
         lambda wildcards: get_evaluated_files(get_model(wildcards), [wildcards.variant]),
-        "results/{scheme}/{scene}/{variant}/public",
-        "results/{scheme}/{scene}/{variant}/verdict.json",
     output:
-        "results/{scheme}/{scene}/{variant}/metrics.csv",
-        "results/{scheme}/{scene}/{variant}/retrieval.csv",
-        directory("results/{scheme}/{scene}/{variant}/renders"),
-        directory("results/{scheme}/{scene}/{variant}/detections"),
+        directory(expand("results/{{scheme}}/{{scene}}/{{variant}}/{part}", part=["public", "renders", "detections"])),
+        expand(
+            "results/{{scheme}}/{{scene}}/{{variant}}/{file}",
+            file=["verdict.json", "prune_mask.npy", "metrics.csv", "retrieval.csv"],
+        ),
     log:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/evaluate.tsv"
     params:
         **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), [wildcards.variant])),
+        attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
         read=lambda wildcards: files_digest(get_variant(wildcards).users_files),
     message:
         "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"

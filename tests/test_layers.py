@@ -157,7 +157,7 @@ BUDGETS = {
     "schemes": (2794, 24),
     "surface": (293, 4),
     "training": (1129, 9),
-    "workflow": (900, 8),
+    "workflow": (894, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

@@ -64,6 +64,6 @@ def test_the_configuration_is_all_that_the_workflow_needs(folder):
     command = [sys.executable, "-m", "gspure", "audit", "mine.yaml", "--dry-run", "--cores", "1"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"^attack_model +8$", done.stdout, re.MULTILINE)
+    assert re.search(r"^evaluate_variant +8$", done.stdout, re.MULTILINE)
     assert re.search(r"^write_report +1$", done.stdout, re.MULTILINE)
     assert not Path("results").exists()

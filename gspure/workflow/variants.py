@@ -58,30 +58,24 @@ class Variant:
         return {need: files[need] for need in sorted(self.attack.needs)}
 
     @property
-    def rendered(self) -> dict[str, str]:
-        """The public views, if its attack renders them; to search its strength, also the photographs of a pair."""
-        is_searched = "damage" in self.settings
-        cameras = {"cameras": f"{self.model.folder}/cameras.json"}
-        photographs = {"photographs": f"{self.model.pair}/scene"} if is_searched and not self.model.is_users else {}
-        return {**cameras, **photographs} if is_searched or "teacher" in self.attack.parameters else {}
-
-    @property
     def attacked_by(self) -> dict[str, Any]:
-        """Name, seed, damage and settings of its attack; unset factors of a built-in one are its decision's.
+        """Name, model, measurements, seed, damage and settings of its attack; none of a searched strength.
 
-        Of a strength that is searched for a damage, there is no value.
+        Unset factors of a built-in attack are its decision's.
         """
         attack, own = self.attack, self.settings
         decision = self.model.decision(own.get("decision", METHOD))
         factors = {name: decision[name] for name in FACTORS} | {"tau": decision["tau_n"]}
         searched = attack.strength.setting if "damage" in own and attack.strength else ""
         values = {**(factors if attack in BUILT_IN else {}), **own}
-        settings = {name: value for name, value in values.items() if name in {*attack.settings} - {searched}}
-        known = {"name": attack.name, "seed": own["seed"] + self.model.repetition, "settings": settings}
-        if not searched:
-            return known
-        split, is_photographed = self.model.plan.config["views"]["evaluate"], SCENE in self.model.photographed
-        return known | {"damage": own["damage"], "split": split, "photographed": is_photographed}
+        return {
+            "name": attack.name,
+            "model": self.model.public,
+            "measured": self.measured,
+            "seed": own["seed"] + self.model.repetition,
+            "settings": {name: value for name, value in values.items() if name in {*attack.settings} - {searched}},
+            **({"damage": own["damage"]} if searched else {}),
+        }
 
     @property
     def public(self) -> str:
@@ -137,7 +131,7 @@ class Variant:
             "model": self.public,
             "rendered": self.targets,
             "compared": [] if unseen else self.model.targets if self.name in BASELINES else self.targets,
-            "attacked": self.is_attacked,
+            "attack": self.attacked_by if self.is_attacked else None,
             "baseline": self.name if self.name in BASELINES else None,
             "wrong_key": self.name == WRONG_KEY,
             "purified": self.model.decision(METHOD) if self.name == CLEAN_GSPURE else None,

@@ -1,4 +1,4 @@
-"""Evaluate variants or controls of a model: render, extract, read marks, and compare all with the references."""
+"""Evaluate variants or controls of a model: attack, render, extract, read marks, and compare with the references."""
 
 import shutil
 from pathlib import Path
@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from gspure.attacks import Measurements, NotApplicable, affected, find_attack
+from gspure.attacks.strength import scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
-from gspure.cameras.reading import read_transform
 from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
 from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
 from gspure.evaluation.retrieval import Retrieved, retrieved
-from gspure.files import read_json, save_array, write_json, write_provenance
+from gspure.files import Float64, save_array, write_json, write_provenance
 from gspure.images import write_image
 from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
@@ -25,6 +26,8 @@ from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key
+from gspure.settings import parsed_settings
+from gspure.training.dataset import read_photographs
 from gspure.workflow.step import run, views_of
 
 
@@ -50,16 +53,19 @@ def evaluate(
         shutil.rmtree(renders, ignore_errors=True)
         renders.mkdir(parents=True)
         (folder / DETECTIONS).mkdir(exist_ok=True)
-        verdict = read_json(folder / "verdict.json") if variant["attacked"] else {}
-        if "not applicable" in verdict:
-            write_metrics(folder / "metrics.csv", [])
-            write_table(folder / "retrieval.csv", Retrieved, [])
-            continue
-        if is_removed := bool(verdict.get("removed")):  # vanilla 3DGS, which no extraction of the scheme reads
-            variant |= {"rendered": [SCENE], "compared": [SCENE]}
+        transform, model = np.eye(4), Path(variant["model"])
+        if variant["attack"]:
+            how = {**variant["attack"], "scheme": scheme, "photographed": SCENE in photographed}
+            if not (attacked := attack(folder, views_of(cameras, "train"), views[SCENE], **how)):
+                write_metrics(folder / "metrics.csv", [])
+                write_table(folder / "retrieval.csv", Retrieved, [])
+                continue
+            public, transform, is_removed = attacked
+            # a removed format is vanilla 3DGS, which no extraction of the scheme reads
+            variant.update({"rendered": [SCENE], "compared": [SCENE]} if is_removed else {})
+        else:
+            public = read_public_model(model, scheme)
         its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
-        transform = read_transform(folder / "transform.npy") if variant["attacked"] else np.eye(4)
-        public = read_public_model(model := Path(variant["model"]), None if is_removed else scheme)
         if variant["purified"]:
             public = purified(public.drawable(model), views_of(cameras, "train"), folder, variant["purified"])
         for target in variant["rendered"]:
@@ -84,6 +90,50 @@ def evaluate(
         write_provenance(folder, "evaluate", inputs={"model": model}, settings=variant)
     if listed:
         write_json(listed, [*variants])
+
+
+def attack(
+    folder: Path, public_views: list[Camera], shown: list[Camera], *, name: str, model: str, **how: Any
+) -> tuple[PublicModel, Float64, bool] | None:
+    """Attack a public model; the verdict tells what the attack changed, or why it cannot apply.
+
+    Return the attacked model, how it moved, and whether no extraction can read it; None if the attack cannot apply.
+    """
+    (folder / "public").mkdir(exist_ok=True)
+    known, before = find_attack(name), read_public_model(model, how["scheme"]).drawable(model)
+    texts = {key: str(value) for key, value in how.pop("settings").items()}
+    used: dict[str, Any] = parsed_settings(f"attack {name}", known.function, texts)
+    measurements = Measurements.read(before, {need: Path(file) for need, file in how["measured"].items()})
+    learns, search = "teacher" in known.parameters, None
+    do = {"seed": how["seed"], "cameras": public_views * learns, "device": choose_device() if learns else None}
+    try:
+        if "damage" in how:
+            truth = read_photographs(shown, before.model.background) if how["photographed"] else None
+            measure = scene_damage(before, shown, truth, choose_device())
+            search = known.matching(before, measurements, how["damage"], measure, **do, **used)
+            used[search.setting] = search.value
+        attacked = known.apply(before, measurements, **do, **used)
+        if not len(attacked.model):
+            raise NotApplicable(name, f"none of {attacked.count} rows would remain")  # noqa: TRY301
+    except NotApplicable as error:
+        print(error)
+        write_json(folder / "verdict.json", {"not applicable": error.reason})
+        save_array(folder / "prune_mask.npy", np.zeros(len(before.model), np.bool_))
+        return None
+    published = attacked.published(before, search.comment(how["damage"]) if search else "")
+    published.write(folder / "public" / "point_cloud.ply")
+    save_array(folder / "prune_mask.npy", attacked.prune_mask)
+    used = {**known.settings, **used}
+    strength = f"{known.strength.setting}={used[known.strength.setting]:.4g}" if known.strength else ""
+    if search and search.misses(how["damage"]):
+        strength += f", {search.damage:z.2f} dB reached"
+    reads = find_scheme(how["scheme"]).extractions if how["scheme"] else {}
+    reached = {extraction: affected(before.model, attacked, columns) for extraction, columns in reads.items()}
+    write_json(folder / "verdict.json", {"reached": reached, "strength": strength, "removed": attacked.removed})
+    settings = {"attack": name, **used, **how}
+    write_provenance(folder / "public", "attack", inputs={"model": Path(model)}, settings=settings)
+    print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
+    return published, np.eye(4) if attacked.transform is None else attacked.transform, bool(attacked.removed)
 
 
 def extraction(public: PublicModel, key: Key, target: str, original: Any, photographs: Path | None) -> RenderView:
