@@ -6,6 +6,7 @@ from dataclasses import replace
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
 from gspure.report.answer import Answer, answers
+from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from tests.contest_cases import benchmark, measured, outcome
 
 
@@ -31,7 +32,7 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict():
     lines = [*answer_of(benchmark({"room": {"noise": (0.9, 2.0), "gof": (0.4, 20.0)}})).lines()]
     assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "left", "verdict"]
     assert lines[2].split() == ["GOF", "0.4", "8.0", "0%", "lost"]
-    assert lines[3].split() == ["noise", "0.9", "26.0", "89%", "present"]
+    assert lines[3].split() == ["noise", "0.9", "26.0", "89%", "survives"]
     assert lines[4].startswith("controls: clean model 8.0, wrong key 7.0")
     assert lines[5] == "BROKEN: the message is lost at 0.4 dB of damage (GOF)."
 
@@ -39,6 +40,7 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict():
 def test_every_owner_has_a_damage_of_their_own():
     answer = answer_of(adaptive(benchmark({"room": {"gof": (0.4, 20.0)}}), 2.0))
     assert answer.audit.sentence.endswith("(GOF); an owner who adapts keeps it.")
+    assert [line.split()[-2:] for line in list(answer.lines())[1:3]] == [["who", "adapts"], ["lost", "survives"]]
     lost = json.loads(json.dumps(answer.facts()))["lost"]
     assert (round(lost["message"]["damage"], 6), lost["message_adaptive"]["damage"]) == (0.4, None)
 
@@ -54,6 +56,9 @@ def test_without_a_key_nothing_is_said_about_a_message():
 def test_the_tiles_hold_the_numbers_of_the_verdict():
     answer = answer_of(benchmark({"room": {"noise": (0.9, 2.0), "gof": (0.4, 20.0)}}))
     assert [number for number, _ in answer.tiles()] == ["0.4 dB", "28.0 → 8.0 dB", "7.0 dB", "1 scene, 1 seed"]
+    scans = [{"before": LIKELY, "after": NOTHING}, {"before": LIKELY, "after": UNLIKE}]
+    tiles = [[number for number, _ in answer.tiles(scans[:count])][3] for count in (1, 2)]
+    assert tiles == ["yes → no", "2 of 2 → 0 of 2"]
     assert answer.pictured({"noise", "gof", "unattacked"}) == ["unattacked", "gof", "noise"]
     held = answer_of(benchmark({"room": {"noise": (0.9, 2.0)}}))
     assert [number for number, _ in held.tiles()][:2] == ["none", "28.0 → 26.0 dB"]

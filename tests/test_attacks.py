@@ -27,11 +27,11 @@ ELSEWHERE = (*compression.ATTACKS, *learning.ATTACKS)  # they need a package, or
 HERE = [attack for attack in BUILT_IN if attack not in ELSEWHERE]
 KEEPS_ALL_ROWS = {
     *("gaussian_noise", "opacity_noise", "position_noise", "feature_scaling", "quantize", "sh_truncation"),
-    *("rigid_transform", "densify_clone", "inject", "reorder"),
+    *("rigid_transform", "densify_clone", "inject", "merge", "reorder"),
 }
 
 RANDOM = {
-    *("random_pruning", "random_matched", "densify_clone", "inject", "reorder"),
+    *("random_pruning", "random_matched", "densify_clone", "inject", "merge", "reorder"),
     *("gaussian_noise", "opacity_noise", "position_noise"),
 }
 

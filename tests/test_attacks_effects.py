@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.attacks import Attacked, NotApplicable, affected
+from gspure.attacks import Attacked, Measurements, NotApplicable, affected, find_attack
 from gspure.attacks.geometry import radius
+from gspure.constants import SH_DC
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from tests.attack_cases import KINDS, anchors, apply, changed, features, measurements, unhurried
@@ -47,6 +48,13 @@ def test_exactly_the_fraction_of_lowest_or_random_rows_is_removed(count: int, fr
             assert values[mask].max(initial=-np.inf) <= values[~mask].min(initial=np.inf)
     for name in ("random_matched", "lowest_weight_matched", "lowest_opacity_matched"):
         assert apply(name, blobs(count), seed).prune_mask.sum() == known.prune_mask.sum()
+
+
+def test_rows_that_no_view_shows_are_removed() -> None:
+    opacity = np.array([1 / 256, 1 / 254, 0.5])
+    model = blobs(3).with_columns({"opacity": np.log(opacity / (1 - opacity)).astype(np.float32)})
+    attacked = find_attack("transparent").apply(model, Measurements(opacities=model.opacities))
+    assert attacked.prune_mask.tolist() == [True, False, False]
 
 
 @unhurried
@@ -112,6 +120,16 @@ def test_injected_rows_are_moved_copies_behind_the_untouched_ones(kind: str, fra
     assert attacked.model.table[:COUNT].tobytes() == model.table.tobytes()
     assert changed(Gaussians(model.table[attacked.rows]), attacked.model) <= {"x", "y", "z"}
     assert (attacked.model.means[COUNT:] != model.means[attacked.rows[COUNT:]]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_merged_scene_lies_beside_the_untouched_rows_and_has_other_centres(kind: str) -> None:
+    model = KINDS[kind](COUNT)
+    attacked = apply("merge", model, distance=2.0)
+    assert attacked.model.table[:COUNT].tobytes() == model.table.tobytes()
+    shift = attacked.model.means[COUNT:] - model.means
+    np.testing.assert_allclose(shift, np.tile([2 * radius(model), 0, 0], (COUNT, 1)), atol=1e-4)
+    assert sorted(attacked.rows[COUNT:]) == list(range(COUNT)) != attacked.rows[COUNT:].tolist()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -187,16 +205,33 @@ def test_rows_come_back_nearly_as_they_were_and_the_same_way_each_time(codec: st
     assert after.table.tobytes() == apply("compression", before, codec=codec).model.table.tobytes()
 
 
-def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "gsply", None)
-    with pytest.raises(InputError, match=r"attack compression: gsply: .*pip install gspure\[compression\]"):
-        apply("compression", blobs(300))
+@pytest.mark.parametrize(("codec", "colour"), [("splat", 1 / 255), ("ksplat", 1 / 255), ("sog", 0.1)])
+def test_rows_come_back_from_formats_that_keep_few_colours(codec: str, colour: float) -> None:
+    pytest.importorskip("gaussforge", reason="gspure[compression] is not installed")
+    before = blobs(300, sh_degree=2)
+    before = before.with_columns(
+        {name: np.clip(before.table[name], -1, 1) for name in before.names if name[:2] == "f_"}
+    )
+    attacked = apply("compression", before, codec=codec)
+    assert sorted(attacked.rows.tolist()) == list(range(300))
+    origin, after = Gaussians(before.table[attacked.rows]), attacked.model
+    np.testing.assert_allclose(after.means, origin.means, atol=np.ptp(before.means, axis=0).max() / 1000)
+    np.testing.assert_allclose(after.opacities, origin.opacities, atol=1 / 255)
+    np.testing.assert_allclose(after.sh_coeffs[:, 0], origin.sh_coeffs[:, 0], atol=colour / SH_DC)
+    assert (after.sh_coeffs[:, 1:] == 0).all() == (codec == "splat")
+
+
+@pytest.mark.parametrize(("package", "codec"), [("gsply", "spz"), ("gaussforge", "sog")])
+def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, package: str, codec: str) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(InputError, match=rf"attack compression: .*{package}.*pip install gspure\[compression\]"):
+        apply("compression", blobs(300), codec=codec)
 
 
 @pytest.mark.parametrize("view", [camera(), tilted_camera()], ids=["straight", "tilted"])
 def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view) -> None:
     before = blobs(20)
-    attacked = apply("rigid_transform", before, angle=70.0, axis="1,2,-1", translation="0.5,0,-1")
+    attacked = apply("rigid_transform", before, angle=70.0, axis="1,2,-1", translation="0.5,0,-1", scale=1.5)
     truth = image(before, view)
     assert np.abs(image(attacked.model, view.moved(attacked.transform)) - truth).mean() < 1e-4
     assert np.abs(image(attacked.model, view) - truth).mean() > 1e-2

@@ -64,6 +64,9 @@ def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     places = {"cameras": str(folder / "run/pair"), "message": str(folder / "run/pair/message")}
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
+    assert main(["audit", "my model.ply", "--key", "run/marked/key", "--everyday"]) == 0
+    config = settled(yaml.safe_load(Path(words[-1]).read_text()))
+    assert {"half", "sog", "detail_quarter", "merge"} < {*config["variants"]}
 
 
 def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):

@@ -108,8 +108,8 @@ BAD = {
         ),
     },
     "transform.npy": {
-        "scaled": (
-            lambda: save_array(Path("transform.npy"), np.diag([2.0, 2, 2, 1])),
+        "stretched": (
+            lambda: save_array(Path("transform.npy"), np.diag([2.0, 2, 1, 1])),
             "transform.npy: array: expected a rotation without scale, shear or mirroring",
         ),
     },

@@ -43,13 +43,14 @@ OWNERS = {
     "argparse": ("cli",),
     "plyfile": ("model",),
     "gsply": ("model/compressed.py",),
+    "gaussforge": ("attacks/compression.py",),
     "hdbscan": ("method/tree.py",),
     "snakemake": (),
     "requests": ("datasets.py",),
     "torch": ("training/pytorch.py",),
     "pickle": (),
 }
-HEAVY = {"gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pyvista", "requests"}
+HEAVY = {"gaussforge", "gsply", "zstandard", "hdbscan", "jinja2", "matplotlib", "pyvista", "requests"}
 HEAVY |= {"rich", "scipy", "sklearn", "vtk", "vtkmodules"}
 
 
@@ -143,15 +144,15 @@ def test_the_core_does_not_import_torch() -> None:
 
 BUDGETS = {
     "": (1602, 12),
-    "attacks": (1088, 9),
-    "cameras": (1420, 11),
-    "cli": (2198, 23),
+    "attacks": (1149, 9),
+    "cameras": (1426, 11),
+    "cli": (2203, 23),
     "evaluation": (2491, 15),
     "figures": (1507, 10),
     "method": (1041, 10),
     "model": (1685, 11),
     "opencl": (2222, 20),
-    "report": (1863, 14),
+    "report": (1888, 14),
     "scan": (276, 3),
     "scenes": (908, 7),
     "schemes": (2794, 24),

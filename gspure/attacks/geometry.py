@@ -19,7 +19,7 @@ from gspure.files import Float64
 from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.model.rotations import moved, rotation
 from gspure.public_model import Columns
-from gspure.settings import Range, Share
+from gspure.settings import Amount, Factor, Range, Share
 
 CROPPED: Final = 0.5  # side of the box, relative to the model's; ours
 FLOATERS: Final = 0.01  # fraction of the centres beyond the model's box, at either end of each axis; ours
@@ -28,6 +28,8 @@ FARTHEST: Final = 1e4  # largest translation in radii: there, float32 rounds cen
 CLONED: Final = 0.25  # fraction of the rows to clone; ours
 INJECTED: Final = 0.1  # new rows, as a fraction of the old; ours: the middle of the published range, 0.05 to 0.3
 DISTANCE: Final = 0.02  # standard deviation of an injected row's offset along each axis, in radii of the model; ours
+
+BESIDE: Final = 3.0  # distance of a merged scene, in radii of the model: none is inside the other; ours
 
 
 def crop(model: Gaussians, _rng: Rng, *, fraction: Share = CROPPED) -> Attacked:
@@ -46,13 +48,14 @@ def rigid_transform(
     angle: Annotated[float, Range(-3600.0, 3600.0)] = 30.0,
     axis: str = "0,1,0",
     translation: str = "0,0,0",
+    scale: Factor = 1.0,
 ) -> Attacked:
-    """Rotate the model about an axis through the world's origin, in degrees, then translate it.
+    """Rotate the model about an axis through the world's origin, in degrees, then scale and translate it.
 
     `axis` are three numbers separated by commas, of any length but zero; so is `translation`, in radii of the model,
     none beyond `FARTHEST`.
 
-    The model looks the same from views that move along (`gspure.model.rotations`). Anchors can only be translated:
+    The model looks the same from views that move along (`gspure.model.rotations`). Anchors cannot be rotated:
     their networks read the viewing direction in world coordinates.
     """
     direction, shift = _vector("axis", axis), _vector("translation", translation)
@@ -63,11 +66,11 @@ def rigid_transform(
     shift *= radius(model)
     rotvec = direction / length * np.deg2rad(angle)
     transform = np.eye(4)
-    transform[:3, :3] = rotation(rotvec)
+    transform[:3, :3] = scale * rotation(rotvec)
     transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
-    return Attacked(moved(model, rotvec, shift), np.arange(len(model)), len(model), transform)
+    return Attacked(moved(model, rotvec, shift, scale), np.arange(len(model)), len(model), transform)
 
 
 def densify_clone(model: Gaussians, rng: Rng, columns: Columns, *, fraction: Share = CLONED) -> Attacked:
@@ -89,6 +92,14 @@ def inject(model: Gaussians, rng: Rng, *, fraction: Share = INJECTED) -> Attacke
     rows = np.concatenate([np.arange(count), chosen])
     means = model.means[rows]
     means[count:] += DISTANCE * radius(model) * rng.standard_normal((len(chosen), 3))
+    return Attacked.copied(model, rows, dict(zip("xyz", means.T, strict=True)))
+
+
+def merge(model: Gaussians, rng: Rng, *, distance: Amount = BESIDE) -> Attacked:
+    """Append another scene, `distance` radii along x: the model's rows with shuffled centres, so without a message."""
+    count = len(model)
+    rows = np.append(np.arange(count), rng.permutation(count))
+    means = np.concatenate([model.means, model.means + np.array([distance * radius(model), 0, 0])]).astype(np.float32)
     return Attacked.copied(model, rows, dict(zip("xyz", means.T, strict=True)))
 
 
@@ -122,6 +133,7 @@ ATTACKS = named(
         rigid_transform: None,
         densify_clone: Strength("fraction", 0.0, 1.0),
         inject: Strength("fraction", 0.0, 1.0),
+        merge: None,
         reorder: None,
     }
 )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Strength
-from gspure.constants import TAU_C, TAU_N
+from gspure.constants import ALPHA_MIN, TAU_C, TAU_N
 from gspure.files import Bools, Float32, Int32
 from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
@@ -89,6 +89,11 @@ def unattacked(model: Gaussians, _rng: Rng) -> Attacked:
     return Attacked(model, np.arange(len(model)), len(model))
 
 
+def transparent(model: Gaussians, _rng: Rng, opacities: Float32) -> Attacked:
+    """Remove the rows with α_k < 1/255, which no view shows."""
+    return Attacked.without(model, opacities < ALPHA_MIN)
+
+
 def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: Factor = TAU_N) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`: GSPure without clusters."""
     return Attacked.without(model, plain_prune_mask(weights, tau))
@@ -144,5 +149,6 @@ ATTACKS = named(
         lowest_weight: FRACTIONS,
         weight_share: Strength("share", 1e-6, 1.0, "log"),
         lowest_opacity: FRACTIONS,
+        transparent: None,
     }
 )

@@ -96,8 +96,11 @@ class Camera(Described):
         return replace(self, width=width, height=height, K=scale @ self.K)
 
     def moved(self, transform: Float64) -> Camera:
-        """Return the view moved by the rigid `transform` [4,4]; a model moved by it looks the same in this view."""
-        return replace(self, viewmat=self.viewmat @ np.linalg.inv(transform))
+        """Return the view moved by the similarity `transform` [4,4]; a model moved by it looks the same in it."""
+        viewmat, volume = self.viewmat @ np.linalg.inv(transform), np.linalg.det(transform[:3, :3])
+        if abs(volume - 1) > _RIGID:
+            viewmat[:3] *= np.cbrt(volume)
+        return replace(self, viewmat=viewmat)
 
 
 def require_rigid(source: Path | str, field: str, transform: Float64) -> None:

@@ -1,4 +1,4 @@
-"""Reading of cameras in all formats, recognized by the content of the path, and of rigid transforms."""
+"""Reading of cameras in all formats, recognized by the content of the path, and of transforms."""
 
 import re
 from fnmatch import fnmatch
@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras import inria, nerfstudio
-from gspure.cameras.camera import Camera
+from gspure.cameras.camera import Camera, require_rigid
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError, reading
@@ -101,9 +101,12 @@ def camera_object(source: Path) -> Entry | None:
 
 
 def read_transform(path: Path) -> Float64:
-    """Read the rigid transform [4,4] of ``gspure attack --transform``."""
+    """Read the similarity transform [4,4] of ``gspure attack --transform``."""
     matrix = load_array(path, dtype=np.float64, shape=(4, 4))
-    return Entry(path, "", {"array": matrix.tolist()}).rigid("array", (4, 4))
+    transform = Entry(path, "", {"array": matrix.tolist()}).array("array", (4, 4))
+    scale = np.cbrt(max(np.linalg.det(transform[:3, :3]), 0)) or 1
+    require_rigid(path, "array", transform / [[scale], [scale], [scale], [1]])
+    return transform
 
 
 def camera_place(source: Path) -> Path:

@@ -28,6 +28,7 @@ EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
   gspure audit marked/public --key marked/key               # and what is left of the message, as its owner sees it
   gspure audit marked/public --key marked/key --fail-under 1dB      # status 1 if the message is lost below 1 dB
+  gspure audit marked/public --key marked/key --everyday    # does the mark survive formats, crops, levels of detail?
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
@@ -50,6 +51,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--message", "DIR", meaning, required=False)
     default = " (default: those of the key's pair, or beside MODEL, or orbit)"
     add_cameras(parser, "views of MODEL", more=default, required=False)
+    parser.flag("--everyday", "what customers do, instead of attacks: half precision, web formats, fewer rows, crops")
     add_run_options(parser)
 
 
@@ -177,7 +179,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
-        if args.cameras or args.up or args.key:
+        if args.cameras or args.up or args.key or args.everyday:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views or a key")
         return source
     rows, asset = read_model(source), _asset(args, model := model_file(source))
@@ -190,7 +192,10 @@ def _configuration(args: Arguments, target: Path) -> Path:
     configuration: dict[str, Any] = {"assets": {scene: asset}}
     if scheme := recognized(rows):
         configuration["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
-    if args.key:
+    if args.everyday:
+        everyday = snakefile().parent / "config" / "everyday.yaml"
+        configuration["variants"] = yaml.safe_load(everyday.read_text(encoding="utf-8"))["variants"]
+    elif args.key:
         schema = yaml.safe_load((snakefile().parent / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
         configuration["variants"] = {**schema["properties"]["variants"]["default"], **_SEARCHED}
     if _CONFIGURATION.is_file():

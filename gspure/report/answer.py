@@ -3,7 +3,7 @@
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
-from typing import Any, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import reached_damage
 from gspure.evaluation.names import (
@@ -20,8 +20,12 @@ from gspure.evaluation.statistics import LEVEL, Interval
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.progress import UNKNOWN, decimal, percent, significant
 from gspure.report.audit import NO_VERDICT, Audit, Loss, audits
+from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
+from gspure.schemes.scheme import ADAPTIVE
 
-Left = Literal["present", "in part", "traces", "lost", "unknown"]
+Left = Literal["survives", "in part", "traces", "lost", "unknown"]
+
+_DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
 
 
 class Attacked(NamedTuple):
@@ -33,6 +37,7 @@ class Attacked(NamedTuple):
     level: float  # the message's PSNR, dB, or mean reading of a mark; the scene's PSNR, if there is neither
     share: float  # left of the message's level above the controls
     left: Left
+    adaptive: Left | None  # the same of an owner who adapts; None if the scheme has none
 
 
 @dataclass(frozen=True)
@@ -67,8 +72,11 @@ class Answer:
         wanted = dict.fromkeys([UNATTACKED, *first, GSPURE, *(row.variant for row in self.attacks)])
         return [variant for variant in wanted if variant in known][:3]
 
-    def tiles(self) -> Iterator[tuple[str, str]]:
-        """Yield the four key numbers of a condition with a message, each with its meaning."""
+    def tiles(self, scans: Sequence[Mapping[str, str]] = ()) -> Iterator[tuple[str, str]]:
+        """Yield the key numbers of a condition with a message, each with its meaning.
+
+        `scans` are the verdicts of a scan of each model, before and after GSPure.
+        """
         message, strongest = extraction_name(self.audit.extraction), self.audit.strongest
         after = self.cheapest or next((row for row in self.attacks if strongest and row.attack == strongest.name), None)
         before = self.level(self.before.mean if self.before else nan)
@@ -88,6 +96,10 @@ class Answer:
         shows = ": a part of it shows" if self.unit and wrong - floor >= MARGIN else ""
         meaning = f"{message} with a wrong key{shows}; other controls: at most {self.level(floor)}"
         yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
+        if scans:
+            words = [[_DETECTED[scan[when]] for scan in scans] for when in ("before", "after")]
+            both = [each[0] if len(each) == 1 else f"{each.count('yes')} of {len(each)}" for each in words]
+            yield " → ".join(both), "detectable without a key, before and after GSPure (the file alone)"
         scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
         counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"
         yield (
@@ -98,16 +110,18 @@ class Answer:
     def lines(self) -> Iterator[str]:
         """Yield the lines of a terminal."""
         name = extraction_name(self.audit.extraction) if self.has_message else SCENE
-        columns = 5 if self.has_message else 3
-        rows = [("attack", "damage dB", f"{name}{self.unit}", "left", "verdict")[:columns]]
+        adapts = any(row.adaptive for row in self.attacks)
+        columns = 5 + adapts if self.has_message else 3
+        rows = [("attack", "damage dB", f"{name}{self.unit}", "left", "verdict", "owner who adapts")[:columns]]
         for row in self.attacks:
             damage, level, share = decimal(row.damage, 1), self.level(row.level), percent(row.share, 0)
-            rows.append((row.attack, damage, level, share, row.left)[:columns])
+            rows.append((row.attack, damage, level, share, row.left, row.adaptive or "unknown")[:columns])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         yield condition_name(*self.audit.condition)
         for first, *numbers in rows:
             cells = [f"{cell:>{width}}" for cell, width in zip(numbers[:3], widths[1:4], strict=False)]
-            yield "  ".join([f"{first:<{widths[0]}}", *cells, *numbers[3:]])
+            cells += [f"{cell:<{width}}" for cell, width in zip(numbers[3:], widths[4:], strict=True)]
+            yield "  ".join([f"{first:<{widths[0]}}", *cells]).rstrip()
         if self.controls:
             yield "controls: " + ", ".join(f"{kind} {decimal(level, 1)}" for kind, level in self.controls.items())
         yield self.audit.sentence
@@ -131,7 +145,8 @@ def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[
     for audit in audits(outcomes, survivals):
         alike = [o for o in outcomes if o.condition == audit.condition]
         known = [row for row in survivals if row.condition == audit.condition and row.extraction == audit.extraction]
-        attacks = [*_attacked(alike, known, audit.extraction)]
+        adapted = {r.variant: r for r in survivals if r.condition == audit.condition and r.extraction == ADAPTIVE}
+        attacks = [*_attacked(alike, known, audit.extraction, adapted)]
         attacks.sort(key=lambda row: (isnan(row.damage), row.damage, row.attack))  # failed ones last
         levels = {name: _mean(alike, name, audit.extraction) for name in CONTROLS}
         controls = {display_name(name): level.mean for name, level in levels.items() if level}
@@ -140,14 +155,17 @@ def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[
     return found
 
 
-def _attacked(alike: Sequence[Outcome], rows: Sequence[Survival], extraction: str) -> Iterator[Attacked]:
+def _attacked(
+    alike: Sequence[Outcome], rows: Sequence[Survival], extraction: str, adapted: Mapping[str, Survival]
+) -> Iterator[Attacked]:
     of_variant = {row.variant: row for row in rows}
     for variant in dict.fromkeys(o.variant for o in alike if not o.is_control and o.variant != UNATTACKED):
         row, level = of_variant.get(variant), _mean(alike, variant, extraction if rows else SCENE)
         damage = mean_of([o for o in alike if o.variant == variant], reached_damage)
         share = row.share_left.mean if row and row.share_left else nan
         name = row.name if row else display_name(variant)
-        yield Attacked(variant, name, damage.mean if damage else nan, level.mean if level else nan, share, _left(row))
+        numbers = damage.mean if damage else nan, level.mean if level else nan, share
+        yield Attacked(variant, name, *numbers, _left(row), _left(adapted.get(variant)) if adapted else None)
 
 
 def _mean(alike: Sequence[Outcome], variant: str, target: str) -> Interval | None:
@@ -158,7 +176,7 @@ def _left(row: Survival | None) -> Left:
     if not row or not row.present:
         return "unknown"
     if row.survived == row.present:
-        return "present"
+        return "survives"
     return "in part" if row.survived else "traces" if row.only_retrieved else "lost"
 
 

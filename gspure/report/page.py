@@ -68,6 +68,11 @@ class Comparison(NamedTuple):
     pictures: Sequence[Picture]
     meanings: Mapping[str, str]  # of the attacks, by display name
 
+    @property
+    def scans(self) -> list[Mapping[str, str]]:
+        """The verdicts of a scan of each model, before and after GSPure."""
+        return [model.diagnosis["scan"] for model in self.models if "after" in model.diagnosis.get("scan", {})]
+
 
 def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence[Path]) -> None:
     """Write ``report.html``, whole or not at all. It loads nothing from outside itself, and links files of the run."""

@@ -12,6 +12,7 @@ from gspure.method.pruning import prune_mask
 from gspure.method.tree import coincident_points, read_tree
 from gspure.model import read_model
 from gspure.model.summary import suspicious_rows
+from gspure.scan.verdict import judge
 from gspure.workflow.step import run
 
 
@@ -20,10 +21,12 @@ def decide(model: Path, tree: Path, thresholded: Path, clusters: Path, mask: Pat
     labels, coincident = select(edges, **how), coincident_points(edges)
     write_clusters(clusters, labels, coincident, how)
     values = load_array(thresholded, dtype=np.float32, shape=(len(labels),), least=0)
-    save_array(mask, prune_mask(labels, values, **factors))
+    pruned, rows = prune_mask(labels, values, **factors), read_model(model)
+    save_array(mask, pruned)
     diagnosed = diagnose(labels, values, **factors, coincident=coincident, quantity=thresholded.stem)
-    suspicious = {reason: rows.tolist() for reason, rows in suspicious_rows(read_model(model)).items()}
-    write_json(diagnosis, diagnosed.to_json() | {"suspicious": suspicious})
+    suspicious = {reason: which.tolist() for reason, which in suspicious_rows(rows).items()}
+    scan = {when: judge(each).word for when, each in {"before": rows, "after": rows[~pruned]}.items() if len(each)}
+    write_json(diagnosis, diagnosed.to_json() | {"suspicious": suspicious, "scan": scan})
     inputs = {"model": model, "tree": tree, thresholded.stem: thresholded}
     write_provenance(mask.parent, "decision", inputs=inputs, settings=how | factors)
 
