@@ -50,6 +50,19 @@ def energy(request):
     return request.param
 
 
+@pytest.fixture
+def asset(tmp_path, monkeypatch):
+    """A folder with a model of 30 Gaussians and nine cameras; it is the current one."""
+    from gspure.cameras import write_cameras
+    from gspure.model import write_model
+    from tests.models import blobs, camera
+
+    write_model(tmp_path / "model.ply", blobs(30))
+    write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @pytest.fixture(scope="session")
 def pair_folder(tmp_path_factory):
     """A ray-traced pair of 12 small views."""

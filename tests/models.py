@@ -67,6 +67,11 @@ def points_of(means, opacities):
     return SimpleNamespace(means=means, opacities=opacities)
 
 
+def covariances(model: Gaussians) -> np.ndarray:
+    turns = rotation_matrices(model.quats)
+    return np.einsum("kij,kj,klj->kil", turns, model.scales.astype(np.float64) ** 2, turns)
+
+
 def without(public, prune_mask):
     """The public model without the rows where `prune_mask` [K] is true."""
     return public.with_model(public.model[~prune_mask])

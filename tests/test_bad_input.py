@@ -10,15 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.files import save_array
 from gspure.images import write_image
 from gspure.model import read_model, write_model
-from tests.models import blobs, camera
 
 ROOT = Path(__file__).parents[1]
-COUNT = 60
+COUNT = 30
 COMMANDS = {
     "purify": "purify model.ply --cameras cameras.json --out out",
     "render": "render model.ply --cameras cameras.json --transform transform.npy --out out",
@@ -33,12 +31,9 @@ COMMANDS = {
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A user's folder in which everything is as it should be; it is the current one. No device is needed."""
-    monkeypatch.chdir(tmp_path)
+def folder(asset, monkeypatch):
+    """A user's folder in which everything is as it should be. No device is needed."""
     monkeypatch.setattr("gspure.renderer.Renderer.__init__", lambda *_, **__: pytest.fail("renders first"))
-    write_model("model.ply", blobs(COUNT))
-    write_cameras("cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
     save_array(Path("weights.npy"), np.ones(COUNT, np.float32))
     save_array(Path("prune_mask.npy"), np.zeros(COUNT, bool))
     save_array(Path("transform.npy"), np.eye(4))
@@ -46,7 +41,7 @@ def folder(tmp_path, monkeypatch):
     for side in "ab":
         for view in "12":
             write_image(f"{side}/{view}.png", rng.random((20, 30, 3)))
-    return tmp_path
+    return asset
 
 
 def refusal(folder, capsys, command):
@@ -78,7 +73,10 @@ def edited(**values):
 
 BAD = {
     "model.ply": {
-        "truncated": (lambda: cut("model.ply", -10), "model.ply: element vertex: expected 60 rows, found room for 59"),
+        "truncated": (
+            lambda: cut("model.ply", -10),
+            "model.ply: element vertex: expected 30 rows, found room for 29 (cut short",
+        ),
         "empty": (lambda: cut("model.ply", 0), "model.ply: file: expected a 3DGS .ply"),
         "missing": (lambda: Path("model.ply").unlink(), "model.ply: no such file"),
     },
@@ -90,7 +88,7 @@ BAD = {
     "weights.npy": {
         "of another model": (
             lambda: save_array(Path("weights.npy"), np.ones(3, np.float32)),
-            "weights.npy: array: expected float32 [60], found float32 [3]",
+            "weights.npy: array: expected float32 [30], found float32 [3]",
         ),
         "NaN": (
             lambda: save_array(Path("weights.npy"), np.full(COUNT, np.nan, np.float32)),
@@ -104,7 +102,7 @@ BAD = {
     "prune_mask.npy": {
         "numbers": (
             lambda: save_array(Path("prune_mask.npy"), np.zeros(COUNT, np.int32)),
-            "prune_mask.npy: array: expected bool [60], found int32 [60]",
+            "prune_mask.npy: array: expected bool [30], found int32 [30]",
         ),
     },
     "transform.npy": {
@@ -120,6 +118,10 @@ BAD = {
             "a/2.png: file: expected a counterpart of b/2.png, found nothing",
         ),
         "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
+        "no image": (
+            lambda: [file.unlink() for file in Path("b").iterdir()],
+            "b: folder: expected PNG files, found none",
+        ),
     },
 }
 MATRIX = [
@@ -140,7 +142,7 @@ def test_a_bad_file_is_refused_by_every_command_that_reads_it(folder, capsys, co
 @pytest.mark.parametrize("command", ["purify", "render", "attack"])
 def test_a_model_without_a_finite_row_is_refused(folder, capsys, command):
     write_model("model.ply", read_model("model.ply").with_columns({"y": np.full(COUNT, np.nan)}))
-    line = "model.ply: y: expected finite numbers, found infinity or not-a-number in 60 of 60 rows"
+    line = "model.ply: y: expected finite numbers, found infinity or not-a-number in 30 of 30 rows"
     assert refusal(folder, capsys, COMMANDS[command]).startswith(line)
 
 
@@ -165,15 +167,10 @@ def test_an_output_that_cannot_be_written_is_named(folder, capsys, command):
     assert refusal(folder, capsys, COMMANDS[command].replace("out/", "file/")).startswith("file")
 
 
-def python(*arguments, **environment):
-    """Run a module in a process of its own, as a user would."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    command = [sys.executable, "-m", *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-
-
 def test_a_machine_without_devices_is_told_the_remedy(folder):
-    done = python("gspure", *COMMANDS["purify"].split(), OCL_ICD_VENDORS="/nonexistent")
+    command = [sys.executable, "-m", "gspure", *COMMANDS["purify"].split()]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "OCL_ICD_VENDORS": "/nonexistent"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert re.fullmatch(
         r"gspure purify: OpenCL: device: expected .*found no device \(see `gspure doctor`.*\n", done.stderr

@@ -11,23 +11,12 @@ import numpy as np
 import pytest
 
 from gspure import cli
-from gspure.cameras import write_cameras
 from gspure.cli import COMMANDS, main
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
-from tests.models import blobs, camera
 
 HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
 RENDER = ["render", "model.ply", "--cameras", "cameras.json", "--split", "test", "--out", "out"]
-
-
-@pytest.fixture
-def asset(tmp_path, monkeypatch):
-    """A folder with a model and its cameras; it is the current one."""
-    write_model(tmp_path / "model.ply", blobs(30))
-    write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.mark.parametrize("words", [["--help"], ["render", "--help"], ["train", "--help"]], ids=" ".join)

@@ -1,8 +1,5 @@
 """HDBSCAN: its definition, the library, and its files."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -80,16 +77,6 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
     np.testing.assert_allclose(tree[:, 2], prim(distances), rtol=1e-9, atol=1e-12)
     a, b = tree[:, :2].astype(int).T
     np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)
-
-
-def test_tree_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
-    np.save(tmp_path / "features.npy", with_ties(14, 5000))
-    program = "import numpy, sys; from gspure.method.tree import spanning_tree\n"
-    program += "numpy.save(sys.argv[1], spanning_tree(numpy.load('features.npy')))"
-    for threads in ("1", "2", "3"):
-        command = [sys.executable, "-c", program, f"{threads}.npy"]
-        subprocess.run(command, cwd=tmp_path, env={**os.environ, "POCL_MAX_PTHREAD_COUNT": threads}, check=True)
-        assert (tmp_path / f"{threads}.npy").read_bytes() == (tmp_path / "1.npy").read_bytes()
 
 
 @pytest.mark.parametrize("selection", ["eom", "leaf"])

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.cameras import read_cameras, split, write_cameras
+from gspure.cameras import read_cameras, split
 from gspure.cli import main
 from gspure.evaluation.comparison import read_metrics
 from gspure.files import file_digest, read_json, run_of
 from gspure.images import read_image
-from gspure.model import read_model, write_model
+from gspure.model import read_model
 from gspure.renderer import Renderer
-from tests.models import blobs, camera
+from tests.models import blobs
 
 EXTRACT = "extract marked/public --scheme planted --cameras pair --split test"
 
@@ -34,13 +34,9 @@ def made(pair_folder, tmp_path_factory):
 
 
 @pytest.fixture
-def folder(made, tmp_path, monkeypatch):
+def folder(made, asset):
     """A copy of it, with a vanilla model and its cameras; it is the current folder."""
-    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
-    write_model(tmp_path / "model.ply", blobs(30))
-    write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    return shutil.copytree(made, asset, dirs_exist_ok=True)
 
 
 def record(path):
@@ -55,7 +51,8 @@ def test_public_model_key_and_results_have_one_run_and_only_the_key_names_the_se
     assert run_of(Path("marked/public")) == run_of(Path("marked/key")) == run != run_of(Path("other/key"))
     assert read_json(Path("marked/key/provenance.json"))["settings"]["seed"] == 0
     assert read_json(Path("marked/public/provenance.json"))["settings"] == {"scheme": "planted"}
-    assert "readable" in read_json(Path("marked/key/readability.json"))
+    check = read_json(Path("marked/key/readability.json"))
+    assert check["readable"] == (check["message"] >= max(check["controls"].values()) + 1)
     assert gspure("attack random_pruning --model marked/public/point_cloud.ply --out attacked/point_cloud.ply") == 0
     assert record("attacked") == ("attack", {"model": "marked/public/point_cloud.ply"}, run)
     assert gspure("render attacked/point_cloud.ply --cameras pair --split test --out after") == 0
@@ -76,6 +73,8 @@ def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
     assert gspure(EXTRACT, "--key", "other/key", "--out", "refused") == 2
     assert f"other/key: run: expected {runs[0]}, as of the model, found {runs[1]}" in capsys.readouterr().err
     assert not Path("refused").exists()
+    assert gspure(EXTRACT, "--key", "marked/key", "--extraction", "guess", "--out", "refused") == 2
+    assert "scheme planted: --extraction: expected one of message, found 'guess'" in capsys.readouterr().err
     assert gspure(EXTRACT, "--key", "other/key", "--out", "control", "--control") == 0
     assert gspure(EXTRACT, "--key", "marked/key", "--out", "wrong", "--wrong-key", "1") == 0
     images = [read_image(next(Path(name).glob("*.png"))) for name in ("message", "wrong")]

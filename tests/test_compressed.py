@@ -11,9 +11,8 @@ from PIL import Image
 
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
-from gspure.model.rotations import rotation_matrices
 from tests.compressed_cases import SPLAT_TRANSFORM, model, unpacked_sog, write_all
-from tests.models import blobs
+from tests.models import blobs, covariances
 
 NAMES = ["model.splat", "version 2.spz", "v3.spz", "v4.spz", "model.compressed.ply"]
 NAMES += ["version 1/meta.json", "version 2/meta.json", "model.sog"]
@@ -21,11 +20,6 @@ NAMES += ["version 1/meta.json", "version 2/meta.json", "model.sog"]
 # Of log scales, opacities, covariances relative to the largest, and coefficients.
 PRECISION = {".splat": (0, 0.01, 0.03, None), ".spz": (0.04, 0.01, 0.07, 0.07)}
 PRECISION |= {".ply": (0.01, 0.01, 0.02, 0.02), ".sog": (0.03, 0.04, 0.05, 0.4), ".json": (0.03, 0.04, 0.05, 0.4)}
-
-
-def covariances(of):
-    turns = rotation_matrices(of.quats)
-    return np.einsum("kij,kj,klj->kil", turns, of.scales**2, turns)
 
 
 def refused(path, match):

@@ -2,21 +2,14 @@
 
 import numpy as np
 
-from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.images import read_image
-from gspure.model import Gaussians, read_model, write_model
+from gspure.model import read_model, write_model
 from gspure.model.finite import FILTER, filtered
-from gspure.model.rotations import rotation_matrices
-from tests.models import blobs, camera, with_column
+from tests.models import blobs, covariances, with_column
 
 ROWS = 60
 SIZES = np.linspace(0, 0.3, ROWS)
-
-
-def covariances(of: Gaussians) -> np.ndarray:
-    turns = rotation_matrices(of.quats)
-    return np.einsum("kij,kj,klj->kil", turns, of.scales.astype(np.float64) ** 2, turns)
 
 
 def test_a_filter_widens_gaussians_and_keeps_their_mass():
@@ -31,9 +24,7 @@ def test_a_filter_widens_gaussians_and_keeps_their_mass():
     assert filtered(drawn) is drawn
 
 
-def test_commands_draw_and_attack_what_the_filter_makes_of_a_model(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_cameras("cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
+def test_commands_draw_and_attack_what_the_filter_makes_of_a_model(asset):
     stored = with_column(blobs(ROWS), FILTER, 0.2)
     write_model("stored.ply", stored)
     write_model("fused.ply", filtered(stored))

@@ -96,13 +96,6 @@ def test_renamed_properties_are_listed(tmp_path, names):
         read_model(tmp_path / "m.ply")
 
 
-def test_a_truncated_model_is_said_to_be_cut_short(tmp_path):
-    write_model(tmp_path / "m.ply", blobs(3))
-    (tmp_path / "m.ply").write_bytes((tmp_path / "m.ply").read_bytes()[:-5])
-    with pytest.raises(InputError, match=r"expected 3 rows, found room for 2 .cut short"):
-        read_model(tmp_path / "m.ply")
-
-
 def test_a_folder_of_models_names_them(tmp_path):
     for name in ("b.sog", "a.sog", "c.ply"):
         (tmp_path / name).touch()

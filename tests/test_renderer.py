@@ -1,10 +1,5 @@
 """The renderer against the reference, and its invariants, on every OpenCL device at hand, in both kernel styles."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -199,28 +194,6 @@ def test_earlier_views_leave_no_trace(device, style, energy):
     used = Renderer(model, device, energy=energy, style=style)
     for view in (large, small, large):
         assert_same_bits(everything(used, view), everything(Renderer(model, device, energy=energy, style=style), view))
-
-
-HASH_IN_ANOTHER_PROCESS = """
-import hashlib
-from gspure.renderer import Renderer
-from tests.models import blobs, tilted_camera
-from tests.test_gradients import bits, gradients
-from tests.test_renderer import everything
-ewa, ray = (Renderer(blobs(257, 10), energy=energy) for energy in ("ewa", "ray"))
-view = tilted_camera(65, 47)
-arrays = [array.tobytes() for renderer in (ewa, ray) for array in everything(renderer, view)]
-print(hashlib.sha256(b"".join([*arrays, *bits(gradients(ewa, view))])).hexdigest())
-"""
-
-
-def test_the_number_of_threads_does_not_matter(device):
-    """On PoCL, whose threads an environment variable sets."""
-    if "Portable Computing Language" not in device.platform:
-        pytest.skip("not PoCL")
-    command = [sys.executable, "-c", HASH_IN_ANOTHER_PROCESS]
-    root, settings = Path(__file__).parents[1], [{"POCL_MAX_PTHREAD_COUNT": threads} for threads in "123"]
-    assert len({subprocess.check_output(command, env=os.environ | one, cwd=root) for one in settings}) == 1
 
 
 def test_a_device_is_chosen_only_where_none_is_named(device, monkeypatch):

@@ -5,12 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from gspure.cli import main
 from gspure.errors import InputError
 from gspure.evaluation.metrics import gradient_correlation, psnr
 from gspure.evaluation.outcomes import BITS, is_picture
-from gspure.files import read_json
-from gspure.images import read_image
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
@@ -183,20 +180,3 @@ def test_a_model_is_opened_by_its_columns(tmp_path):
 def test_an_unknown_scheme_is_refused_with_the_known_ones():
     with pytest.raises(InputError, match=f"expected one of {', '.join(schemes())}, found 'sis'"):
         find_scheme("sis")
-
-
-def test_commands_embed_and_extract(pair_folder, tmp_path, capsys):
-    settings = ("--set", "iterations=60", "--set", "max_gaussians=800")
-    assert main(["embed", "splats_in_splats", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
-    public = tmp_path / "marked" / "public" / "point_cloud.ply"
-    check = read_json(tmp_path / "marked" / "key" / "readability.json")
-    assert check["readable"] == (check["message"] >= max(check["controls"].values()) + 1)
-    extract = ["extract", str(public), "--scheme", "splats_in_splats", "--key", str(tmp_path / "marked" / "key")]
-    extract += ["--cameras", str(pair_folder / "cameras.json"), "--split", "test"]
-    for extraction in ("message", "message_oracle"):
-        assert main([*extract, "--extraction", extraction, "--out", str(tmp_path / extraction)]) == 0
-    images = [read_image(tmp_path / name / "view_000.png") for name in ("message", "message_oracle")]
-    assert (images[0] != images[1]).any()
-    assert main([*extract, "--extraction", "guess", "--out", str(tmp_path / "guess")]) == 2
-    expected = "expected one of message, message_adaptive, message_oracle, found 'guess'"
-    assert f"scheme splats_in_splats: --extraction: {expected}" in capsys.readouterr().err

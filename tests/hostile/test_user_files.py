@@ -70,12 +70,8 @@ def image(kind: str) -> bytes:
 
 VIEW = {"id": 0, "img_name": "a.jpg", "width": 64, "height": 48, "position": [0, 1, 2], "rotation": np.eye(3).tolist()}
 CAMERAS = [{**VIEW, "fx": 50.0, "fy": 51.0}, {**VIEW, "img_name": "b", "fx": 50.0, "fy": 51.0, "k1": 0.0, "cx": 30.0}]
-TRANSFORMS = {
-    "fl_x": 50.0,
-    "w": 64,
-    "h": 48,
-    "frames": [{"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}],
-}
+FRAME = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
+TRANSFORMS = {"fl_x": 50.0, "w": 64, "h": 48, "frames": [FRAME]}
 
 
 def drawn_bytes(data: st.DataObject, content: bytes) -> bytes:
