@@ -18,7 +18,7 @@ from gspure.settings import Amount, Factor, Share
 FRACTION: Final = 0.25  # fraction of the rows to remove; ours: the paper says "a certain ratio"
 SHARE: Final = 0.002  # of the weight of all rows; ours: it costs a good model of 100,000 rows 2 dB, τ = 4 costs it 9 dB
 FRACTIONS: Final = Strength("fraction", 0.0, 1.0)
-TAUS: Final = Strength("tau", 100.0, 0.01, "log")
+TAUS: Final = Strength("tau", 10_000.0, 0.01, "log")
 TOLERANCE: Final = 3.0  # scales from the surface; ours: the paper does not say how GOF decides what to remove
 
 
@@ -142,7 +142,7 @@ ATTACKS = named(
         lowest_weight_matched: None,
         lowest_opacity_matched: None,
         gspure: None,
-        gspure_scaled: Strength("scale", 100.0, 0.01, "log", sweep="gspure"),
+        gspure_scaled: Strength("scale", 10_000.0, 0.01, "log", sweep="gspure"),
         random_pruning: FRACTIONS,
         gof: Strength("tolerance", 100.0, 0.01, "log"),
         opacity_weight: TAUS,
