@@ -18,8 +18,8 @@ NODES = (6, 80)  # fewest and most nodes along a face
 LAMP_SAMPLES = 8  # the lamp is sampled at the centres of this many by this many squares
 DIRECTIONS = 64  # the bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral
 _CLEARANCE = 1e-4  # metres by which nodes stand off their surface
-_ROUNDING = 1e-6  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
-_RAYS_AT_ONCE = 1 << 14  # rays followed together: bounds the memory of their reach
+_ROUNDING = 1e-2  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
+_RAYS_AT_ONCE = 1 << 13  # rays followed together: bounds the memory of their reach
 
 
 @dataclass(frozen=True)
@@ -73,24 +73,28 @@ def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Flo
     distances, solids = np.full(len(origins), np.inf), np.full(len(origins), -1, np.intp)
     for start in range(0, len(origins), _RAYS_AT_ONCE):
         part = slice(start, start + _RAYS_AT_ONCE)
-        reached = _reached(scene, origins[part], directions[part])
-        for index, solid in enumerate(scene.solids):
-            rows = start + np.flatnonzero(reached[:, index])
-            there = solid.distance(origins[rows], directions[rows])
-            nearer = there < distances[rows]
-            distances[rows[nearer]] = there[nearer]
-            solids[rows[nearer]] = index
+        rays = np.ascontiguousarray(origins[part]), directions[part]
+        for index, reached in enumerate(_reached(scene, *rays)):
+            rows = np.flatnonzero(reached)
+            there = scene.solids[index].distance(*(ends.take(rows, axis=0) for ends in rays))
+            nearer = np.flatnonzero(there < distances[part].take(rows))
+            distances[part][rows[nearer]] = there[nearer]
+            solids[part][rows[nearer]] = index
     return distances, solids
 
 
 def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
-    """Return the solids [N,S] whose bounding spheres rays [N,3] meet."""
-    centres, radii = (np.array(part) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
+    """Return the solids [S,N] whose bounding spheres rays [N,3] meet, in float32."""
+    centres, radii = (np.array(part, np.float32) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
     radii += _ROUNDING
-    a = np.einsum("ni,ni->n", directions, directions)[:, None]
-    b = directions @ centres.T - np.einsum("ni,ni->n", origins, directions)[:, None]
-    squared = np.einsum("ni,ni->n", origins, origins)[:, None] - 2.0 * origins @ centres.T + (centres**2).sum(axis=1)
-    return np.asarray(((squared - radii**2) * a < b**2) & (b > -radii * np.sqrt(a)))
+    ones = np.ones(len(centres), np.float32)
+    units = directions / np.sqrt(np.einsum("ni,ni->n", directions, directions))[:, None]
+    rays = np.ones((5, len(units)), np.float32)
+    rays[:3], rays[3] = units.T, np.einsum("ni,ni->n", origins, units)
+    along = np.column_stack([centres, -ones]) @ rays[:4]
+    rays[:3], rays[3] = origins.T, np.einsum("ni,ni->n", origins, origins)
+    squared = np.column_stack([-2.0 * centres, ones, (centres**2).sum(axis=1) - radii**2]) @ rays
+    return np.asarray((squared < along * along) & (along > -radii[:, None]))
 
 
 def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:

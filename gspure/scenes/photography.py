@@ -31,8 +31,11 @@ def trace(scene: LitScene, camera: Camera) -> tuple[Float32, Float32]:
     image = flat.reshape(camera.height, camera.width, 3)
     edges = np.nonzero(_at_edges(image))
     down, right = (np.indices((SAMPLES, SAMPLES)).reshape(2, -1) + 0.5) / SAMPLES
-    fine, _ = _colours(scene, camera, np.add.outer(edges[1], right).ravel(), np.add.outer(edges[0], down).ravel())
-    image[edges] = fine.reshape(-1, SAMPLES**2, 3).sum(axis=1) / SAMPLES**2
+    others = np.delete(np.arange(SAMPLES**2), SAMPLES**2 // 2)
+    places = (np.add.outer(start, step[others]).ravel() for start, step in zip(edges[::-1], (right, down), strict=True))
+    fine = np.repeat(image[edges][:, None], SAMPLES**2, axis=1)
+    fine[:, others] = _colours(scene, camera, *places)[0].reshape(-1, len(others), 3)
+    image[edges] = fine.sum(axis=1) / SAMPLES**2
     return image.astype(np.float32), depth.reshape(camera.height, camera.width).astype(np.float32)
 
 
