@@ -40,8 +40,9 @@ def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack)
     public = PublicModel(blobs(200))
     damage_of = scene_damage(public, VIEWS)
     values = (attack.strength.at(end) for end in (0.0, 1.0))
-    ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}).model for value in values]
-    assert damage_of(PublicModel(ends[0])) < damage_of(PublicModel(ends[1]))
+    ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}) for value in values]
+    weak, strong = (damage_of(PublicModel(end.model), None, end.retouched) for end in ends)
+    assert weak < strong
 
 
 def test_gspure_scaled_multiplies_both_factors() -> None:

@@ -109,6 +109,16 @@ def test_metrics_and_retrieval_of_variants_are_in_the_table(rows):
     assert gspure["vanilla", "mark"]["detection_level"] == "0.5"
 
 
+def test_an_attack_on_renders_changes_those_of_the_scene_alone(finished, rows):
+    planted = [row for row in rows if row["scheme"] == "planted"]
+    before, after = ({r["target"]: r for r in planted if r["variant"] == v} for v in ("unattacked", "jpeg"))
+    assert after["scene"]["psnr"] != before["scene"]["psnr"]
+    assert after["message"]["psnr"] == before["message"]["psnr"]
+    assert after["message"]["reached"] == "false"
+    models = [finished.folder / "results/planted/raised" / path for path in ("public", "jpeg/public")]
+    assert read_model(models[0]).table.tobytes() == read_model(models[1]).table.tobytes()
+
+
 def test_an_edited_camera_costs_one_view(project):
     edit_cameras(project, lambda cameras: cameras[1].update(fx=30.0))
     jobs = planned(project)

@@ -32,6 +32,7 @@ CONFIG = {
     "variants": {
         "unattacked": {},
         "gspure": {},
+        "jpeg": {"quality": 10},
         "crop_all": {"attack": "crop", "fraction": 1e-9},  # cannot apply: no row would remain
         "broken": {"attack": "feature_scaling", "attributes": "nonsense"},  # its job fails
     },

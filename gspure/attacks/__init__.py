@@ -1,6 +1,6 @@
 """Attacks by name: the built-in ones, and those of installed plug-ins; pure functions of a public model."""
 
-from gspure.attacks import compression, geometry, learning, pruning, values
+from gspure.attacks import compression, geometry, learning, pruning, renders, values
 from gspure.attacks.attack import MEASUREMENTS, PUBLIC, Attack, Measurements
 from gspure.attacks.attacked import Attacked, NotApplicable, affected
 from gspure.attacks.strength import Strength
@@ -19,7 +19,10 @@ __all__ = [
     "find_attack",
 ]
 
-BUILT_IN = (*pruning.ATTACKS, *values.ATTACKS, *compression.ATTACKS, *geometry.ATTACKS, *learning.ATTACKS)
+BUILT_IN = (
+    *(*pruning.ATTACKS, *values.ATTACKS, *compression.ATTACKS, *geometry.ATTACKS),
+    *(*learning.ATTACKS, *renders.ATTACKS),
+)
 GROUP = "gspure.attacks"  # entry points of plug-ins
 
 

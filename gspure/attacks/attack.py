@@ -1,9 +1,10 @@
 """The class of all attacks, built-in ones and those of plug-ins."""
 
 import inspect
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -104,13 +105,17 @@ class Attack:
         Optional packages that it imports, each with the requirement that pip installs.
     strength : Strength, optional
         The setting that is searched for a given damage to the scene.
+    of_renders : bool
+        Whether it attacks renders of the scene, not the model: ``function(image, rng, *, ...)`` returns an image of the
+        size of `image` [H,W,3], 0 to 1.
 
     """
 
     name: str
-    function: Callable[..., Attacked]
+    function: Callable[..., Any]
     packages: Mapping[str, str] = field(default_factory=dict)
     strength: Strength | None = None
+    of_renders: bool = False
 
     def __post_init__(self) -> None:
         """Refuse settings that have the name of something else."""
@@ -163,17 +168,25 @@ class Attack:
         SEED.require(f"attack {self.name}", "seed", seed)
         public = public if isinstance(public, PublicModel) else PublicModel(public)
         model = public.model
+        if self.of_renders:
+            retouched = partial(self.retouched, seed=seed, settings=settings)
+            return Attacked(model, np.arange(len(model)), len(model), retouched=retouched)
         teacher = Teacher(self.name, public, [replace(camera, image=None) for camera in cameras], device)
         known: dict[str, Any] = {"columns": public.columns, "teacher": teacher}
         known |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
         arguments = {name: known[name] for name in self.parameters}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
-            attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
+            attacked: Attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
         listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
         self._require_result(attacked, model, listed)
         if attacked.model is model:
             return attacked
         return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
+
+    def retouched(self, image: Float32, view: str, *, seed: int, settings: Mapping[str, Setting]) -> Float32:
+        """Return a render [H,W,3] of a view after an attack on renders; random numbers depend on seed and view."""
+        rng = np.random.default_rng([seed, zlib.crc32(view.encode())])
+        return read_back(self.function(image, rng, **settings))
 
     def matching(
         self, public: PublicModel, measurements: Measurements, wanted: float, damage_of: Damage, **how: Any
@@ -191,7 +204,9 @@ class Attack:
         def damage_at(value: float) -> float:
             chosen: dict[str, Any] = {**how, strength.setting: value}
             attacked = self.apply(public, measurements, **chosen)
-            return damage_of(public.with_model(attacked.model), attacked.transform) if len(attacked.model) else np.inf
+            if not len(attacked.model):
+                return np.inf
+            return damage_of(public.with_model(attacked.model), attacked.transform, attacked.retouched)
 
         return search(strength, damage_at, wanted)
 

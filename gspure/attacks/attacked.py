@@ -1,6 +1,6 @@
 """What attacks return and raise, and whether they affected the columns that a message is read from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import filter as matching
 from typing import Any, Self
@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.errors import InputError
-from gspure.files import Bools, Float64, Indices
+from gspure.files import Bools, Float32, Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.progress import Described
 from gspure.public_model import Columns, PublicModel
+
+Retouch = Callable[[Float32, str], Float32]
 
 
 class NotApplicable(InputError):  # noqa: N818
@@ -42,6 +44,8 @@ class Attacked(Described):
         Rigid transform applied to the whole model; views move with it (`gspure.cameras.camera.Camera.moved`).
     removed : str
         Why no extraction of the scheme can read it; it is vanilla 3DGS then. Empty if the format is unchanged.
+    retouched : callable
+        From a render of the scene [H,W,3] and the name of its view to what an attack on renders makes of it.
 
     """
 
@@ -50,6 +54,7 @@ class Attacked(Described):
     count: int
     transform: Float64 | None = None
     removed: str = ""
+    retouched: Retouch = lambda image, _view: image
 
     def published(self, public: PublicModel, comment: str = "") -> PublicModel:
         """Return it in place of the model `public`, with the files beside that one."""

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
 Images = Sequence[Float32]
-Damage = Callable[..., float]  # of an attacked model and, if it has one, of its rigid transform: the damage, dB
+Damage = Callable[..., float]  # of an attacked model, its rigid transform and `Attacked.retouched`, if any: dB
 EVALUATIONS: Final = 10  # most models that a search renders, besides that at the weak end
 
 
@@ -96,9 +96,14 @@ def scene_damage(
     unattacked render, so there is no PSNR to drop from.
     """
 
-    def renders(model: PublicModel, transform: Float64 | None = None) -> list[Float32]:
+    def renders(
+        model: PublicModel,
+        transform: Float64 | None = None,
+        retouched: Callable[[Float32, str], Float32] = lambda image, _view: image,
+    ) -> list[Float32]:
         scene = model.scene(device, model.model.background)
-        return [read_back(scene(view if transform is None else view.moved(transform))) for view in views]
+        moved = views if transform is None else [view.moved(transform) for view in views]
+        return [retouched(read_back(scene(view)), view.name) for view in moved]
 
     references = renders(public) if photographs is None else photographs
 

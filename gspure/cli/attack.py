@@ -36,7 +36,7 @@ _MEASUREMENTS = {
 
 def add_arguments(parser: Parser) -> None:
     parser.text("name", "NAME", "one of the attacks below, or of an installed plug-in")
-    options.list_choices(parser, "attacks", BUILT_IN)
+    options.list_choices(parser, "attacks", (attack for attack in BUILT_IN if not attack.of_renders))
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
     for name, meaning in _MEASUREMENTS.items():
@@ -58,7 +58,9 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows and transform."""
-    attack = find_attack(args.name)
+    if (attack := find_attack(args.name)).of_renders:
+        expected, hint = "an attack on models", "variants of the workflow apply it"
+        raise InputError(f"attack {attack.name}", "name", expected=expected, found="one on renders", hint=hint)
     require_writable(args.out)
     settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
     learns, searches = "teacher" in attack.parameters, args.damage is not None

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gspure.attacks import Measurements, NotApplicable, affected, find_attack
+from gspure.attacks import Attacked, Measurements, NotApplicable, affected, find_attack
+from gspure.attacks.attacked import Retouch
 from gspure.attacks.strength import scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
@@ -16,7 +17,7 @@ from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_mar
 from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
 from gspure.evaluation.retrieval import Retrieved, retrieved
 from gspure.files import Float64, save_array, write_json, write_provenance
-from gspure.images import write_image
+from gspure.images import read_back, write_image
 from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
 from gspure.opencl.device import choose_device
@@ -53,14 +54,14 @@ def evaluate(
         shutil.rmtree(renders, ignore_errors=True)
         renders.mkdir(parents=True)
         (folder / DETECTIONS).mkdir(exist_ok=True)
-        transform, model = np.eye(4), Path(variant["model"])
+        transform, model, retouched = np.eye(4), Path(variant["model"]), Attacked.retouched
         if variant["attack"]:
             how = {**variant["attack"], "scheme": scheme, "photographed": SCENE in photographed}
             if not (attacked := attack(folder, views_of(cameras, "train"), views[SCENE], **how)):
                 write_metrics(folder / "metrics.csv", [])
                 write_table(folder / "retrieval.csv", Retrieved, [])
                 continue
-            public, transform, is_removed = attacked
+            public, transform, is_removed, retouched = attacked
             # a removed format is vanilla 3DGS, which no extraction of the scheme reads
             variant.update({"rendered": [SCENE], "compared": [SCENE]} if is_removed else {})
         else:
@@ -76,11 +77,13 @@ def evaluate(
             elif its_key:
                 draw = extraction(public.drawn(model), its_key, target, original, photographs)
             for camera in track([view.moved(moves) for view in views[kind(target)]], target):
-                write_image(renders / target / f"{camera.name}.png", draw(camera))
+                image = draw(camera)
+                shown = retouched(read_back(image), camera.name) if target == SCENE else image
+                write_image(renders / target / f"{camera.name}.png", shown)
         for detector, of_user in variant["detectors"].items():
             write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, of_user, renders / SCENE))
-        shown = unattacked if variant["baseline"] else renders
-        pairs = {t: paired(t, views, shown, photographed, unattacked) for t in sorted(variant["compared"])}
+        images = unattacked if variant["baseline"] else renders
+        pairs = {t: paired(t, views, images, photographed, unattacked) for t in sorted(variant["compared"])}
         references: dict[str, Reference] = {t: TRUTH if kind(t) in photographed else RENDER for t in pairs}
         rows = [compare(pair, references[t], variant["baseline"]) for t, of in pairs.items() for pair in of]
         if rows:
@@ -94,10 +97,11 @@ def evaluate(
 
 def attack(
     folder: Path, public_views: list[Camera], shown: list[Camera], *, name: str, model: str, **how: Any
-) -> tuple[PublicModel, Float64, bool] | None:
+) -> tuple[PublicModel, Float64, bool, Retouch] | None:
     """Attack a public model; the verdict tells what the attack changed, or why it cannot apply.
 
-    Return the attacked model, how it moved, and whether no extraction can read it; None if the attack cannot apply.
+    Return the attacked model, how it moved, whether no extraction can read it, and what retouches renders of the scene;
+    None if the attack cannot apply.
     """
     (folder / "public").mkdir(exist_ok=True)
     known, before = find_attack(name), read_public_model(model, how["scheme"]).drawable(model)
@@ -129,11 +133,13 @@ def attack(
         strength += f", {search.damage:z.2f} dB reached"
     reads = find_scheme(how["scheme"]).extractions if how["scheme"] else {}
     reached = {extraction: affected(before.model, attacked, columns) for extraction, columns in reads.items()}
+    reached |= {extraction: True for extraction in reads if known.of_renders and not is_picture(extraction)}
     write_json(folder / "verdict.json", {"reached": reached, "strength": strength, "removed": attacked.removed})
     settings = {"attack": name, **used, **how}
     write_provenance(folder / "public", "attack", inputs={"model": Path(model)}, settings=settings)
     print(f"{name}: kept {int((~attacked.prune_mask).sum())} of {attacked.count} rows, {len(attacked.model)} in all")
-    return published, np.eye(4) if attacked.transform is None else attacked.transform, bool(attacked.removed)
+    transform = np.eye(4) if attacked.transform is None else attacked.transform
+    return published, transform, bool(attacked.removed), attacked.retouched
 
 
 def extraction(public: PublicModel, key: Key, target: str, original: Any, photographs: Path | None) -> RenderView:

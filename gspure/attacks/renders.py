@@ -1,0 +1,94 @@
+"""Attacks on renders of the scene, for marks that are read from images; the model itself is published unchanged.
+
+Each is a function of one image [H,W,3], 0 to 1, and returns one of the same size, clipped later. Strengths are those of
+WAVES (An et al. 2024, arXiv 2401.08573) for images of 512x512 pixels: JPEG of quality 90 to 10, blurs of up to 20
+pixels, crops to half of the area, noise of up to 0.1, brightness of up to 2. `resize` is ours.
+"""
+
+import io
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Final
+
+import numpy as np
+
+from gspure.attacks.attack import Attack, Rng
+from gspure.attacks.strength import Strength
+from gspure.files import Float32
+from gspure.images import levels
+from gspure.settings import Amount, Range
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+PART: Final = Range(0.01, 1.0)  # of an image
+
+Part = Annotated[float, PART]
+
+
+def jpeg(image: Float32, _rng: Rng, *, quality: Annotated[int, Range(1, 100)] = 50) -> Float32:
+    """Compress renders as JPEG of a `quality`."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    _picture(image).save(stream, "JPEG", quality=quality)
+    return _array(Image.open(stream))
+
+
+def blur(image: Float32, _rng: Rng, *, radius: Annotated[float, Range(0.0, 1000.0)] = 2.0) -> Float32:
+    """Blur renders by a Gaussian with a standard deviation of `radius` pixels."""
+    from PIL import ImageFilter
+
+    return _array(_picture(image).filter(ImageFilter.GaussianBlur(radius)))
+
+
+def resized_crop(image: Float32, rng: Rng, *, area: Part = 0.7) -> Float32:
+    """Enlarge a random window with a share `area` of the pixels to the size of the render."""
+    height, width = image.shape[:2]
+    left, top = rng.random(2) * (1 - np.sqrt(area)) * (width, height)
+    box = (left, top, left + width * np.sqrt(area), top + height * np.sqrt(area))
+    picture = _picture(image)
+    return _array(_resized(picture, picture.size, box))
+
+
+def resize(image: Float32, _rng: Rng, *, scale: Part = 0.5) -> Float32:
+    """Reduce width and height of renders by the factor `scale`, and enlarge them again."""
+    picture = _picture(image)
+    small = [max(round(scale * side), 1) for side in picture.size]
+    return _array(_resized(_resized(picture, small), picture.size))
+
+
+def pixel_noise(image: Float32, rng: Rng, *, sigma: Amount = 0.05) -> Float32:
+    """Add Gaussian noise of standard deviation `sigma`, of a range of 0 to 1, to renders."""
+    return image + np.float32(sigma) * rng.standard_normal(image.shape, np.float32)
+
+
+def brightness(image: Float32, _rng: Rng, *, factor: Amount = 1.5) -> Float32:
+    """Multiply renders by `factor`."""
+    return image * np.float32(factor)
+
+
+def _resized(picture: "Image", size: Sequence[int], box: tuple[float, float, float, float] | None = None) -> "Image":
+    from PIL.Image import Resampling
+
+    return picture.resize((size[0], size[1]), Resampling.BICUBIC, box)
+
+
+def _picture(image: Float32) -> "Image":
+    from PIL import Image
+
+    return Image.fromarray(levels(image))
+
+
+def _array(picture: "Image") -> Float32:
+    return np.asarray(picture, np.float32) / np.float32(255)
+
+
+_STRENGTHS: Final[dict[Callable[..., Float32], Strength]] = {
+    jpeg: Strength("quality", 100, 1),
+    blur: Strength("radius", 0.1, 100.0, "log"),
+    resized_crop: Strength("area", 1.0, 0.01),
+    resize: Strength("scale", 1.0, 0.01),
+    pixel_noise: Strength("sigma", 1e-3, 1.0, "log"),
+    brightness: Strength("factor", 1.01, 10.0, "log"),
+}
+ATTACKS = tuple(Attack(f.__name__, f, strength=strength, of_renders=True) for f, strength in _STRENGTHS.items())
