@@ -6,13 +6,7 @@ import numpy as np
 
 from tests.reference.blending import render
 
-GRADIENT_OF = {
-    "means": "means",
-    "quats": "quats",
-    "scales": "scales",
-    "opacities": "opacities",
-    "sh_coeffs": "channels",
-}
+GRADIENT_OF = {name: name for name in ("means", "quats", "scales", "opacities")} | {"sh_coeffs": "channels"}
 """Parameters of a model, and the names of their gradients."""
 
 STEP = 1e-7

@@ -214,24 +214,16 @@ def geographic() -> Case:
 AWKWARD: dict[str, Callable[[], Case]] = {
     make.__name__: make
     for make in (
-        nothing,
-        off_screen,
-        behind,
-        covering,
-        inside,
-        needles,
-        close_needles,
-        grazing,
-        flakes,
-        subpixel,
-        extreme_opacities,
-        same_depth,
-        off_centre,
-        stacked,
-        off_origin,
-        geographic,
+        *(nothing, off_screen, behind, covering, inside, needles, close_needles, grazing, flakes, subpixel),
+        *(extreme_opacities, same_depth, off_centre, stacked, off_origin, geographic),
     )
 }
+
+
+ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")
+UNDRAWN = [{"x": np.nan}, {"z": np.inf}, {"opacity": np.nan}, {"scale_0": np.inf}, {"rot_1": np.nan}]
+UNDRAWN += [dict.fromkeys(ROTATION, 0.0)]
+"""Columns with which a row is not drawn."""
 
 
 def with_column(model: Gaussians, name: str, values) -> Gaussians:

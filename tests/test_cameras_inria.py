@@ -11,16 +11,8 @@ from gspure.cameras import Camera, intrinsics, read_cameras, write_cameras
 from gspure.errors import InputError
 from tests.camera_cases import cameras
 
-VIEW = {
-    "id": 0,
-    "img_name": "a",
-    "width": 64,
-    "height": 48,
-    "position": [1.0, 2.0, 3.0],
-    "rotation": [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-    "fy": 41.0,
-    "fx": 40.0,
-}
+VIEW = {"id": 0, "img_name": "a", "width": 64, "height": 48, "fy": 41.0, "fx": 40.0, "position": [1.0, 2.0, 3.0]}
+VIEW |= {"rotation": [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]}
 
 
 def written(folder, *views):

@@ -125,17 +125,9 @@ def test_shells_surround_the_model_at_their_radii():
         assert (directions @ axis).max() > np.cos(np.radians(20))
 
 
-@pytest.mark.parametrize(
-    ("setting", "field"),
-    [
-        ({"count": 0}, "count"),
-        ({"height": 2.5}, "height"),
-        ({"fov_degrees": 180}, "fov_degrees"),
-        ({"up": (0, 0, 0)}, "up"),
-    ],
-)
-def test_a_setting_out_of_range_is_refused_by_name(setting, field):
+@pytest.mark.parametrize(("name", "value"), [("count", 0), ("height", 2.5), ("fov_degrees", 180), ("up", (0, 0, 0))])
+def test_a_setting_out_of_range_is_refused_by_name(name, value):
     for generate in (orbit_cameras, shell_cameras):
         with pytest.raises(InputError) as caught:
-            generate(points_of(BALL, OPAQUE), **setting)
-        assert caught.value.field == field
+            generate(points_of(BALL, OPAQUE), **{name: value})
+        assert caught.value.field == name

@@ -74,11 +74,8 @@ def machine(monkeypatch):
 
 def test_gpus_come_before_cpus_and_are_numbered_so(machine) -> None:
     machine(POCL, CARDS)
-    assert [(d.index, d.kind, d.name) for d in list_devices()] == [
-        (0, "gpu", "Card A"),
-        (1, "gpu", "Card B"),
-        (2, "cpu", "pthread-EPYC"),
-    ]
+    expected = [(0, "gpu", "Card A"), (1, "gpu", "Card B"), (2, "cpu", "pthread-EPYC")]
+    assert [(d.index, d.kind, d.name) for d in list_devices()] == expected
 
 
 def test_the_default_is_the_first_device_that_works(machine) -> None:

@@ -10,13 +10,7 @@ from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402
 from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
-from gspure.schemes.gs_hider.model import (  # noqa: E402
-    CHANNELS,
-    COLUMNS,
-    MESSAGE_DECODER,
-    SCENE_DECODER,
-    DecoderFile,
-)
+from gspure.schemes.gs_hider.model import CHANNELS, COLUMNS, ROLES, DecoderFile  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
 from tests.scheme_cases import quality  # noqa: E402
 
@@ -67,9 +61,8 @@ def test_the_authors_layout_is_read(tmp_path):
     for iteration in (30, 200):
         rows = Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS]))
         write_model(cloud / f"iteration_{iteration}" / "point_cloud.ply", rows)
-        for role in (SCENE_DECODER, MESSAGE_DECODER):
-            state = decoder_state(iteration + (role == MESSAGE_DECODER))
-            torch.save(state, tmp_path / f"chkpnt{iteration}_{role}.pth")
+        for number, role in enumerate(ROLES):
+            torch.save(decoder_state(iteration + number), tmp_path / f"chkpnt{iteration}_{role}.pth")
     for path, iteration in ((tmp_path, 200), (cloud / "iteration_30", 30)):
         decoders = SCHEME.read_public(path).decoder, SCHEME.read_key(path).decoder
         assert [d.network.conv5.bias[0].item() for d in decoders] == [iteration, iteration + 1]

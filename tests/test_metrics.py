@@ -24,6 +24,9 @@ from gspure.evaluation.metrics import (
 from gspure.images import read_image, write_image
 from tests.contest_cases import measured
 
+SCIKIT_IMAGE = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
+SCIKIT_IMAGE |= {"data_range": 1.0, "channel_axis": -1}
+
 
 def image(seed: int, height: int = 40, width: int = 50) -> np.ndarray:
     """Bytes over 255, as read from PNG: smooth, with some noise."""
@@ -66,16 +69,7 @@ def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
     a, b = image(3), image(4)
     # Framed by zeros wider than the window, scikit-image meets zeros beyond the border as 3DGS's SSIM does.
     framed_a, framed_b = (np.pad(x, ((11, 11), (11, 11), (0, 0))) for x in (a, b))
-    _, theirs = structural_similarity(
-        framed_a,
-        framed_b,
-        gaussian_weights=True,
-        sigma=1.5,
-        use_sample_covariance=False,
-        data_range=1.0,
-        channel_axis=-1,
-        full=True,
-    )
+    _, theirs = structural_similarity(framed_a, framed_b, full=True, **SCIKIT_IMAGE)
     assert ssim(a, b) == pytest.approx(theirs[11:-11, 11:-11].mean(), abs=1e-12)
 
 
@@ -84,9 +78,7 @@ def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim(side: int) -> None:
     from skimage.metrics import structural_similarity
 
     a, b = image(3, side, 30), (image(3, side, 30) + image(4, side, 30)) / 2
-    settings = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
-    expected = structural_similarity(a, b, data_range=1.0, channel_axis=-1, **settings)
-    assert ms_ssim(a, b) == pytest.approx(expected, abs=1e-9)
+    assert ms_ssim(a, b) == pytest.approx(structural_similarity(a, b, **SCIKIT_IMAGE), abs=1e-9)
 
 
 def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:

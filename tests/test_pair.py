@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from gspure.cameras import read_cameras
+from gspure.cameras import read_cameras, write_cameras
 from gspure.cli import main
 from gspure.files import read_json
 from gspure.images import read_image
 from gspure.model import read_model, write_model
 from gspure.model.ply import read_point_ply
+from gspure.model.rotations import moved
 from gspure.renderer import Renderer
 from gspure.scenes.alignment import Similarity, aligning
 from gspure.schemes.pair import read_pair
@@ -25,14 +27,6 @@ def similarity(seed=0):
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     rotation = q * np.sign(np.diag(r))
     return Similarity(2.5, rotation * np.sign(np.linalg.det(rotation)), rng.normal(size=3))
-
-
-def moved(model, by):
-    """The same model in another world."""
-    return model.with_columns(
-        dict(zip("xyz", (by.scale * model.means @ by.rotation.T + by.translation).T, strict=True))
-        | {f"scale_{i}": model.table[f"scale_{i}"] + np.log(by.scale) for i in range(3)}
-    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -102,12 +96,11 @@ def test_embedding_two_captures_makes_their_pair_on_the_way(photographed, tmp_pa
 
 
 def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_path, capsys):
-    from gspure.cameras import write_cameras
-
     project, model = photographed
     by = similarity()
     folder = tmp_path / "trained"
-    write_model(folder / "point_cloud.ply", moved(read_model(model), by))
+    rotvec = Rotation.from_matrix(by.rotation).as_rotvec()
+    write_model(folder / "point_cloud.ply", moved(read_model(model), rotvec, by.translation, by.scale))
     write_cameras(folder / "cameras.json", [replace(by.camera(camera), image=None) for camera in read_cameras(project)])
     out = tmp_path / "pair"
     assert main(["pair", str(project), str(folder), "--out", str(out), "--resolution", "native"]) == 0

@@ -142,12 +142,8 @@ def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(agai
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
     model = changed(assets=None, schemes={"marked_clones": {}}, repetitions=1).models[0]
     assert model.controls == ["clean", "wrong_key", "other_scene"]
-    assert {name: Variant(model, name).evaluation["compared"] for name in ("gspure", *model.controls)} == {
-        "gspure": ["scene"],
-        "clean": ["scene"],
-        "wrong_key": [],
-        "other_scene": [],
-    }
+    compared = {name: Variant(model, name).evaluation["compared"] for name in ("gspure", *model.controls)}
+    assert compared == {"gspure": ["scene"], "clean": ["scene"], "wrong_key": [], "other_scene": []}
     assert all([*Variant(model, name).detectors] == ["bits"] for name in ("gspure", *model.controls))
     assert reported(model).controls == ["clean"]
 

@@ -9,13 +9,11 @@ from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
 from gspure.renderer import CONTRIBUTION, Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
-from tests.models import AWKWARD, blobs, camera, gaussians, joined, tilted_camera
+from tests.models import AWKWARD, UNDRAWN, blobs, camera, gaussians, joined, tilted_camera
 from tests.reference.blending import render
 
 ROUNDING = {("needles", "ray"): 5e-5}
 """Tolerances of cases that float32 cannot hold better: a fiftieth of a pixel wide, 1e-6 of a pixel off at best."""
-
-ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")
 
 
 def assert_all_agree(renderer, view, *, tight=5e-6, background=(0.1, 0.5, 0.9)):
@@ -125,18 +123,7 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
     assert renderer.contributions(view).dtype == CONTRIBUTION
 
 
-@pytest.mark.parametrize(
-    "columns",
-    [
-        {"x": np.nan},
-        {"z": np.inf},
-        {"opacity": np.nan},
-        {"scale_0": np.inf},
-        {"rot_1": np.nan},
-        dict.fromkeys(ROTATION, 0.0),
-    ],
-    ids=" ".join,
-)
+@pytest.mark.parametrize("columns", UNDRAWN, ids=" ".join)
 def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, columns):
     model, view = blobs(17, 4), camera(33, 31)
     broken = model.with_columns(columns | {"opacity": columns.get("opacity", 3.0)})[np.arange(17) < 3]
