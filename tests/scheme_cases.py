@@ -24,10 +24,11 @@ SETTINGS = {
     "secure_gs": {"iterations": 60, "max_anchors": 200},
     "keyss": {"iterations": 60, "max_gaussians": 400},
     "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
+    "rendered_bits": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "colour_steps": 2},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }
-NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones"}
+NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones", "rendered_bits"}
 
 
 def small_pair(folder: Path, protocol: str = "shared") -> Path:

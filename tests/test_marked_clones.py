@@ -1,11 +1,12 @@
-"""Marked Clones: the decoder learns, the clones show its bits, and the owner reads them from renders."""
+"""Marked Clones and Rendered Bits: the decoder learns, the model shows its bits, and the owner reads them."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from marked_clones import SCHEME
+from marked_clones import SCHEME, rendered_bits
 
+from gspure.attacks.renders import jpeg
 from gspure.cli import main
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import Reading
@@ -13,6 +14,7 @@ from gspure.files import load_arrays, read_json
 from gspure.images import read_back, write_image
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
+from tests.attack_cases import changed
 
 torch = pytest.importorskip("torch")
 
@@ -40,6 +42,21 @@ def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_
     assert correct(marked.key, marked.public, test) > 0.75
     assert correct(marked.key, marked.clean, train) < 0.85
     assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
+
+
+def test_colours_alone_show_bits_in_held_out_renders_also_after_jpeg(pair_folder):
+    pair, settings = read_pair(pair_folder), {"iterations": 200, "max_gaussians": 800, "bits": 8}
+    steps = {"decoder_steps": 250, "colour_steps": 100}
+    public, key = hide(rendered_bits.SCHEME, pair, message_weight=1.0, **settings, **steps)
+    clean, _ = hide(rendered_bits.SCHEME, pair, message_weight=0, **settings)
+    train, test = pair.scene.views, pair.scene.dataset.test
+    assert changed(clean.model, public.model) <= {n for n in clean.model.names if n.startswith("f_")}
+    assert correct(key, public, train) > 0.95
+    assert correct(key, public, test) > 0.75
+    compressed = [jpeg(read_back(public.scene()(camera)), None, quality=80) for camera in train]
+    assert np.mean([key.read_bits(image) == key.bits for image in compressed]) > 0.85
+    assert correct(key, clean, train) < 0.85
+    assert correct(key.wrong(np.random.default_rng(1)), public, train) < 0.85
 
 
 def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):

@@ -28,6 +28,7 @@ SCHEMES: Final = {  # the built-in ones
     "secure_gs_hardened": "SecureGS (hardened)",
     "keyss": "KeySS",
     "marked_clones": "Marked Clones",
+    "rendered_bits": "Rendered Bits",
 }
 
 _NAMES: Final = SCHEMES | {

@@ -47,17 +47,17 @@ def embed(
     if not message_weight:
         return PublicModel(model), None
     from gspure.training.pytorch import single_threaded
-    from marked_clones.decoder import training, untrained
+    from marked_clones.decoder import disturbed, training, untrained
     from marked_clones.key import ClonesKey
     from marked_clones.marking import Marking, uncertain_rows
 
     rng = np.random.default_rng([seed, zlib.crc32(b"".join(image.tobytes() for image in pair.scene.images))])
     message, decoder, views = rng.random(bits) < 0.5, untrained(bits, int(rng.integers(1 << 31))), pair.scene.views
     with single_threaded():
-        _run(training(decoder, pair.scene.images, decoder_steps, rng), decoder_steps, "decoder")
+        trained(training(decoder, pair.scene.images, decoder_steps, rng, disturbed), decoder_steps, "decoder")
         rows = uncertain_rows(model, views, cloned, rng, device)
         marking = Marking(model, rows, decoder, message, device)
-        _run(marking.steps(views, message_weight, marking_steps, rng), marking_steps, f"{len(rows)} clones")
+        trained(marking.steps(views, message_weight, marking_steps, rng), marking_steps, f"{len(rows)} clones")
     message_rows = np.arange(len(model) + len(rows)) >= len(model)
     return PublicModel(marking.model), ClonesKey(message, decoder, message_rows)
 
@@ -69,7 +69,8 @@ def read_key(folder: Path) -> Key:
     return ClonesKey.read(folder)
 
 
-def _run(losses: Iterator[float], steps: int, title: str) -> None:
+def trained(losses: Iterator[float], steps: int, title: str) -> None:
+    """Take all steps of a training, with a progress bar."""
     for _ in watched(losses, steps, lambda: title):
         pass
 

@@ -5,7 +5,7 @@ and an encoder. The textures are learned, too, and serve no other purpose: the c
 All numbers are ours.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Final
 
@@ -54,8 +54,14 @@ def untrained(count: int, seed: int) -> Decoder:
         return Decoder(count)
 
 
-def training(decoder: Decoder, photographs: Sequence[Float32], steps: int, rng: np.random.Generator) -> Iterator[float]:
-    """Train a decoder on random bits in crops of photographs [H,W,3]; yield the loss of each step."""
+def training(
+    decoder: Decoder,
+    photographs: Sequence[Float32],
+    steps: int,
+    rng: np.random.Generator,
+    disturb: Callable[[torch.Tensor, np.random.Generator], torch.Tensor],
+) -> Iterator[float]:
+    """Train a decoder on random bits in disturbed crops of photographs [H,W,3]; yield the loss of each step."""
     count = decoder.head.out_features
     textures = torch.from_numpy(_gratings(2 * count, rng).reshape(2, count, 3, TILE, TILE)).requires_grad_()
     groups = [{"params": [*decoder.parameters()]}, {"params": [textures], "lr": 10 * RATE}]
@@ -67,7 +73,7 @@ def training(decoder: Decoder, photographs: Sequence[Float32], steps: int, rng: 
         added = torch.where(bits[..., None, None, None], *textures).sum(1)
         added = warped(added.repeat(1, 1, 5, 5), rng, images.shape[2:])
         marked = images + strength * added / added.square().mean(dim=(1, 2, 3), keepdim=True).sqrt()
-        loss = torch.nn.functional.binary_cross_entropy_with_logits(decoder(disturbed(marked, rng)), bits.float())
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(decoder(disturb(marked, rng)), bits.float())
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()

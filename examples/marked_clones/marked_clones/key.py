@@ -3,7 +3,7 @@
 ::
 
     <key>/marked_clones.npz   the bits and the decoder's weights
-    <key>/message_rows.npy    the clones: bool [K], true in the rows of the public model that carry the bits
+    <key>/message_rows.npy    of Marked Clones: bool [K], true in the rows of the public model that carry the bits
 """
 
 from __future__ import annotations
@@ -24,13 +24,12 @@ from marked_clones.decoder import Decoder, untrained
 _FILE: Final = "marked_clones.npz"
 
 
-class ClonesKey(Key):
-    """The bits [N], the decoder that reads them, and the rows [K] that are clones."""
+class BitsKey(Key):
+    """The bits [N], and the decoder that reads them."""
 
-    def __init__(self, bits: Bools, decoder: Decoder, message_rows: Bools) -> None:
+    def __init__(self, bits: Bools, decoder: Decoder) -> None:
         self.bits = bits
         self.decoder = decoder
-        self.message_rows = message_rows
 
     def read_bits(self, image: Float32) -> Bools:
         """Return the bits [N] that an image [H,W,3] shows."""
@@ -40,19 +39,18 @@ class ClonesKey(Key):
         shown: Bools = logits[0].numpy() > 0
         return shown
 
-    def wrong(self, rng: np.random.Generator) -> ClonesKey:
+    def wrong(self, rng: np.random.Generator) -> BitsKey:
         """Return an untrained decoder and other bits."""
         decoder = untrained(len(self.bits), int(rng.integers(1 << 31)))
-        return ClonesKey(rng.random(len(self.bits)) < 0.5, decoder, rng.permutation(self.message_rows))
+        return BitsKey(rng.random(len(self.bits)) < 0.5, decoder)
 
     def write(self, folder: Path) -> None:
-        """Write both files."""
+        """Write the bits and the decoder's weights."""
         weights = {name: tensor.numpy() for name, tensor in self.decoder.state_dict().items()}
         save_arrays(folder / _FILE, {"bits": self.bits} | weights)
-        save_array(folder / MESSAGE_ROWS, self.message_rows)
 
     @staticmethod
-    def read(folder: Path) -> ClonesKey:
+    def read(folder: Path) -> BitsKey:
         """Read a key.
 
         Raise `InputError` if a file is missing or unreadable, or an array has another type or shape or is not finite.
@@ -73,5 +71,28 @@ class ClonesKey(Key):
                 raise InputError(path, name, expected=f"{len(bits)} rows, one per bit", found=str(len(arrays[name])))
         decoder = untrained(len(bits), 0)
         decoder.load_state_dict({name: torch.from_numpy(array) for name, array in arrays.items()})
-        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(None,))
-        return ClonesKey(bits, decoder, message_rows)
+        return BitsKey(bits, decoder)
+
+
+class ClonesKey(BitsKey):
+    """The bits [N], the decoder that reads them, and the rows [K] that are clones."""
+
+    def __init__(self, bits: Bools, decoder: Decoder, message_rows: Bools) -> None:
+        super().__init__(bits, decoder)
+        self.message_rows = message_rows
+
+    def wrong(self, rng: np.random.Generator) -> ClonesKey:
+        """Return an untrained decoder, other bits and other rows."""
+        key = super().wrong(rng)
+        return ClonesKey(key.bits, key.decoder, rng.permutation(self.message_rows))
+
+    def write(self, folder: Path) -> None:
+        """Write both files."""
+        super().write(folder)
+        save_array(folder / MESSAGE_ROWS, self.message_rows)
+
+    @staticmethod
+    def read(folder: Path) -> ClonesKey:
+        """Read a key as `BitsKey.read` does, and its rows."""
+        key = BitsKey.read(folder)
+        return ClonesKey(key.bits, key.decoder, load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(None,)))
