@@ -1,0 +1,81 @@
+"""Bits that two schemes hide in a scene, read from its renders after the image attacks of config/severity.yaml.
+
+pip install ./examples/marked_clones
+gspure pair room vault --views 24 --width 160 --height 120 --out pair
+python benchmarks/image_attacks.py pair docs/tables/image-attacks.csv
+"""
+
+import argparse
+import csv
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from gspure.attacks import find_attack
+from gspure.evaluation.metrics import psnr
+from gspure.images import read_back
+from gspure.schemes.pair import read_pair
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import hide
+from gspure.training.dataset import read_photographs
+
+SCHEMES = {"marked_clones": {"decoder_steps": 600}, "rendered_bits": {}}
+SETTINGS = {"iterations": 1000, "max_gaussians": 8000}
+ROOT = Path(__file__).parents[1]
+
+
+def image_attacks():
+    """Return the variants that attack renders, with their attack and its strength."""
+    variants = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
+    attacks = {name: (find_attack(v.get("attack", name)), v) for name, v in variants.items()}
+    for attack, variant in (known for known in attacks.values() if known[0].of_renders):
+        yield attack, {name: value for name, value in variant.items() if name in attack.settings}
+
+
+def measured(pair, scheme):
+    """Yield the rows of a scheme: what was done, PSNR of the scene, and correct bits of both kinds of views, in %."""
+    begin = time.process_time()
+    public, key = hide(find_scheme(scheme), pair, **SETTINGS, **SCHEMES[scheme])
+    print(f"{scheme}: {time.process_time() - begin:.0f} CPU-s")
+    clean, _ = hide(find_scheme(scheme), pair, message_weight=0, **SETTINGS)
+    views = [*pair.scene.views, *pair.scene.dataset.test]
+    renders, unmarked = ([read_back(model.scene()(view)) for view in views] for model in (public, clean))
+    fidelity = np.mean([psnr(*images) for images in zip(renders, unmarked, strict=True)])
+    print(f"{scheme}: renders have {fidelity:.1f} dB against those of the clean model")
+    trained, truth = len(pair.scene.views), pair.scene.images + read_photographs(pair.scene.dataset.test)
+
+    def row(attack, strength, images, key=key):
+        quality = np.mean([psnr(*both) for both in zip(images[trained:], truth[trained:], strict=True)])
+        correct = np.array([100 * np.mean(key.read_bits(image) == key.bits) for image in images])
+        return attack, strength, quality, correct[:trained].mean(), correct[trained:].mean()
+
+    yield row("clean model", "", unmarked)
+    yield row("wrong key", "", renders, key.wrong(np.random.default_rng(1)))
+    yield row("unattacked", "", renders)
+    for attack, settings in image_attacks():
+        retouched = attack.apply(public, **settings).retouched
+        images = [retouched(image, view.name) for image, view in zip(renders, views, strict=True)]
+        ((name, value),) = settings.items()
+        yield row(attack.name, f"{name} {value:g}", images)
+
+
+def main():
+    """Write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pair", type=Path)
+    parser.add_argument("out", type=Path)
+    args = parser.parse_args()
+    pair = read_pair(args.pair)
+    tables = [[*measured(pair, scheme)] for scheme in SCHEMES]
+    measures = ("scene PSNR, dB", "correct bits, training views, %", "held-out views, %")
+    with args.out.open("w", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["attack", "strength", *(f"{scheme}: {measure}" for scheme in SCHEMES for measure in measures)])
+        for rows in zip(*tables, strict=True):
+            writer.writerow([*rows[0][:2], *(f"{value:.1f}" for row in rows for value in row[2:])])
+
+
+if __name__ == "__main__":
+    main()
