@@ -3,6 +3,7 @@
 rule base_step:
     log:
         "results/logs/base_step.log",
+    priority: 1
     conda:
         "../envs/gspure.yaml"
     threads: get_threads
@@ -17,6 +18,7 @@ rule base_step:
 rule base_command:
     log:
         "results/logs/base_command.log",
+    priority: 1
     conda:
         "../envs/gspure.yaml"
     threads: get_threads

@@ -90,7 +90,10 @@ def logged(program):
     """Return the shell command of a rule; the last line of its log is the reason of a failure."""
     killed = 'echo "killed by signal $((status - 128))" >> {log:q}'
     failed = f"{{{{ status=$?; [ $status -lt 128 ] || {killed}; exit $status; }}}}"
-    return f"POCL_MAX_PTHREAD_COUNT={{threads}} {program} > {{log:q}} 2>&1 || {failed}"
+    # A job of small images also takes a core that others leave idle: a second thread costs no processor time.
+    least = 1 if config["threads"] else 2
+    threads = f"$(({{threads}} > {least} ? {{threads}} : {least}))"
+    return f"POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
 
 
 def step(name, *groups, version=None, **single):

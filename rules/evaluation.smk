@@ -15,6 +15,7 @@ use rule base_step as evaluate_variant with:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
     benchmark:
         "results/benchmarks/{scheme}/{scene}/{variant}/evaluate.tsv"
+    priority: 0  # short jobs last, so that no core is idle at the end
     params:
         **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), [wildcards.variant])),
         attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),

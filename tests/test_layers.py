@@ -147,7 +147,7 @@ BUDGETS = {
     "attacks": (1271, 10),
     "cameras": (1426, 11),
     "cli": (2205, 23),
-    "evaluation": (2492, 15),
+    "evaluation": (2498, 15),
     "figures": (1507, 10),
     "method": (1041, 10),
     "model": (1685, 11),
