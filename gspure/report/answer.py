@@ -93,13 +93,13 @@ class Answer:
         others = dict(self.controls)
         wrong = others.pop(display_name(WRONG_KEY), nan)
         floor = max(others.values(), default=nan)
-        shows = ": a part of it shows" if self.unit and wrong - floor >= MARGIN else ""
-        meaning = f"{message} with a wrong key{shows}; other controls: at most {self.level(floor)}"
+        shows = ": a part shows" if self.unit and wrong - floor >= MARGIN else ""
+        meaning = f"{message} with a wrong key{shows}; others: at most {self.level(floor)}"
         yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
         if scans:
             words = [[_DETECTED[scan[when]] for scan in scans] for when in ("before", "after")]
             both = [each[0] if len(each) == 1 else f"{each.count('yes')} of {len(each)}" for each in words]
-            yield " → ".join(both), "detectable without a key, before and after GSPure (the file alone)"
+            yield " → ".join(both), "detectable without a key, before and after GSPure"
         scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
         counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"
         yield (
