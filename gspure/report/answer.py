@@ -94,7 +94,7 @@ class Answer:
         wrong = others.pop(display_name(WRONG_KEY), nan)
         floor = max(others.values(), default=nan)
         shows = ": a part shows" if self.unit and wrong - floor >= MARGIN else ""
-        meaning = f"{message} with a wrong key{shows}; others: at most {self.level(floor)}"
+        meaning = f"with a wrong key{shows}; others: at most {self.level(floor)}"
         yield (f"{self.level(wrong)}{self.unit}", meaning) if isfinite(wrong) else (UNKNOWN, "no wrong key was tried")
         if scans:
             words = [[_DETECTED[scan[when]] for scan in scans] for when in ("before", "after")]
