@@ -35,7 +35,7 @@ EXAMPLES = """\
   gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
 
 files in DIR:
-  purified.ply       the remaining Gaussians, bit-identical unless repaired
+  purified.ply       the remaining Gaussians, bit-identical unless repaired or filtered in 3-D
   weights.npy        float32 [K]   mean contribution of every Gaussian (row)
   labels.npy         int32 [K]     its cluster; -1 is noise
   prune_mask.npy     bool [K]      true where the row was removed

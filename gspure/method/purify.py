@@ -43,7 +43,7 @@ class Purification(Described):
     Parameters
     ----------
     model : Gaussians
-        The remaining rows, bit-identical, with one more comment line.
+        The remaining rows, bit-identical but for a merged 3-D filter, with one more comment line.
     weights : array [K], float32
         Weights ω_k of the input.
     labels : array [K], int32
