@@ -154,7 +154,7 @@ BUDGETS = {
     "opencl": (2222, 20),
     "report": (1888, 14),
     "scan": (276, 3),
-    "scenes": (915, 7),
+    "scenes": (916, 7),
     "schemes": (2794, 24),
     "surface": (293, 4),
     "training": (1129, 9),

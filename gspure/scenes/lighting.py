@@ -19,6 +19,7 @@ LAMP_SAMPLES = 8  # the lamp is sampled at the centres of this many by this many
 DIRECTIONS = 64  # the bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral
 _CLEARANCE = 1e-4  # metres by which nodes stand off their surface
 _ROUNDING = 1e-2  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
+_FAR = np.float32(1e6)  # metres, in place of infinity, of which matrix products make no number
 _RAYS_AT_ONCE = 1 << 13  # rays followed together: bounds the memory of their reach
 
 
@@ -86,7 +87,7 @@ def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Flo
 def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
     """Return the solids [S,N] whose bounding spheres rays [N,3] meet, in float32."""
     centres, radii = (np.array(part, np.float32) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
-    radii += _ROUNDING
+    radii = np.minimum(radii + np.float32(_ROUNDING), _FAR)
     ones = np.ones(len(centres), np.float32)
     units = directions / np.sqrt(np.einsum("ni,ni->n", directions, directions))[:, None]
     rays = np.ones((5, len(units)), np.float32)
