@@ -106,7 +106,9 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
     from PIL import Image
 
     with replacing(Path(path)) as temporary:
-        Image.fromarray(levels(array)).save(temporary, format="PNG")
+        Image.fromarray(levels(array)).save(
+            temporary, format="PNG", compress_level=4
+        )  # half the time of 6, and 4 % larger
 
 
 def levels(array: NDArray[np.floating]) -> UInt8:

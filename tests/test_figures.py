@@ -12,7 +12,7 @@ from gspure.figures import gallery, plates, style, viewpoint
 from gspure.figures.clouds import by_cluster
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
 from gspure.figures.panels import chosen, draw_before_after
-from gspure.figures.plates import opengl_renderer
+from gspure.figures.plates import opengl_works
 from gspure.images import read_image, write_image
 from gspure.public_model import PublicModel
 from tests.contest_cases import attacked
@@ -20,7 +20,7 @@ from tests.models import gaussians, points_of
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
-needs_gl = pytest.mark.skipif(opengl_renderer() is None, reason="no OpenGL")
+needs_gl = pytest.mark.skipif(not opengl_works(), reason="no OpenGL")
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, mode
 def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     tmp_path: Path, model, monkeypatch, capsys
 ) -> None:
-    monkeypatch.setattr(gallery, "opengl_renderer", lambda: None)
+    monkeypatch.setattr(gallery, "opengl_works", lambda: None)
     assert [*draw_model(tmp_path, model)] == ["weights.png"]
     assert capsys.readouterr().err.count("warning: point clouds are not drawn: OpenGL does not work") == 1
     monkeypatch.setattr(gallery, "draw_weights", lambda *_, **__: 1 / 0)

@@ -13,7 +13,7 @@ from gspure.constants import NOISE_LABEL
 from gspure.figures.charts import draw_weights
 from gspure.figures.clouds import Colouring, Purified, by_reason
 from gspure.figures.panels import Tile, as_bytes, write_tiles
-from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_renderer, portraits, write_plate
+from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_works, portraits, write_plate
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import choose, fitted, foremost, framed, overview, world_axes
 from gspure.files import Bools, Float32, Float64, Int32, UInt8, filling, write_json
@@ -60,7 +60,7 @@ def draw_model(
     drawings: dict[str, Draw] = {"weights": partial(draw_weights, model=model)}
     if cameras and model.public.visible:
         drawings = {"splats": partial(_draw_splats, model, cameras, device), **drawings}
-    if opengl_renderer():
+    if opengl_works():
         drawings |= _clouds(model, cameras, device)
     else:
         warn(_NO_OPENGL)
@@ -80,7 +80,7 @@ def draw_model(
 
 def draw_rows(path: Path, model: Gaussians, masks: Mapping[str, Bools], cameras: Sequence[Camera] = ()) -> None:
     """Draw the centres of a model from outside as a PNG, those of masks [K] in colours; warn without OpenGL."""
-    if not opengl_renderer():
+    if not opengl_works():
         warn(_NO_OPENGL)
         return
     finite = np.isfinite(model.means).all(axis=1)

@@ -31,6 +31,7 @@ _LABEL: Final = 0.15  # height of a tile's label
 _NAMES: Final = 0.16  # breadth of the rows' names
 _PADDING: Final = 0.04  # beside each tile
 _GAP: Final = 0.15  # between blocks
+_MAGNIFIED: Final = 2  # factor from which on pixels are shown as squares
 _AXES: Final = np.array([(0, -1, 0), (0, 0, 1), (1, 0, 0), (0, 1, 0), (0, 0, -1), (-1, 0, 0)])
 
 
@@ -48,21 +49,40 @@ def write_tiles(path: Path, titles: Sequence[str], rows: Sequence[Sequence[Tile]
     """
     count = ceil(len(titles) / _COLUMNS)
     breadth = ceil(len(titles) / count)
-    tallest = max(np.shape(tile.image)[0] / np.shape(tile.image)[1] for tile in (row[0] for row in rows))
-    height = tallest * ((style.PAGE - _NAMES * bool(names)) / breadth - _PADDING)
-    height = _TITLE + len(rows) * (height + (_LABEL if any(t.label for row in rows for t in row) else _PADDING))
-    with style.page(path, style.PAGE, count * height + (count - 1) * _GAP) as figure:
-        for block, part in enumerate(figure.subfigures(count, squeeze=False, hspace=_GAP / height)[:, 0]):
-            grid = part.subplots(len(rows), breadth, squeeze=False, subplot_kw=style.BARE)
-            chosen = slice(block * breadth, (block + 1) * breadth)
-            for axes, title in zip(grid[0], titles[chosen], strict=False):
-                axes.set_title(fill(title, _TITLE_WIDTH), pad=3)
-            for row, tiles in zip(grid, rows, strict=True):
-                for axes, tile in zip(row, tiles[chosen], strict=False):
-                    axes.imshow(as_bytes(tile.image))
-                    axes.set_xlabel(tile.label, labelpad=2)
-            for row, name in zip(grid, names, strict=False):
-                row[0].set_ylabel(name, labelpad=2)
+    inset = _NAMES * bool(names)
+    width = (style.PAGE - inset) / breadth - _PADDING
+    height = width * max(np.shape(row[0].image)[0] / np.shape(row[0].image)[1] for row in rows)
+    step = height + (_LABEL if any(tile.label for row in rows for tile in row) else _PADDING)
+    block = _TITLE + len(rows) * step + _GAP
+    total = count * block - _GAP
+    pictures: list[style.Picture] = []
+    with style.page(path, style.PAGE, total, layout=None, pictures=pictures) as figure:
+        for column, title in enumerate(titles):
+            x = (inset + (column % breadth + 0.5) * (width + _PADDING)) / style.PAGE
+            top = column // breadth * block + _TITLE
+            figure.text(x, 1 - (top - _PADDING) / total, fill(title, _TITLE_WIDTH), ha="center")
+            for i, row in enumerate(rows):
+                bottom = top + i * step + height
+                centre = (x * style.PAGE * style.DPI, (bottom - height / 2) * style.DPI)
+                pictures.append(_fitted(row[column].image, width * style.DPI, height * style.DPI, *centre))
+                figure.text(x, 1 - (bottom + _PADDING / 2) / total, row[column].label, ha="center", va="top")
+        for at in range(count * len(rows) * bool(names)):
+            y = at // len(rows) * block + _TITLE + at % len(rows) * step + height / 2
+            figure.text(
+                inset / 2 / style.PAGE, 1 - y / total, names[at % len(rows)], ha="center", va="center", rotation=90
+            )
+
+
+def _fitted(image: Float32, width: float, height: float, x: float, y: float) -> style.Picture:
+    """Return an image that fills as much as it can of a box of pixels around a centre (x, y)."""
+    from PIL import Image
+
+    rows, columns = image.shape[:2]
+    scale = min(width / columns, height / rows)
+    size = round(scale * columns), round(scale * rows)
+    filtering = Image.Resampling.NEAREST if scale >= _MAGNIFIED else Image.Resampling.LANCZOS
+    pixels = np.asarray(Image.fromarray(as_bytes(image)).resize(size, filtering))
+    return round(x - size[0] / 2), round(y - size[1] / 2), pixels
 
 
 def as_bytes(image: Float32) -> UInt8:

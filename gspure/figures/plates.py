@@ -20,7 +20,7 @@ from gspure.files import Float32, Float64, UInt8
 from gspure.images import read_image
 
 if TYPE_CHECKING:
-    from matplotlib.figure import SubFigure
+    from matplotlib.figure import Figure
 
 PICTURE_WIDTH: Final = round(style.COLUMN * style.DPI)  # width in pixels of a picture in a column, without resampling
 PAGE_WIDTH: Final = round(style.PAGE * style.DPI)  # width in pixels of all pictures across the page
@@ -39,31 +39,39 @@ if sys.platform == "linux":  # by default, VTK needs an X server, even off scree
     os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
 
 
-def opengl_renderer() -> str | None:
-    """Return the name of OpenGL's renderer; None if it does not work.
+def opengl_works() -> bool:
+    """Return whether VTK can draw off screen: from version 9.4 on, it makes windows of EGL only if EGL works."""
+    return _egl_window() is not None or opengl_renderer() is not None
 
-    Another process is asked where VTK may end it. From version 9.4 on, it makes windows of EGL only if EGL works.
-    """
+
+def opengl_renderer() -> str | None:
+    """Return the name of OpenGL's renderer; None if it does not work."""
+    import pyvista as pv
+
+    if (window := _egl_window()) is not None:
+        window.Initialize()
+        return str(re.findall("OpenGL renderer string: *(.*)", window.ReportCapabilities())[0])
+    try:
+        return str(pv.GPUInfo().renderer)  # by another process, which VTK may end
+    except RuntimeError:
+        return None
+
+
+def _egl_window() -> Any | None:
     import pyvista as pv
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401 - which windows there are
     from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
     with pv.vtk_verbosity("off"):
         window = vtkRenderWindow()
-    if window.GetClassName() == "vtkEGLRenderWindow" and pv.vtk_version_info >= (9, 4):
-        window.Initialize()
-        return str(re.findall("OpenGL renderer string: *(.*)", window.ReportCapabilities())[0])
-    try:
-        return str(pv.GPUInfo().renderer)
-    except RuntimeError:
-        return None
+    return window if window.GetClassName() == "vtkEGLRenderWindow" and pv.vtk_version_info >= (9, 4) else None
 
 
 def portraits(points: Float32, colourings: Sequence[UInt8], camera: Camera) -> list[UInt8]:
     """Return pictures of points [N,3] in each of several colourings, uint8 [N,3]: uint8 [H,W,3] on white.
 
     The size is that of `camera`, which has square pixels (see `gspure.figures.viewpoint.fitted`). VTK ends the process
-    if OpenGL does not work (see `opengl_renderer`).
+    if OpenGL does not work (see `opengl_works`).
     """
     rows = in_view(points, camera)
     if len(rows) == 0:
@@ -156,19 +164,18 @@ def write_plate(
 
     height, width = pictures[0].shape[:2]
     above, below = _TITLE if titles else 0.0, _ROW * (max(len(key.legend) or 2 for key in keys) + 0.7)
-    total = above + height / style.DPI + below
-    with style.page(path, len(pictures) * width / style.DPI, total, layout=None) as figure:
-        parts = figure.subfigures(1, len(pictures), squeeze=False, wspace=0)[0]
-        for part, picture, key in zip(parts, pictures, keys, strict=True):
-            axes = part.add_axes((0, below / total, 1, height / style.DPI / total), **style.BARE)
-            axes.imshow(picture, interpolation="none", aspect="auto")
-            _draw_key(part, key, below / total, total)
-        for part, named in zip(parts, names, strict=False):
+    total, count = above + height / style.DPI + below, len(pictures)
+    placed = [(i * width, round(above * style.DPI), picture) for i, picture in enumerate(pictures)]
+    with style.page(path, count * width / style.DPI, total, layout=None, pictures=placed) as figure:
+        for i, key in enumerate(keys):
+            _draw_key(figure, key, (i / count, 1 / count), below / total, total)
+        for i, named in enumerate(names):
             for name, (x, y) in named.items():
-                halo = [withStroke(linewidth=1.6, foreground="white")]
-                part.axes[0].text(x, y, name, fontsize=7, weight="bold", ha="center", va="center", path_effects=halo)
-        for part, title in zip(parts, titles, strict=False):
-            part.text(0.5, 1 - 0.5 * above / total, title, ha="center", va="center")
+                place = (i + x / width) / count, 1 - (above + y / style.DPI) / total
+                effects = [withStroke(linewidth=1.6, foreground="white")]
+                figure.text(*place, name, fontsize=7, weight="bold", ha="center", va="center", path_effects=effects)
+        for i, title in enumerate(titles):
+            figure.text((i + 0.5) / count, 1 - 0.5 * above / total, title, ha="center", va="center")
 
 
 def stack_plates(path: Path, plates: Mapping[str, Path]) -> None:
@@ -176,28 +183,27 @@ def stack_plates(path: Path, plates: Mapping[str, Path]) -> None:
     cut, inset = round(_TITLE * style.DPI), _NAME * (len(plates) > 1)
     pictures = [np.rint(255 * read_image(file)).astype(np.uint8) for file in plates.values()]
     pictures = [picture[cut * bool(i) :] for i, picture in enumerate(pictures)]
-    width, total = inset + style.PAGE, sum(len(picture) for picture in pictures) / style.DPI
-    top = total
-    with style.page(path, width, total, layout=None) as figure:
-        for name, picture in zip(plates, pictures, strict=True):
-            height = len(picture) / style.DPI
-            top -= height
-            axes = figure.add_axes((inset / width, top / total, style.PAGE / width, height / total), **style.BARE)
-            axes.imshow(picture, interpolation="none", aspect="auto")
+    tops = np.cumsum([0, *map(len, pictures)])
+    placed = [(round(inset * style.DPI), int(top), picture) for top, picture in zip(tops, pictures, strict=False)]
+    width, total = inset + style.PAGE, tops[-1] / style.DPI
+    with style.page(path, width, total, layout=None, pictures=placed) as figure:
+        for name, middle in zip(plates, (tops[1:] + tops[:-1]) / 2 / tops[-1], strict=True):
             if inset:
-                figure.text(inset / 2 / width, (top + height / 2) / total, name, rotation=90, ha="center", va="center")
+                figure.text(inset / 2 / width, 1 - middle, name, rotation=90, ha="center", va="center")
 
 
-def _draw_key(figure: SubFigure, key: Colouring, share: float, height: float) -> None:
-    """Draw a legend or scale in this lower share of the figure, whose height is in inches."""
+def _draw_key(figure: Figure, key: Colouring, span: tuple[float, float], share: float, height: float) -> None:
+    """Draw a legend or scale in the lower `share` of a figure of `height` inches; `span` is its left edge and width."""
     from matplotlib.lines import Line2D
 
+    left, width = span
     for i, row in enumerate(key.legend):
         dots = [Line2D([], [], marker="o", markersize=4, linewidth=0, color=c, label=label) for label, c in row]
-        place = (0.5, share * (len(key.legend) - i - 0.3) / len(key.legend))
+        place = (left + width / 2, share * (len(key.legend) - i - 0.3) / len(key.legend))
         figure.legend(handles=dots, loc="center", bbox_to_anchor=place, ncols=len(row), borderpad=0, fontsize=5.7)
     if key.scale is not None:
-        axes = figure.add_axes((0.12, share - 0.162 / height, 0.76, 0.073 / height), **style.BARE)
+        box = (left + 0.12 * width, share - 0.162 / height, 0.76 * width, 0.073 / height)
+        axes = figure.add_axes(box, xticks=[], yticks=[], frame_on=False)
         axes.imshow(key.scale[None], aspect="auto")
         axes.set_xticks(np.linspace(0, len(key.scale) - 1, 3), key.words)
         axes.get_xticklabels()[0].set_horizontalalignment("left")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -32,7 +32,9 @@ RANKS: Final = "viridis"
 CLUSTERS: Final = ("#332288", "#88ccee", "#117733", "#ddcc77", "#cc6677", "#44aa99", "#aa4499", "#999933", "#882255")
 """Paul Tol's muted scheme, ordered so that neighbours in the list differ in lightness."""
 
-BARE: Final[dict[str, Any]] = {"xticks": [], "yticks": [], "frame_on": False}  # axes of a picture
+Picture = tuple[int, int, UInt8]
+"""Left and top pixel of an image [H,W,3]."""
+
 _TICKS: Final = {"color": INK, "major.width": 0.6, "labelsize": 6.5}
 _LEGEND: Final = {"frameon": False, "fontsize": 6.5, "handletextpad": 0.3, "handlelength": 1.2, "columnspacing": 0.7}
 _LAYOUT: Final = {"h_pad": 0.02, "w_pad": 0.02, "hspace": 0.0, "wspace": 0.0}
@@ -55,13 +57,6 @@ _RC: Final[dict[str, Any]] = {
     **{f"figure.constrained_layout.{name}": value for name, value in _LAYOUT.items()},
 }
 
-_SAVING: Final[dict[str, dict[str, Any]]] = {
-    # Without these entries, the bytes depend neither on matplotlib's version nor on the date. Pictures are noise to
-    # PNG's compression: higher levels take several times as long and save a few percent.
-    "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 1}},
-    "svg": {"metadata": {"Creator": None, "Date": None}},
-}
-
 
 @contextmanager
 def page(
@@ -71,23 +66,36 @@ def page(
     layout: Literal["constrained"] | None = "constrained",
     *,
     vector: bool = False,
+    pictures: Sequence[Picture] = (),
 ) -> Iterator[Figure]:
     """Yield an empty figure of this size in inches, and write it to `path`, a PNG, after the block.
 
-    A `vector` figure, a chart without pictures, is also written as an SVG beside it.
+    A `vector` figure, a chart without pictures, is also written as an SVG beside it. The `pictures`
+    lie below what matplotlib draws, which is slow with them.
     """
     import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from PIL import Image
 
     with mpl.rc_context(_RC):
-        figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="white")
+        figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="none")
         yield figure
         if figure.axes and (engine := figure.get_layout_engine()):
             engine.execute(figure)
             figure.set_layout_engine(None)  # with one, savefig would draw all pictures twice
-        for kind in ("png", "svg")[: 1 + vector]:
-            with replacing(path.with_suffix(f".{kind}")) as temporary:
-                figure.savefig(temporary, format=kind, **_SAVING[kind])
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        drawn = Image.fromarray(np.asarray(canvas.buffer_rgba()))
+        sheet = Image.new("RGB", drawn.size, "white")
+        for left, top, pixels in pictures:
+            sheet.paste(Image.fromarray(pixels), (left, top))
+        sheet.paste(drawn, mask=drawn)
+        with replacing(path) as temporary:  # to PNG, pictures are noise: higher levels take long and save a few percent
+            sheet.save(temporary, format="PNG", dpi=(DPI, DPI), compress_level=1)
+        if vector:
+            with replacing(path.with_suffix(".svg")) as temporary:
+                figure.savefig(temporary, format="svg", facecolor="white", metadata={"Creator": None, "Date": None})
 
 
 def rgb(colour: str) -> UInt8:

@@ -10,7 +10,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.constants import LEAF
-from gspure.files import Float64, Indices, Int32, UInt32
+from gspure.files import Float64, Indices, UInt32
 from gspure.opencl.engine import Engine
 
 _NONE = 0xFFFFFFFF
@@ -118,35 +118,36 @@ def minimum_spanning_tree(
     ends, squares = [], []
     while components > 1:
         near, far, lengths = search.edges(component, components)
-        kept, components, labels = _join(component[far], lengths)
+        kept, components, labels = _join(component[far])
         ends.append(np.column_stack([near[kept], far[kept]]))
         squares.append(lengths[kept])
-        component = labels.astype(np.uint32)[component]
+        component = labels[component]
     core = np.empty(search.count)
     core[search.order] = search.core
     a, b = search.order[np.concatenate(ends)].T
     return np.column_stack([np.minimum(a, b), np.maximum(a, b)]), np.sqrt(np.concatenate(squares)), np.sqrt(core)
 
 
-def _join(targets: UInt32, lengths: Float64) -> tuple[Indices, int, Int32]:
+def _join(targets: UInt32) -> tuple[Indices, int, UInt32]:
     """Join each component to its target, without cycles.
 
-    Two components that are each other's target need one edge. Longer cycles have edges of equal length; one of them is
-    left out. Return the components whose edges join the tree, the number of new components, and the new component of
-    each old one.
+    From each component, the targets lead to a cycle: mostly two components that are each other's target, else several
+    with edges of equal length. The edge of its highest component is left out. Return the components whose edges join
+    the tree, the number of new components, and the new component of each old one.
     """
-    from scipy.sparse import csgraph, csr_matrix  # 32-bit indices: SciPy before 1.17.1 refuses those of csr_array here
-
-    count = len(targets)
-    components = np.arange(count)
-    kept = np.flatnonzero((targets[targets] != components) | (components < targets))
-    graph = csr_matrix((np.ones(len(kept)), (kept, targets[kept])), shape=(count, count))
-    joined, labels = csgraph.connected_components(graph, directed=False)
-    if len(kept) > count - joined:
-        kept = kept[np.argsort(lengths[kept], kind="stable")]
-        ranks = csr_matrix((np.arange(1.0, len(kept) + 1), (kept, targets[kept])), shape=(count, count))
-        kept = kept[csgraph.minimum_spanning_tree(ranks).data.astype(np.intp) - 1]
-    return kept, joined, labels
+    components = np.arange(len(targets), dtype=np.uint32)
+    highest, ahead = components, targets  # of the next 2^n components, and the one after them
+    for _ in range(len(targets).bit_length()):
+        highest, before, ahead = np.maximum(highest, highest[ahead]), ahead, ahead[ahead]
+        if np.array_equal(before, ahead):
+            break
+    ends = highest[ahead]
+    lowest = np.empty_like(components)
+    lowest[ends[::-1]] = components[::-1]  # the last write wins
+    firsts = lowest[ends]
+    numbers = np.cumsum(firsts == components, dtype=np.uint32) - np.uint32(1)
+    kept = np.flatnonzero(ends != components)
+    return kept, len(components) - len(kept), numbers[firsts]
 
 
 class Condensed(NamedTuple):
