@@ -34,6 +34,7 @@ def of_attack(rows: Sequence[Survival]) -> list[str]:
     """Return what an attack does to the scene, and to the message as its owner and as an oracle extracts it."""
     scenes = max(row.scenes for row in rows)
     drops = [interval(drop, scenes) for row in rows for drop in (row.message_drop, row.above_floor)]
+    drops += ["–"] * (len(DROPS) - 3 - len(drops))  # without an oracle
     ratios = " / ".join(decimal(row.rms_ratio) for row in rows)
     return [rows[0].name, *map(str, (interval(rows[0].scene_drop, scenes), *drops)), ratios, f"{scenes}"]
 

@@ -1,0 +1,78 @@
+"""What the attack `distil` costs: PSNR of the scene against CPU time, for public models of one pair (docs/limits.md).
+
+gspure pair interior-1 interior-2 --views 100 --width 400 --height 300 --out pair
+gspure embed splats_in_splats pair --set iterations=7000 --set max_gaussians=100000 --out splats_in_splats
+python examples/price_of_distil.py pair splats_in_splats/public ... > docs/tables/price.csv
+python examples/price_of_distil.py --draw docs/tables/price.csv docs/pictures/price.svg
+"""
+
+import csv
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from gspure.attacks import find_attack
+from gspure.evaluation.metrics import psnr
+from gspure.evaluation.names import display_name
+from gspure.figures import style
+from gspure.images import read_back
+from gspure.public_model import PublicModel
+from gspure.schemes.pair import read_pair
+from gspure.schemes.registry import read_public_model
+from gspure.training.dataset import read_photographs
+
+ITERATIONS = (500, 1000, 2000, 4000)
+COLUMNS = ("scheme", "iterations", "CPU-s", "scene PSNR", "rows")
+
+
+def measured(pair, folder):
+    """Yield a row for the public model in a folder SCHEME/public, and for each length of the training."""
+    scene, name = read_pair(pair).scene, folder.parent.name
+    public, truth = read_public_model(folder, name), read_photographs(scene.dataset.test)
+
+    def row(iterations, begin, model):
+        seconds = time.process_time() - begin
+        render = model.scene()
+        images = [read_back(render(view)) for view in scene.dataset.test]
+        level = np.mean([psnr(*both) for both in zip(images, truth, strict=True)])
+        return name, iterations, f"{seconds:.1f}", f"{level:.2f}", len(model.model)
+
+    yield row(0, time.process_time(), public)
+    for iterations in ITERATIONS:
+        begin = time.process_time()
+        attacked = find_attack("distil").apply(public, cameras=scene.views, iterations=iterations)
+        yield row(iterations, begin, PublicModel(attacked.model))
+
+
+def draw(table, path):
+    """Draw the curve of each scheme, and the level of its public model."""
+    with style.page(path.with_suffix(".png"), style.COLUMN, 2.4, vector=True) as figure:
+        axes = figure.add_subplot()
+        rows = [*csv.DictReader(table.read_text().splitlines())]
+        for scheme, colour in zip(dict.fromkeys(row["scheme"] for row in rows), style.CLUSTERS, strict=False):
+            before, *after = [row for row in rows if row["scheme"] == scheme]
+            level = float(before["scene PSNR"])
+            points = [(float(row["CPU-s"]), level - float(row["scene PSNR"])) for row in after]
+            axes.plot(
+                *zip(*points, strict=True), "o-", color=colour, markersize=3, linewidth=1, label=display_name(scheme)
+            )
+        axes.set_xscale("log")
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("CPU time of distil (s)")
+        axes.set_ylabel("drop of the scene's PSNR (dB)")
+        figure.legend(loc="outside upper center", ncols=3)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "--draw":
+        draw(*map(Path, sys.argv[2:]))
+    else:
+        pair, *folders = map(Path, sys.argv[1:])
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for folder in folders:
+            for row in measured(pair, folder):
+                writer.writerow(row)
+                sys.stdout.flush()
