@@ -105,7 +105,7 @@ use rule base_step as measure_surface with:
 # With the owner's key, it also writes hidden.npy and hidden.json: which rows hold the message.
 use rule base_step as draw_model with:
     input:
-        unpack(lambda wildcards: get_model(wildcards).owned if get_model(wildcards).hides_picture else {}),
+        unpack(lambda wildcards: get_model(wildcards).owned if get_model(wildcards).reveals_rows else {}),
         model=get_public_model,
         weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",

@@ -95,6 +95,7 @@ use rule base_command as embed_message with:
         scheme=WATERMARKED,
     params:
         code=lambda wildcards: code_of("embed", get_model(wildcards).module),
+        read=lambda wildcards: files_digest(get_model(wildcards).sources),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"

@@ -17,6 +17,7 @@ from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
 from gspure.schemes.readability import bit_readability
+from gspure.schemes.scheme import Key
 from tests.contest_cases import outcome, survives
 
 
@@ -42,13 +43,22 @@ def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
     ],
 )
 def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correct, wrong, readable):
-    message, image = np.ones(bits, bool), np.zeros((4, 4, 3), np.float32)
-    write = {"write": lambda _: None}
-    wrong_key = SimpleNamespace(bits=message, read_bits=lambda _: np.arange(bits) < wrong, **write)
-    read = {"read_bits": lambda _: np.arange(bits) < correct}
-    key = SimpleNamespace(bits=message, wrong=lambda _: wrong_key, **read, **write)
+    class Reader(Key):
+        def __init__(self, right):
+            self.bits, self.right = np.ones(bits, bool), right
+
+        def write(self, folder):
+            pass
+
+        def read_bits(self, image):
+            return np.arange(bits) < self.right
+
+        def wrong(self, rng):
+            return Reader(wrong)
+
+    image = np.zeros((4, 4, 3), np.float32)
     public = SimpleNamespace(scene=lambda _: lambda _: image)
-    assert bit_readability([None] * 4, public, key).readable == readable
+    assert bit_readability([None] * 4, public, Reader(correct)).readable == readable
 
 
 def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():

@@ -145,9 +145,9 @@ def test_the_core_does_not_import_torch() -> None:
 BUDGETS = {
     "": (1604, 12),
     "attacks": (1271, 10),
-    "cameras": (1426, 11),
+    "cameras": (1453, 11),
     "cli": (2205, 23),
-    "evaluation": (2512, 15),
+    "evaluation": (2521, 15),
     "figures": (1541, 10),
     "method": (1041, 10),
     "model": (1685, 11),
@@ -155,10 +155,10 @@ BUDGETS = {
     "report": (1888, 14),
     "scan": (276, 3),
     "scenes": (916, 7),
-    "schemes": (2794, 24),
+    "schemes": (3029, 25),
     "surface": (293, 4),
     "training": (1129, 9),
-    "workflow": (894, 8),
+    "workflow": (909, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

@@ -7,7 +7,7 @@ https://colmap.github.io/cameras.html.
 """
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +17,8 @@ from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import located, view_names
 from gspure.errors import InputError, reading
-from gspure.files import Float64, UInt8
+from gspure.files import Float32, Float64, UInt8, write_text
+from gspure.images import write_image
 from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices
 from gspure.progress import warn
@@ -83,6 +84,32 @@ def read_points(folder: Path) -> tuple[Float64, UInt8]:
     xyz = np.array([point[:3] for point in points], np.float64).reshape(-1, 3)
     require_coordinates(path, xyz)
     return xyz, np.array([point[3:] for point in points], np.uint8).reshape(-1, 3)
+
+
+def write_colmap(
+    folder: Path, views: Sequence[Camera], images: Iterable[Float32], points: tuple[Float64, UInt8]
+) -> None:
+    """Write a project: ``images/00000.png`` and so on, one of each view, and ``sparse/0`` as text.
+
+    `images` are [H,W,3], `points` positions [P,3] and 8-bit colours [P,3].
+    """
+    from scipy.spatial.transform import Rotation
+
+    cameras, poses = [], []
+    for number, (view, image) in enumerate(zip(views, images, strict=True)):
+        write_image(folder / "images" / f"{number:05d}.png", image)
+        quat = Rotation.from_matrix(view.viewmat[:3, :3]).as_quat(scalar_first=True)
+        lens = view.numbers[2:6]
+        cameras.append(f"{number + 1} PINHOLE {view.width} {view.height} {_numbers(lens)}\n")
+        pose = _numbers([*quat, *view.viewmat[:3, 3]])
+        poses.append(f"{number + 1} {pose} {number + 1} {number:05d}.png\n\n")
+    rows = (f"{n} {_numbers(xyz)} {_numbers(rgb)} 0\n" for n, (xyz, rgb) in enumerate(zip(*points, strict=True), 1))
+    for name, lines in {"cameras": cameras, "images": poses, "points3D": rows}.items():
+        write_text(folder / "sparse" / "0" / f"{name}.txt", "".join(lines))
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.17g}" for value in values)
 
 
 def _file(folder: Path, stem: str) -> Path:

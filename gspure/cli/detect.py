@@ -8,7 +8,7 @@ import numpy as np
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import Reading, read_bits, read_marks
+from gspure.evaluation.detection import Reading, read_marks
 from gspure.files import run_of
 from gspure.schemes.registry import made_by
 from gspure.settings import SECONDS
@@ -41,7 +41,7 @@ def run(args: Arguments) -> None:
     if args.key:
         args.scheme = args.scheme or made_by(args.key)[0]
         key = options.read_key(args, run_of(args.images))
-        readings = read_bits(key.read_bits, key.bits, args.images)
+        readings = key.readings(args.images)
     else:
         readings = read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)

@@ -61,10 +61,9 @@ def run(args: Arguments) -> None:
         public = registered(public, scheme.read_public(args.original).drawn(args.original).model)
     if scheme.fits and args.extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
-    view, all_blank = key.message(public, args.extraction, options.read_device(args)), True
+    images, all_blank = key.images(public, args.extraction, views, options.read_device(args)), True
     with filling(args.out) as folder:
-        for camera in track(views, "extract"):
-            image = view(camera)
+        for camera, image in zip(track(views, "extract"), images, strict=True):
             write_image(folder / f"{camera.name}.png", image)
             all_blank &= is_blank(image)
         if isinstance(args.cameras, str):

@@ -144,8 +144,8 @@ def read_detections(model: Path) -> dict[str, dict[str, Detection]]:
     return by_variant
 
 
-def read_marks(command: str, images: Path, message: str, timeout: float) -> list[Reading]:
-    """Return what a command reads from each PNG file of a folder, within `timeout` seconds.
+def read_marks(command: str, images: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
+    """Return what a command, run in a `folder`, reads from each PNG file of another, within `timeout` seconds.
 
     The command gets the folder as its last argument. The last line that it prints is a JSON object that maps the name
     of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the mark is present.
@@ -153,7 +153,7 @@ def read_marks(command: str, images: Path, message: str, timeout: float) -> list
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views, answer = {file.stem for file in png_files(images)}, _answer(command, images, timeout)
+    views, answer = {file.stem for file in png_files(images)}, _answer(command, images, timeout, folder)
     for view in sorted(views.symmetric_difference(answer)):
         found = "no entry" if view in views else "an entry without an image"
         raise InputError("detector", view, expected="an entry for every image", found=found)
@@ -164,6 +164,23 @@ def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) ->
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
     shown = {path.stem: as_bits(read(read_image(path)), len(message)) for path in png_files(images)}
     return [Reading(view, share_correct(bits, message), len(message)) for view, bits in shown.items()]
+
+
+def output_of(source: str | Path, field: str, words: Sequence[str], timeout: float, folder: Path | None = None) -> str:
+    """Return what a program prints, run in a `folder`; if it takes too long, end all that it started.
+
+    Raise `InputError` for the `field` of a source if it cannot be run, fails or takes more than `timeout` seconds.
+    """
+    try:
+        status, output, errors = _run(words, timeout, folder)
+    except subprocess.TimeoutExpired:
+        raise InputError(source, field, expected=f"an answer within {timeout:g} s", found="none") from None
+    except OSError as error:
+        raise InputError(source, field, expected="a command", found=str(error.strerror)) from None
+    if status:
+        found = errors.strip().rpartition("\n")[2] or f"exit status {status}"
+        raise InputError(source, field, expected="success", found=found)
+    return output
 
 
 def words_of(command: str) -> list[str]:
@@ -183,17 +200,10 @@ def files_of(command: str) -> list[str]:
     return [name for name in names if os.path.isfile(name)]  # noqa: PTH113 -- words may be too long for Path
 
 
-def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
+def _answer(command: str, images: Path, timeout: float, folder: Path | None) -> Mapping[str, Any]:
     """Return what a command prints in its last line, a JSON object."""
-    try:
-        status, *printed = _run([*words_of(command), str(images)], timeout)
-    except subprocess.TimeoutExpired:
-        raise InputError("detector", command, expected=f"an answer within {timeout:g} s", found="none") from None
-    except OSError as error:
-        raise InputError("detector", command, expected="a command", found=str(error.strerror)) from None
-    output, errors = (text.strip().rpartition("\n")[2] for text in printed)
-    if status:
-        raise InputError("detector", command, expected="success", found=errors or f"exit status {status}")
+    words = [*words_of(command), str(images)]
+    output = output_of("detector", command, words, timeout, folder).strip().rpartition("\n")[2]
     try:
         answer = json.loads(output)
     except (ValueError, RecursionError):
@@ -203,10 +213,9 @@ def _answer(command: str, images: Path, timeout: float) -> Mapping[str, Any]:
     return answer
 
 
-def _run(words: Sequence[str], timeout: float) -> tuple[int, str, str]:
-    """Return exit status, output and errors of a command; if it takes too long, end all that it started."""
+def _run(words: Sequence[str], timeout: float, folder: Path | None) -> tuple[int, str, str]:
     streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(words, **streams, start_new_session=True, text=True, errors="replace") as process:
+    with subprocess.Popen(words, **streams, cwd=folder, start_new_session=True, text=True, errors="replace") as process:
         try:
             output, errors = process.communicate(timeout=timeout)
         except BaseException:

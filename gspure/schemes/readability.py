@@ -2,17 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.evaluation.detection import Threshold, as_bits, share_correct
+from gspure.evaluation.detection import Threshold
 from gspure.evaluation.metrics import psnr
 from gspure.evaluation.names import BLACK, MEAN_COLOUR, WRONG_KEY, display_name
 from gspure.evaluation.retrieval import FALSE_POSITIVES
 from gspure.evaluation.survival import MARGIN
-from gspure.images import mean_colour, read_back
+from gspure.images import mean_colour, write_image
 from gspure.opencl.device import Device
 from gspure.progress import decimal, percent, say, warn
 from gspure.public_model import PublicModel
@@ -53,15 +55,17 @@ def bit_readability(
 ) -> Readability:
     """Compare the bits in renders of a few training views, and negative controls."""
     scene = public.scene(device)
-    images = [read_back(scene(camera)) for camera in views[:VIEWS]]
-
-    def correct(of: Key) -> float:
-        read = [as_bits(of.read_bits(image), len(of.bits)) for image in images]
-        return share_correct(np.concatenate(read), np.tile(of.bits, len(images)))
-
     threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
-    message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))}
+    with TemporaryDirectory() as folder:
+        for number, camera in enumerate(views[:VIEWS]):
+            write_image(Path(folder, f"{number}.png"), scene(camera))
+
+        def correct(of: Key) -> float:
+            readings = of.readings(Path(folder))
+            return 100.0 * (sum(reading.value for reading in readings) / (len(readings) * len(of.bits)))
+
+        message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))}
     return Readability(message, controls, message > max(controls.values()))
 
 
@@ -71,9 +75,8 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
     truth = np.concatenate([capture.images[view].reshape(-1, 3) for view in chosen])
 
     def quality(of: Key) -> float:
-        view = of.message(public, MESSAGE, device)
-        images = [view(capture.views[i]).clip(0, 1).reshape(-1, 3) for i in chosen]
-        return psnr(np.concatenate(images), truth)
+        images = of.images(public, MESSAGE, [capture.views[i] for i in chosen], device)
+        return psnr(np.concatenate([image.clip(0, 1).reshape(-1, 3) for image in images]), truth)
 
     controls = {
         BLACK: psnr(np.zeros_like(truth), truth),

@@ -1,5 +1,6 @@
-"""All schemes by name: the built-in ones, and those of installed plug-ins (entry points ``gspure.schemes``)."""
+"""All schemes by name: built-in ones, adapters, and those of installed plug-ins (entry points ``gspure.schemes``)."""
 
+import os
 from pathlib import Path
 
 from gspure.errors import InputError, reading
@@ -11,6 +12,7 @@ from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, keyss, secure_gs, splats_in_splats
+from gspure.schemes.adapter import read_adapter
 from gspure.schemes.scheme import Scheme
 
 BUILT_IN = (
@@ -18,11 +20,14 @@ BUILT_IN = (
     *(secure_gs.SCHEME, secure_gs.HARDENED, keyss.SCHEME),
 )
 GROUP = "gspure.schemes"
+ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters
 
 
 def schemes() -> dict[str, Scheme]:
-    """Return every scheme by name, or raise `InputError` if a plug-in is none or has a name in use."""
-    return registered(GROUP, Scheme, BUILT_IN, lambda *_: None)
+    """Return every scheme by name, or raise `InputError` if an adapter or plug-in is none or has a name in use."""
+    files = sorted(Path(folder).glob("*.toml")) if (folder := os.environ.get(ADAPTERS)) else []
+    adapters = [read_adapter(file, BUILT_IN) for file in files]
+    return registered(GROUP, Scheme, (*BUILT_IN, *adapters), lambda *_: None)
 
 
 def find_scheme(name: str) -> Scheme:

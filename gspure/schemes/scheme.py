@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
+from gspure.evaluation.detection import Reading, read_bits
 from gspure.files import Bools, Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
@@ -41,6 +42,10 @@ class Key(ABC):
         """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""
         raise InputError("key", "message", expected="bits", found="a picture", hint="`gspure extract` renders it")
 
+    def readings(self, images: Path) -> list[Reading]:
+        """Return the bits that each PNG file of a folder shows, compared with the message."""
+        return read_bits(self.read_bits, self.bits, images)
+
     def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that show the message in any view, and the row of a public or attacked model of each."""
         raise InputError("key", "message", expected="a picture", found="bits", hint="`gspure detect --key` reads them")
@@ -48,6 +53,12 @@ class Key(ABC):
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the message: of what is `revealed`, unless that depends on the view."""
         return Renderer(self.revealed(public, extraction)[0], device).image
+
+    def images(
+        self, public: PublicModel, extraction: str, views: Sequence[Camera], device: Device | None = None
+    ) -> Iterator[Float32]:
+        """Yield the message [H,W,3] in each of the views."""
+        return map(self.message(public, extraction, device), views)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians whose blending shows the message to a camera, and the row of each."""
@@ -87,6 +98,8 @@ class Scheme:
 
     beside: tuple[str, ...] = ()  # patterns of the public files beside the .ply, such as networks
     packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
+    reveals: bool = True  # whether keys tell which Gaussians show the message (`Key.gaussians`)
+    sources: tuple[Path, ...] = ()  # files beside its module that decide what it does
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property

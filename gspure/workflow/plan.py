@@ -113,6 +113,11 @@ class Model:
         return self.is_watermarked and not self.hides_bits
 
     @property
+    def reveals_rows(self) -> bool:
+        """Whether its key tells which Gaussians show the hidden picture."""
+        return self.hides_picture and self.plan.schemes[self.scheme].reveals
+
+    @property
     def module(self) -> str:
         """The module of its scheme, whose edits make its results stale."""
         return self.plan.schemes[self.scheme].module if self.is_watermarked else "gspure.public_model"
@@ -123,11 +128,21 @@ class Model:
         return str(self.settings.get("model", f"{self.folder}/public/point_cloud.ply"))
 
     @property
+    def sources(self) -> list[str]:
+        """The files beside that module that decide what its scheme does."""
+        return [str(file) for file in self.plan.schemes[self.scheme].sources] if self.is_watermarked else []
+
+    @property
     def users_files(self) -> list[str]:
-        """The user's files that its jobs read: of its public model, its key, and photographs of its message."""
+        """The user's files that its jobs read: of its scheme, public model and key, and photographs of its message."""
         own = self.settings
         key = sorted(str(file) for file in Path(own["key"]).glob("*")) if "key" in own else []
-        return [*(model_files(self.public) if "model" in own else []), *key, *own.get("message_photographs", ())]
+        return [
+            *(model_files(self.public) if "model" in own else []),
+            *key,
+            *own.get("message_photographs", ()),
+            *self.sources,
+        ]
 
     @property
     def pair(self) -> str:

@@ -1,6 +1,7 @@
 """Evaluate variants or controls of a model: attack, render, extract, read marks, and compare with the references."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,16 @@ from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
 from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import DETECTIONS, Reading, read_bits, read_marks
+from gspure.evaluation.detection import DETECTIONS, Reading, read_marks
 from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
 from gspure.evaluation.retrieval import Retrieved, retrieved
-from gspure.files import Float64, save_array, write_json, write_provenance
+from gspure.files import Float32, Float64, save_array, write_json, write_provenance
 from gspure.images import read_back, write_image
 from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
 from gspure.opencl.device import choose_device
 from gspure.progress import track
-from gspure.public_model import Lesson, PublicModel, RenderView
+from gspure.public_model import Lesson, PublicModel
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme, read_public_model
@@ -71,19 +72,19 @@ def evaluate(
             public = purified(public.drawable(model), views_of(cameras, "train"), folder, variant["purified"])
         for target in variant["rendered"]:
             moves = transform if target != ADAPTIVE else np.eye(4)
+            moved = [view.moved(moves) for view in views[kind(target)]]
             if target == SCENE:
                 drawable = public.drawable(model)
-                draw = drawable.scene(choose_device(), drawable.model.background)
+                images: Iterator[Float32] = map(drawable.scene(choose_device(), drawable.model.background), moved)
             elif its_key:
-                draw = extraction(public.drawn(model), its_key, target, original, photographs)
-            for camera in track([view.moved(moves) for view in views[kind(target)]], target):
-                image = draw(camera)
+                images = extraction(public.drawn(model), its_key, target, moved, original, photographs)
+            for camera, image in zip(track(moved, target), images, strict=True):
                 shown = retouched(read_back(image), camera.name) if target == SCENE else image
                 write_image(renders / target / f"{camera.name}.png", shown)
         for detector, of_user in variant["detectors"].items():
             write_table(folder / DETECTIONS / f"{detector}.csv", Reading, read(its_key, of_user, renders / SCENE))
-        images = unattacked if variant["baseline"] else renders
-        pairs = {t: paired(t, views, images, photographed, unattacked) for t in sorted(variant["compared"])}
+        shown_in = unattacked if variant["baseline"] else renders
+        pairs = {t: paired(t, views, shown_in, photographed, unattacked) for t in sorted(variant["compared"])}
         references: dict[str, Reference] = {t: TRUTH if kind(t) in photographed else RENDER for t in pairs}
         rows = [compare(pair, references[t], variant["baseline"]) for t, of in pairs.items() for pair in of]
         if rows:
@@ -142,16 +143,18 @@ def attack(
     return published, transform, bool(attacked.removed), attacked.retouched
 
 
-def extraction(public: PublicModel, key: Key, target: str, original: Any, photographs: Path | None) -> RenderView:
-    """Return the renderer of an extraction; an owner who adapts has the published model, and perhaps photographs."""
+def extraction(
+    public: PublicModel, key: Key, target: str, views: list[Camera], original: Any, photographs: Path | None
+) -> Iterator[Float32]:
+    """Yield what an extraction shows in views; an owner who adapts has the published model, perhaps photographs."""
     if target == ADAPTIVE:
         public = registered(public, original)
         if photographs:
             capture = Capture.read(photographs)
-            views = [camera.moved(np.eye(4)) for camera in capture.views]
-            lesson = Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=choose_device())
+            taken = [camera.moved(np.eye(4)) for camera in capture.views]
+            lesson = Lesson(taken, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=choose_device())
             key = key.fitted(public, lesson)
-    return key.message(public, target, choose_device())
+    return key.images(public, target, views, choose_device())
 
 
 def purified(public: PublicModel, views: list[Camera], folder: Path, how: dict[str, Any]) -> PublicModel:
@@ -166,7 +169,7 @@ def purified(public: PublicModel, views: list[Camera], folder: Path, how: dict[s
 def read(key: Key | None, settings: dict[str, Any], images: Path) -> list[Reading]:
     """Return what a detector reads from images: the user's command, or the key of a scheme that hides bits."""
     if key and not settings:
-        return read_bits(key.read_bits, key.bits, images)
+        return key.readings(images)
     return read_marks(settings["command"], images, settings["message"], settings["timeout"])
 
 

@@ -1,0 +1,214 @@
+"""Adapters: schemes whose programs are those of an author's checkout, unmodified.
+
+Programs are processes of their own and exchange files with gspure; nothing is copied or imported. ``NAME.toml``
+describes the scheme NAME; docs/schemes.md, "Code of authors", explains its fields.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shlex
+import shutil
+import tomllib
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any, Final
+
+import numpy as np
+
+from gspure.cameras.camera import Camera
+from gspure.cameras.colmap import write_colmap
+from gspure.errors import InputError, reading
+from gspure.evaluation.detection import Reading, files_of, output_of, read_marks, words_of
+from gspure.evaluation.outcomes import BITS
+from gspure.files import Float32
+from gspure.images import read_image
+from gspure.model import write_model
+from gspure.opencl.device import Device
+from gspure.public_model import PublicModel, RenderView
+from gspure.schemes.pair import Pair
+from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key, Scheme
+from gspure.settings import MaxGaussians, Range, Steps
+from gspure.training.initialization import gaussians_at, thinned
+
+MESSAGE_FILE: Final = "message.txt"  # in a key: the bits, as a text of 0 and 1
+PROGRAMS: Final = ("embed", "extract", "detect", "wrong")
+FIELDS: Final = ("checkout", "commit", "cuda", "public", *PROGRAMS)
+VANILLA: Final = "splats_in_splats"  # a built-in scheme whose public files are vanilla 3DGS
+DAY: Final = 86_400.0  # seconds
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """A checkout, and the commands that run its programs."""
+
+    source: Path
+    base: Scheme  # reads public files, trains clean models and, if no command does, reads the key and the message
+    checkout: Path
+    commit: str
+    cuda: bool
+    commands: Mapping[str, str]  # of some of `PROGRAMS`
+
+    def words(self, program: str, **values: object) -> list[str]:
+        """Return the words of a command, or raise `InputError` if the program cannot run here, or not as published."""
+        if self.cuda:
+            try:
+                ctypes.CDLL("libcuda.so.1")
+            except OSError:
+                hint = f"the programs of {self.checkout} need CUDA"
+                raise InputError(self.source, "cuda", expected="an NVIDIA driver", found="none", hint=hint) from None
+        if (head := self._git("rev-parse", "HEAD")) != self.commit:
+            raise InputError(self.checkout, "commit", expected=self.commit, found=head)
+        if changed := self._git("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=untracked"):
+            raise InputError(self.checkout, "files", expected=f"those of {self.commit}", found=f"changes: {changed}")
+        try:
+            known = {"here": self.source.parent, **values}
+            return [word.format_map(known) for word in words_of(self.commands[program])]
+        except (AttributeError, IndexError, KeyError, ValueError):
+            expected = f"no placeholders but {', '.join(known)}"
+            raise InputError(self.source, program, expected=expected, found=self.commands[program]) from None
+
+    def run(self, program: str, **values: object) -> None:
+        """Run a program in the checkout, or raise `InputError` if it cannot run, fails or takes more than a week."""
+        output_of(self.source, program, self.words(program, **values), 7 * DAY, self.checkout)
+
+    def _git(self, *words: str) -> str:
+        return output_of(self.source, "git", ["git", "-C", str(self.checkout), *words], DAY).strip()
+
+
+def read_adapter(source: Path, built_in: Sequence[Scheme]) -> Scheme:
+    """Return the scheme that a TOML file describes, or raise `InputError` for its first fault."""
+    with reading(source, "the description of an adapter"):
+        fields = tomllib.loads(source.read_text(encoding="utf-8"))
+    commands: dict[str, str] = {program: fields[program] for program in PROGRAMS if program in fields}
+    for name in (*fields, "checkout", "commit", "embed", *(["wrong"] if "extract" in commands else [])):
+        if name not in FIELDS or not isinstance(value := fields.get(name), bool if name == "cuda" else str):
+            expected = "a text, or of `cuda` true or false" if name in FIELDS else f"one of {', '.join(FIELDS)}"
+            raise InputError(source, name, expected=expected, found=repr(value) if name in fields else "nothing")
+    schemes = {scheme.name: scheme for scheme in built_in}
+    if source.stem in schemes:
+        raise InputError(source, "name", expected="a name not in use", found=repr(source.stem))
+    if (name := fields.get("public", VANILLA)) not in schemes:
+        raise InputError(source, "public", expected=f"one of {', '.join(schemes)}", found=repr(name))
+    readers = sorted({"extract", "detect", "public"} & {*fields})
+    if not readers or {"extract", "detect"} <= {*readers}:
+        expected = "`extract` or `detect`, or a `public` scheme that reads the key"
+        raise InputError(source, "fields", expected=expected, found=" and ".join(readers) or "none")
+    source, checkout = source.resolve(), Path(fields["checkout"]).expanduser()
+    base, where = schemes[name], (source.parent / checkout).resolve()
+    adapter = Adapter(source, base, where, fields["commit"], fields.get("cuda", False), commands)
+    named = (files_of(command.replace("{here}", str(source.parent))) for command in commands.values())
+    sources = (source, *(Path(file) for files in named for file in files))
+    scheme = replace(base, name=source.stem, embed=partial(embed, adapter), signature=(), sources=sources)
+    if readers == ["public"]:
+        return scheme
+    columns = ("x", "y", "z", "f_*", "opacity", "scale_*", "rot_*") if name == VANILLA else base.extractions[MESSAGE]
+    extractions = dict.fromkeys((BITS,) if "detect" in commands else (MESSAGE, ADAPTIVE), columns)
+    return replace(scheme, read_key=partial(FilesKey, adapter), extractions=extractions, fits=False, reveals=False)
+
+
+def embed(
+    adapter: Adapter,
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
+    *,
+    iterations: Steps = 3000,
+    message_weight: Annotated[int, Range(0, 1)] = 1,
+    max_gaussians: MaxGaussians = 30_000,
+) -> tuple[PublicModel, Key | None]:
+    """Let the authors' program hide the pair's message; a weight of 0 gives a clean model by gspure, and no key.
+
+    The other settings are those of models that gspure trains.
+    """
+    base, train = adapter.base, {"iterations": iterations, "max_gaussians": max_gaussians}
+    if not message_weight:
+        known = {name: value for name, value in train.items() if name in base.settings}
+        return base.embed(replace(pair, initialization="scene"), seed, device, message_weight=0, **known)
+    with ExitStack() as stack:
+        place = Path(stack.enter_context(TemporaryDirectory(prefix="gspure-")))
+        values: dict[str, Any] = {"seed": seed, "iterations": iterations}
+        values |= {name: place / name for name in ("out", "scene", "message", "scene_model", "message_model")}
+        adapter.words("embed", **values)  # refuses before models are trained
+        for folder in (public := place / "out/public", key := place / "out/key"):
+            folder.mkdir(parents=True)
+        for name, capture in {"scene": pair.scene, "message": pair.message}.items():
+            points = capture.dataset.xyz, capture.dataset.rgb
+            write_colmap(place / name, capture.views, capture.images, points)
+            if f"{{{name}_model}}" in adapter.commands["embed"]:
+                begin = gaussians_at(*thinned(*points, max_gaussians, seed))
+                model = capture.trained(begin, iterations, max_gaussians, seed, device)
+                write_model(place / f"{name}_model/point_cloud/iteration_{iterations}/point_cloud.ply", model)
+        adapter.run("embed", **values)
+        for missing in (name for name in ("public/point_cloud.ply", "key/*") if not any((place / "out").glob(name))):
+            raise InputError(adapter.source, "embed", expected=f"{missing} in {{out}}", found="no such file")
+        marked = base.read_public(public)
+        if {"extract", "detect"} & {*adapter.commands}:
+            return marked, FilesKey(adapter, key, stack.pop_all().close)
+        return marked, base.read_key(key)
+
+
+class FilesKey(Key):
+    """A key that only the authors' programs read: a folder of files, with `MESSAGE_FILE` if it hides bits."""
+
+    def __init__(self, adapter: Adapter, folder: Path, end: Callable[[], None] = lambda: None) -> None:
+        self._adapter, self._folder = adapter, folder.resolve()
+        weakref.finalize(self, end)
+        if "detect" in adapter.commands:
+            with reading(file := folder / MESSAGE_FILE, "bits, as a text of 0 and 1"):
+                if {*(text := file.read_text().strip())} - {*"01"} or not text:
+                    raise ValueError(text or "nothing")
+            self.bits = np.array([*text]) == "1"
+
+    def write(self, folder: Path) -> None:
+        """Copy the files."""
+        shutil.copytree(self._folder, folder, dirs_exist_ok=True)
+
+    def readings(self, images: Path) -> list[Reading]:
+        """Return what the authors' program reads from each PNG file of a folder."""
+        words = self._adapter.words("detect", key=self._folder)
+        message = "".join("01"[bit] for bit in self.bits.tolist())
+        return read_marks(shlex.join(words), images.resolve(), message, DAY, self._adapter.checkout)
+
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
+        """Return the renderer of the message, which runs the program for each view; `images` runs it once."""
+        return lambda camera: next(self.images(public, extraction, [camera], device))
+
+    def images(
+        self,
+        public: PublicModel,
+        extraction: str,  # noqa: ARG002
+        views: Sequence[Camera],
+        device: Device | None = None,  # noqa: ARG002
+    ) -> Iterator[Float32]:
+        """Yield what the authors' program shows in each of the views."""
+        with TemporaryDirectory(prefix="gspure-") as place:
+            model, cameras, out = (Path(place, name) for name in ("model", "cameras", "out"))
+            public.write(model / "point_cloud.ply")
+            black = (np.zeros((view.height, view.width, 3), np.float32) for view in views)
+            write_colmap(cameras, views, black, (public.model.means[:1].astype(np.float64), np.zeros((1, 3), np.uint8)))
+            out.mkdir()
+            self._adapter.run("extract", model=model, key=self._folder, cameras=cameras, out=out)
+            for number, view in enumerate(views):
+                file, shape = f"{number:05d}.png", (view.height, view.width, 3)
+                image = read_image(out / file) if (out / file).is_file() else np.zeros(0, np.float32)
+                if image.shape != shape:
+                    expected, found = (f"{each}" if each[1:] else "no such file" for each in (shape, image.shape))
+                    raise InputError(self._adapter.source, f"extract: {file}", expected=expected, found=found)
+                yield image
+
+    def wrong(self, rng: np.random.Generator) -> FilesKey:
+        """Return the same files with other bits, or what the program `wrong` makes of them."""
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="gspure-")))
+            if len(self.bits):
+                self.write(folder)
+                (folder / MESSAGE_FILE).write_text("".join(map(str, rng.integers(2, size=len(self.bits)))))
+            else:
+                self._adapter.run("wrong", key=self._folder, out=folder, seed=rng.integers(1 << 31))
+            return FilesKey(self._adapter, folder, stack.pop_all().close)

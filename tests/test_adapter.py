@@ -1,0 +1,144 @@
+"""Adapters, with a stand-in for an author's checkout: its programs hide a picture, or bits, and read them again."""
+
+import ctypes
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.evaluation.csv_tables import read_table
+from gspure.evaluation.detection import Reading
+from gspure.files import read_json
+from gspure.images import read_image, write_image
+from gspure.model import read_model
+from gspure.training.dataset import read_dataset
+
+PROGRAM = """
+import json, pathlib, shutil, sys
+import numpy as np
+from PIL import Image
+
+def poses(project):
+    lines = (project / "sparse/0/images.txt").read_text().splitlines()[::2]
+    return np.array([line.split()[1:8] for line in lines], float)
+
+def count(ply):
+    return int(ply.read_bytes().partition(b"element vertex ")[2].split()[0])
+
+what, *paths = sys.argv[1:]
+one, two, *more = map(pathlib.Path, paths)
+if what == "embed":  # model, message, out
+    (ply,) = one.glob("point_cloud/*/point_cloud.ply")
+    shutil.copy(ply, more[0] / "public")
+    shutil.copytree(two, more[0] / "key/message")
+    (more[0] / "key/count.txt").write_text(str(count(ply)))
+    for name in ("message", "decoder"):
+        (more[0] / f"key/{name}.txt").write_text("01100101")
+elif what == "extract":  # key, model, cameras, out: the photograph of the nearest pose, dark as rows are missing
+    left = 0.9 * count(two / "point_cloud.ply") / int((one / "count.txt").read_text())
+    known = poses(one / "message")
+    for number, pose in enumerate(poses(more[0])):
+        nearest = np.abs(known - pose).sum(axis=1).argmin()
+        image = Image.open(one / f"message/images/{nearest:05d}.png")
+        image.point(lambda value: round(left * value)).save(more[1] / f"{number:05d}.png")
+elif what == "wrong":  # key, out
+    shutil.copytree(one, two, dirs_exist_ok=True)
+    for image in (two / "message/images").glob("*.png"):
+        Image.open(image).rotate(180).save(image)
+else:  # key, images
+    bits = (one / "decoder.txt").read_text()
+    print(json.dumps({i.stem: bits if np.any(Image.open(i)) else "0" * len(bits) for i in two.glob("*.png")}))
+"""
+PICTURE = f"""
+extract = "{sys.executable} program.py extract {{key}} {{model}} {{cameras}} {{out}}"
+wrong = "{sys.executable} program.py wrong {{key}} {{out}}"
+"""
+BITS = f'detect = "{sys.executable} program.py detect {{key}}"'
+SETTINGS = ["--set=iterations=30", "--set=max_gaussians=300"]
+
+
+@pytest.fixture
+def adapters(tmp_path, monkeypatch):
+    """A folder with the adapters ``picture`` and ``marker``, and the checkout that both name."""
+    checkout = tmp_path / "checkout"
+    checkout.mkdir()
+    (checkout / "program.py").write_text(PROGRAM)
+    git = ["git", "-C", str(checkout), "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "Publish"]):
+        subprocess.run([*git, *words], check=True)
+    commit = subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True).stdout.strip()
+    common = f'checkout = "../checkout"\ncommit = "{commit}"\n'
+    common += f'embed = "{sys.executable} program.py embed {{scene_model}} {{message}} {{out}}"\n'
+    (tmp_path / "adapters").mkdir()
+    for name, reads in {"picture": PICTURE, "marker": BITS}.items():
+        (tmp_path / "adapters" / f"{name}.toml").write_text(common + reads)
+    monkeypatch.setenv("GSPURE_ADAPTERS", str(tmp_path / "adapters"))
+    return tmp_path / "adapters"
+
+
+def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters, pair_folder, tmp_path):
+    out = tmp_path / "marked"
+    assert main(["embed", "picture", str(pair_folder), "--out", str(out), *SETTINGS]) == 0
+    assert read_json(out / "key" / "readability.json")["readable"]
+    extract = ["extract", str(out / "public"), "--key", str(out / "key"), "--split", "train"]
+    assert main([*extract, "--out", str(tmp_path / "message")]) == 0
+    assert main([*extract, "--out", str(tmp_path / "wrong"), "--wrong-key", "1"]) == 0
+    views = read_dataset(pair_folder / "message", "native").train
+    for camera in views:
+        photograph, *shown = (read_image(f) for f in (camera.image, *tmp_path.glob(f"[mw]*/{camera.name}.png")))
+        right, wrong = sorted(np.abs(image - 0.9 * photograph).max() for image in shown)
+        assert right < 0.005 < wrong
+    handed = read_dataset(out / "key" / "message", "native")  # COLMAP's format is read as it was written
+    written = sorted([*handed.train, *handed.test], key=lambda camera: camera.name)
+    np.testing.assert_allclose([c.numbers for c in written], [c.numbers for c in views], rtol=1e-6, atol=1e-6)
+    assert len(handed.xyz) == len(read_dataset(pair_folder / "message", "native").xyz)
+    unmarked = tmp_path / "clean"
+    assert main(["embed", "picture", str(pair_folder), f"--out={unmarked}", "--set=message_weight=0", *SETTINGS]) == 0
+    clean, marked = (read_model(folder / "public") for folder in (unmarked, out))
+    assert clean.table.tobytes() == marked.table.tobytes()  # of the stand-in, which changes nothing
+
+
+def test_programs_of_a_checkout_read_bits(adapters, pair_folder, tmp_path, capsys):
+    out = tmp_path / "marked"
+    assert main(["embed", "marker", str(pair_folder), "--out", str(out), *SETTINGS]) == 0
+    for name, level in {"render": 1.0, "black": 0.0}.items():
+        write_image(tmp_path / "images" / f"{name}.png", np.full((4, 4, 3), level))
+    detect = ["detect", str(tmp_path / "images"), "--key", str(out / "key"), "--out", str(tmp_path / "bits.csv")]
+    assert main(detect) == 0
+    assert read_table(tmp_path / "bits.csv", Reading) == [Reading("black", 50.0, 8), Reading("render", 100.0, 8)]
+    assert main([*detect, "--wrong-key", "1"]) == 0
+    assert read_table(tmp_path / "bits.csv", Reading)[1].level < 100
+    assert main(["extract", *detect[1:-1], str(tmp_path / "message"), "--cameras", str(pair_folder)]) == 2
+
+
+FAULTS = {
+    "driver": ('checkout = "../checkout"', 'cuda = true\ncheckout = "../checkout"', "cuda: expected an NVIDIA driver"),
+    "commit": ('commit = "', 'commit = "0', "commit: expected 0"),
+    "edited": ("", "", "changes: M program.py"),
+    "no git": ('checkout = "../checkout"', 'checkout = "nowhere"', "cannot change to"),
+    "failed": ("embed {scene", "{scene", "embed: expected success, found "),
+    "placeholder": ("{message}", "{massage}", "embed: expected no placeholders but"),
+    "nothing": ("program.py embed {scene_model} {message} {out}", "-V", "expected public/point_cloud.ply in {out}"),
+    "field": ("detect =", "decode =", "decode: expected one of checkout, commit"),
+    "type": ("commit = ", "cuda = 1\ncommit = ", "cuda: expected a text, or of `cuda` true or false"),
+    "no reader": ("detect =", 'wrong = "" #', "fields: expected `extract` or `detect`"),
+    "public": ("detect =", 'public = "none" #', "public: expected one of splats_in_splats"),
+    "TOML": ("commit = ", "commit ", "the description of an adapter"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_cannot_run_is_refused_in_one_line(fault, adapters, pair_folder, tmp_path, capsys, monkeypatch):
+    before, after, reason = FAULTS[fault]
+    file = adapters / "marker.toml"
+    file.write_text(file.read_text().replace(before, after, 1))
+    if fault == "driver":
+        monkeypatch.setattr(ctypes, "CDLL", lambda name: (_ for _ in ()).throw(OSError(name)))
+    if fault == "edited":
+        (adapters.parent / "checkout" / "program.py").write_text("")
+    assert main(["embed", "marker", str(pair_folder), "--out", str(tmp_path / "out"), *SETTINGS, "--quiet"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert reason in line
+    assert not [*tmp_path.glob("out/*")]
