@@ -1,0 +1,28 @@
+"""Call GS-Hider's train_wm.py in the current folder: scene, message, iterations, out (gs_hider_authors.toml)."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+WATER = Path("/userhome/StegaGS/data/water")  # where its dataset reader expects WATER/SCENE/00000.png and so on
+
+scene, message, iterations, out = sys.argv[1:]
+if len({Path(folder, "sparse/0/images.txt").read_text() for folder in (scene, message)}) > 1:
+    sys.exit("gs_hider_authors.py: scene and message need the same poses (gspure pair --protocol shared)")
+name, run = f"gspure-{os.getpid()}", Path(out, "run")
+run.mkdir()
+(source := run / name).symlink_to(scene)
+shutil.copytree(Path(message, "images"), WATER / name)
+try:
+    steps = ["--iterations", iterations, "--save_iterations", iterations, "--checkpoint_iterations", iterations]
+    subprocess.run([sys.executable, "train_wm.py", "-s", source, "-m", run, *steps], check=True)
+finally:
+    shutil.rmtree(WATER / name)
+for file, place in (
+    (f"point_cloud/iteration_{iterations}/point_cloud.ply", "public"),
+    (f"chkpnt{iterations}_net.pth", "public"),
+    (f"chkpnt{iterations}_waternet.pth", "key"),
+):
+    shutil.copy(run / file, Path(out, place))
