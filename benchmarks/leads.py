@@ -13,7 +13,7 @@ from pathlib import Path
 from gspure.evaluation.collecting import read_results
 from gspure.evaluation.contest import Lead, leads
 from gspure.evaluation.csv_tables import csv_text, grouped
-from gspure.evaluation.names import condition_name, display_name, extraction_name
+from gspure.evaluation.names import display_name, extraction_name
 from gspure.evaluation.survival import Survival, survival
 from gspure.progress import decimal
 from gspure.report.table import interval
@@ -26,7 +26,7 @@ DROPS = ("scene drop", "message drop", "above controls", "oracle drop", "oracle 
 def of_lead(row: Lead) -> list[str]:
     """Return a lead as text; `≤` marks an upper bound."""
     lead = interval(row.difference, row.difference.scenes, text_of(row.extraction))
-    names = [condition_name(*row.condition), extraction_name(row.extraction), f"{row.damage:g}", row.against]
+    names = [row.condition.title, extraction_name(row.extraction), f"{row.damage:g}", row.against]
     return [*names, display_name(row.attack), f"{'≤ ' * row.is_bound}{lead}", f"{row.difference.scenes}"]
 
 
@@ -44,6 +44,6 @@ if __name__ == "__main__":
     if sys.argv[1] == "leads":
         sys.stdout.write(csv_text(LEADS, map(of_lead, leads(outcomes, attacks))))
     else:
-        by_attack = grouped(survival(outcomes), lambda row: (condition_name(*row.condition), row.variant))
+        by_attack = grouped(survival(outcomes), lambda row: (row.condition.title, row.variant))
         rows = [[condition, *of_attack(alike)] for (condition, _), alike in by_attack.items()]
         sys.stdout.write(csv_text(("condition", "attack", *DROPS), rows))

@@ -5,7 +5,7 @@ import sys
 import time
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from math import isinf, isnan
@@ -76,15 +76,16 @@ def shows_bars() -> bool:
 
 def track(items: Sequence[Item], label: str) -> Iterator[Item]:
     """Iterate over `items`, showing how far along the work is."""
-    return _bar(items, label) if shows_bars() else _lines(items, label)
+    return bar(items, f"{label:<24}") if shows_bars() else _lines(items, label)
 
 
-def _bar(items: Sequence[Item], label: str) -> Iterator[Item]:
+def bar(items: Iterable[Item], label: str, total: float | None = None) -> Iterator[Item]:
+    """Iterate over `items`, by default as many as there are, with a bar."""
     from rich.console import Console
     from rich.markup import escape as plain
     from rich.progress import track as rich_track
 
-    yield from rich_track(items, description=plain(f"{label:<24}"), console=Console(stderr=True))
+    yield from rich_track(items, plain(label), total, console=Console(stderr=True))
 
 
 def _lines(items: Sequence[Item], label: str) -> Iterator[Item]:

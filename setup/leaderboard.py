@@ -13,7 +13,7 @@ from math import inf
 from pathlib import Path
 
 from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, wanted_damage
+from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, wanted_damage
 from gspure.evaluation.survival import Survival
 from gspure.progress import decimal
 
@@ -98,7 +98,7 @@ def sheet(scheme: str) -> str:
         f'--at: {i}"></i><figcaption>{display_name(attack)}{", 1 dB" * (variant != attack)}</figcaption></figure>'
         for i, (attack, variant) in enumerate({UNATTACKED: UNATTACKED, **SHOWN}.items())
     )
-    return f'### {condition_name(scheme)}\n\n<div class="sheet">{figures}</div>'
+    return f'### {display_name(scheme)}\n\n<div class="sheet">{figures}</div>'
 
 
 def draw_sheets(results: Path) -> None:
@@ -119,7 +119,7 @@ def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     owners: dict[tuple[str, str], list[Survival]] = {}
     for row in rows:
         if row.present:
-            owners.setdefault((condition_name(*row.condition), extraction_name(row.extraction)), []).append(row)
+            owners.setdefault((row.condition.title, extraction_name(row.extraction)), []).append(row)
     attacks = dict.fromkeys(
         base(row.variant) for found in owners.values() for row in found if row.variant != UNATTACKED
     )

@@ -143,22 +143,22 @@ def test_the_core_does_not_import_torch() -> None:
 
 
 BUDGETS = {
-    "": (1604, 12),
-    "attacks": (1271, 10),
+    "": (1603, 12),
+    "attacks": (1270, 10),
     "cameras": (1453, 11),
-    "cli": (2205, 23),
-    "evaluation": (2521, 15),
-    "figures": (1541, 10),
-    "method": (1041, 10),
-    "model": (1685, 11),
+    "cli": (2203, 23),
+    "evaluation": (2509, 15),
+    "figures": (1535, 10),
+    "method": (1033, 10),
+    "model": (1681, 11),
     "opencl": (2223, 20),
-    "report": (1888, 14),
-    "scan": (276, 3),
+    "report": (1863, 14),
+    "scan": (275, 3),
     "scenes": (916, 7),
     "schemes": (3029, 25),
     "surface": (293, 4),
-    "training": (1129, 9),
-    "workflow": (909, 8),
+    "training": (1123, 9),
+    "workflow": (906, 8),
 }
 """Most lines and most files of each folder: growth is a decision, which edits this table."""
 

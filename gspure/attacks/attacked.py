@@ -82,9 +82,9 @@ class Attacked(Described):
         return cls(model[~prune_mask], np.flatnonzero(~prune_mask), len(model))
 
     @classmethod
-    def changed(cls, model: Gaussians, values: Mapping[str, NDArray[Any]], transform: Float64 | None = None) -> Self:
+    def changed(cls, model: Gaussians, values: Mapping[str, NDArray[Any]]) -> Self:
         """Return `model` with new `values` (each [K]) in the named columns."""
-        return cls(model.with_columns(values), np.arange(len(model)), len(model), transform)
+        return cls(model.with_columns(values), np.arange(len(model)), len(model))
 
     @classmethod
     def copied(cls, model: Gaussians, rows: Indices, values: Mapping[str, NDArray[Any]] | None = None) -> Self:

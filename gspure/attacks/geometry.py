@@ -15,6 +15,7 @@ import numpy as np
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
+from gspure.cameras.camera import rigid
 from gspure.files import Float64
 from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.model.rotations import moved, rotation
@@ -65,11 +66,9 @@ def rigid_transform(
     require("rigid_transform", "translation", translation, f"at most {FARTHEST:.0f} radii (float32)", fits=near)
     shift *= radius(model)
     rotvec = direction / length * np.deg2rad(angle)
-    transform = np.eye(4)
-    transform[:3, :3] = scale * rotation(rotvec)
-    transform[:3, 3] = shift
     if angle:
         require_attribute("rigid_transform", columns, "rotation")
+    transform = rigid(scale * rotation(rotvec), shift)
     return Attacked(moved(model, rotvec, shift, scale), np.arange(len(model)), len(model), transform)
 
 

@@ -77,9 +77,8 @@ def run(args: Arguments) -> None:
             options.record_command(args, folder / "key", run)
         if check:
             write_json(folder / "key" / "readability.json", asdict(check))
-        options.remove_older(
-            args.out, "public/*", "key/*", *["pair/**/*"] * bool(args.scene)
-        )  # perhaps of another scheme
+        # Perhaps of another scheme.
+        options.remove_older(args.out, "public/*", "key/*", *["pair/**/*"] * bool(args.scene))
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()

@@ -73,12 +73,6 @@ def extraction_name(extraction: str) -> str:
     return display_name(extraction) if extraction.startswith("message") else f"mark ({display_name(extraction)})"
 
 
-def condition_name(scheme: str, protocol: str = "", initialization: str = "") -> str:
-    """Return the display name of a condition: ``GS-Hider, own poses``; training from all points is the default."""
-    poses = f", {protocol} poses" if protocol else ""
-    return display_name(scheme) + poses + (", scene's points" if initialization == "scene" else "")
-
-
 def model_name(scheme: str, folder: str) -> str:
     """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
     scene, _, repetition = folder.partition("@")

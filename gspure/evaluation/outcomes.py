@@ -30,6 +30,12 @@ class Condition(NamedTuple):
         """Its name in folders: ``gs_hider-own-both``."""
         return "-".join(filter(None, self))
 
+    @property
+    def title(self) -> str:
+        """Its display name: ``GS-Hider, own poses``; training from all points is the default."""
+        poses = f", {self.protocol} poses" if self.protocol else ""
+        return display_name(self.scheme) + poses + ", scene's points" * (self.initialization == "scene")
+
 
 OfCondition = Annotated[Condition, UNPREFIXED]  # the first columns of a row
 

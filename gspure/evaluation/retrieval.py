@@ -82,11 +82,8 @@ def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> lis
     It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
     Raise `InputError` if a folder holds no picture.
     """
-    pictures = []
-    for folder in decoys:
-        files = png_files(folder)
-        pictures.append(next((file for file in files if file.stem == pair.view), files[index % len(files)]))
-    return pictures
+    listed = map(png_files, decoys)
+    return [next((file for file in files if file.stem == pair.view), files[index % len(files)]) for files in listed]
 
 
 def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:

@@ -30,6 +30,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gspure.evaluation.csv_tables import grouped
 from gspure.files import Float64
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
@@ -55,10 +56,8 @@ class Interval(NamedTuple):
 
 def by_scene(cells: Mapping[tuple[str, int], ArrayLike]) -> Groups:
     """Return one array per scene with the values of its seeds; scenes and seeds in sorted order."""
-    scenes: dict[str, list[ArrayLike]] = {}
-    for scene, seed in sorted(cells):
-        scenes.setdefault(scene, []).append(cells[scene, seed])
-    return [np.array(values, np.float64) for values in scenes.values()]
+    scenes = grouped(sorted(cells), lambda cell: cell[0])
+    return [np.array([cells[cell] for cell in of_scene], np.float64) for of_scene in scenes.values()]
 
 
 def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:

@@ -9,15 +9,7 @@ import numpy as np
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.matched import reached_damage, reached_name
 from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.names import (
-    CLEAN,
-    LEVEL_CONTROLS,
-    MESSAGE_FREE,
-    OTHER_SCENE,
-    UNATTACKED,
-    WRONG_KEY,
-    display_name,
-)
+from gspure.evaluation.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.evaluation.outcomes import (
     MESSAGE,
     SCENE,
@@ -71,7 +63,7 @@ class Survival(NamedTuple):
     @property
     def name(self) -> str:
         """The variant's display name, with the damage that its search reached if it misses the wanted one."""
-        name, drop = display_name(self.variant), self.damage or self.scene_drop
+        name, drop = reached_name(self.variant), self.damage or self.scene_drop
         named = reached_name(self.variant, *((drop.low, drop.high) if drop else ()))
         if drop and drop.level >= LEVEL and named != name:
             return f"{name} ({decimal(drop.mean)} dB reached on average)"

@@ -147,9 +147,8 @@ def by_reason(masks: Mapping[str, Bools]) -> Colouring:
     for i, mask in enumerate(masks.values(), 1):
         entry[mask] = i
     legend = [(f"{name}: {percent(mask.mean())}", hue) for (name, mask), hue in zip(masks.items(), hues, strict=False)]
-    return Colouring(
-        np.array([style.rgb(colour) for colour in (_NOISE, *hues)])[entry], tuple((row,) for row in legend)
-    )
+    palette = np.array([style.rgb(colour) for colour in (_NOISE, *hues)])
+    return Colouring(palette[entry], tuple((row,) for row in legend))
 
 
 def by_rank(rank: Float64) -> Colouring:

@@ -156,9 +156,8 @@ def _places(means: Float32, colouring: Colouring, camera: Camera) -> dict[str, F
     places = {}
     for name, its_rows in colouring.named.items():
         seen = pixels[np.isin(rows, its_rows)]
-        blocks, block, count = np.unique(
-            seen // (camera.width / _BLOCKS), axis=0, return_inverse=True, return_counts=True
-        )
+        grid = seen // (camera.width / _BLOCKS)
+        blocks, block, count = np.unique(grid, axis=0, return_inverse=True, return_counts=True)
         if len(blocks):
             crowd = seen[block.ravel() == count.argmax()]
             places[name] = crowd[np.linalg.norm(crowd - crowd.mean(axis=0), axis=1).argmin()]

@@ -68,9 +68,8 @@ def write_tiles(path: Path, titles: Sequence[str], rows: Sequence[Sequence[Tile]
                 figure.text(x, 1 - (bottom + _PADDING / 2) / total, row[column].label, ha="center", va="top")
         for at in range(count * len(rows) * bool(names)):
             y = at // len(rows) * block + _TITLE + at % len(rows) * step + height / 2
-            figure.text(
-                inset / 2 / style.PAGE, 1 - y / total, names[at % len(rows)], ha="center", va="center", rotation=90
-            )
+            name = names[at % len(rows)]
+            figure.text(inset / 2 / style.PAGE, 1 - y / total, name, ha="center", va="center", rotation=90)
 
 
 def _fitted(image: Float32, width: float, height: float, x: float, y: float) -> style.Picture:

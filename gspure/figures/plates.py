@@ -17,7 +17,7 @@ from gspure.figures import style
 from gspure.figures.clouds import Colouring
 from gspure.figures.viewpoint import in_view, project
 from gspure.files import Float32, Float64, UInt8
-from gspure.images import read_image
+from gspure.images import levels, read_image
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,7 +181,7 @@ def write_plate(
 def stack_plates(path: Path, plates: Mapping[str, Path]) -> None:
     """Write plates of `write_plate` one above the other, the titles above the first, with a name beside each."""
     cut, inset = round(_TITLE * style.DPI), _NAME * (len(plates) > 1)
-    pictures = [np.rint(255 * read_image(file)).astype(np.uint8) for file in plates.values()]
+    pictures = [levels(read_image(file)) for file in plates.values()]
     pictures = [picture[cut * bool(i) :] for i, picture in enumerate(pictures)]
     tops = np.cumsum([0, *map(len, pictures)])
     placed = [(round(inset * style.DPI), int(top), picture) for top, picture in zip(tops, pictures, strict=False)]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, intrinsics
+from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.orbit import guessed_up
 from gspure.files import Float64, Indices
 
@@ -74,9 +74,6 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     high = (local[:, :2] - t * local[:, 2:]).max(axis=0)
     nearest = local[:, 2].min() - _NEAREST * (float(np.ptp(local, axis=0).max()) or 1.0)
     eye = np.append((high - low) / 2, min(-((high + low) / (2 * t)).max(), nearest))
-    viewmat = np.eye(4)
-    viewmat[:3, :3] = R
-    viewmat[:3, 3] = -eye
 
     # The image is 1000 pixels wide and filled by the slopes x / z and y / z.
     slopes = (local[:, :2] - eye[:2]) / (local[:, 2:] - eye[2])
@@ -86,7 +83,7 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     focal = 1000 / width
     rows = round(focal * max(height, width * _FLATTEST))
     cx, cy = np.array([500, rows / 2]) - focal * (low + high) / 2
-    return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), viewmat)
+    return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), rigid(R, -eye))
 
 
 def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.floating]:

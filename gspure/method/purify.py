@@ -146,13 +146,8 @@ def purify(
         found, hint = f"0 of {len(rows)}", "prune less: larger tau_c and tau_n"
         raise InputError("pruning", "rows", expected="some to remain", found=found, hint=hint)
     settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
-    return Purification(
-        rows[~pruned].with_comment(f"gspure {__version__} purified {settings} selection={selection}"),
-        weights,
-        labels,
-        pruned,
-        diagnosis,
-    )
+    kept = rows[~pruned].with_comment(f"gspure {__version__} purified {settings} selection={selection}")
+    return Purification(kept, weights, labels, pruned, diagnosis)
 
 
 def peak_memory(model: Gaussians, cameras: Sequence[Camera]) -> float:

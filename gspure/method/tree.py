@@ -51,9 +51,8 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     is_first = np.append(True, (points[1:] != points[:-1]).any(axis=1))
     firsts = np.flatnonzero(is_first)
     piles = np.cumsum(is_first) - 1
-    ends, distances, core_distances = _tree_of_distinct(
-        points[firsts], np.bincount(piles), min(min_samples, len(points) - 1), device
-    )
+    nearest = min(min_samples, len(points) - 1)
+    ends, distances, core_distances = _tree_of_distinct(points[firsts], np.bincount(piles), nearest, device)
     surplus = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[surplus]], surplus])])
     distances = np.append(distances, core_distances[piles[surplus]])

@@ -29,10 +29,8 @@ def view_weights(touched: NDArray[Any], reduction: Reduction = "sum") -> Float64
     reduction over the pixels of a view, so it is a setting. `sum` is the result of an atomic addition in a rasterizer;
     `max` is the largest pixel; `mean_touched` is the sum divided by the number of touched pixels.
     """
-    if reduction == "sum":
-        return np.asarray(touched["sum"], np.float64)
-    if reduction == "max":
-        return np.asarray(touched["max"], np.float64)
+    if reduction in ("sum", "max"):
+        return np.asarray(touched[reduction], np.float64)
     if reduction == "mean_touched":
         return np.asarray(touched["sum"].astype(np.float64) / touched["pixels"])
     raise InputError("weights", "reduction", expected=f"one of {', '.join(REDUCTIONS)}", found=repr(reduction))

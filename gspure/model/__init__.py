@@ -8,7 +8,7 @@ from typing import Final
 
 from gspure import files
 from gspure.errors import InputError
-from gspure.model.compressed import PACKED_PLY, read_splat, write_packed, writing_package
+from gspure.model.compressed import PACKED_PLY, package, read_splat, write_packed
 from gspure.model.finite import drawable, require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
@@ -121,4 +121,4 @@ def _writer(path: Path) -> Callable[[Path, Gaussians], None]:
     is_spz = path.suffix.lower() == ".spz"
     if not (is_spz or path.name.endswith(PACKED_PLY)):
         raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or .spz", found=path.suffix or "no suffix")
-    return partial(write_spz if is_spz else write_packed, writing_package(path))
+    return partial(write_spz if is_spz else write_packed, package(path, "gsply"))

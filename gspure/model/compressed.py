@@ -11,6 +11,7 @@ A ``.splat`` has 32 bytes per Gaussian, no header and no spherical harmonics bey
 gsply (MIT), an optional package, writes compressed ``.ply`` and SPZ.
 """
 
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -111,14 +112,13 @@ def smallest_three(three: NDArray[Any], largest: Indices) -> Float32:
     return quats
 
 
-def writing_package(path: Path) -> Any:
-    """Return gsply, which writes compressed formats, or refuse to write `path` without it."""
+def package(path: Path, name: str) -> Any:
+    """Return an optional package, gsply or zstandard, or refuse the file that needs it."""
     try:
-        import gsply
+        return import_module(name)
     except ImportError as error:
         hint = f"pip install {PACKAGES['gsply']}"
-        raise InputError(path, "gsply", expected="the package gsply", found=str(error), hint=hint) from None
-    return gsply
+        raise InputError(path, name, expected=f"the package {name}", found=str(error), hint=hint) from None
 
 
 def write_packed(gsply: Any, path: Path, model: Gaussians) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from gspure.errors import InputError, reading
 from gspure.files import Float32, UInt8
-from gspure.model.compressed import from_bytes, gsply_parts, require_room, smallest_three, warn_of_clipping
+from gspure.model.compressed import from_bytes, gsply_parts, package, require_room, smallest_three, warn_of_clipping
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 from gspure.model.header import decoded, encoded
 from gspure.progress import warn
@@ -136,11 +136,7 @@ def _require_usual_values(extensions: bytes) -> None:
 
 def _unpacked(path: Path, data: bytes, header: _Header) -> tuple[bytes, bytes]:
     """Return the streams and the extensions of a file of version 4."""
-    try:
-        import zstandard
-    except ImportError as error:
-        hint = "pip install gspure[compression]"
-        raise InputError(path, "zstandard", expected="the package zstandard", found=str(error), hint=hint) from None
+    zstandard = package(path, "zstandard")
     table = int.from_bytes(data[_HEADER.size : _HEADER.size + 4], "little")
     pairs = np.frombuffer(data, "<u8", 2 * header.streams, max(table, _PLAIN_HEADER)).reshape(-1, 2).tolist()
     at, body = table + 16 * header.streams, b""

@@ -6,15 +6,7 @@ from math import isfinite, isnan, nan
 from typing import Any, Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import reached_damage
-from gspure.evaluation.names import (
-    CONTROLS,
-    GSPURE,
-    UNATTACKED,
-    WRONG_KEY,
-    condition_name,
-    display_name,
-    extraction_name,
-)
+from gspure.evaluation.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
 from gspure.evaluation.outcomes import SCENE, Outcome, is_picture, mean_of
 from gspure.evaluation.statistics import LEVEL, Interval
 from gspure.evaluation.survival import MARGIN, Survival
@@ -102,10 +94,8 @@ class Answer:
             yield " → ".join(both), "detectable without a key, before and after GSPure"
         scenes, level = (self.before.scenes, self.before.level) if self.before else (0, 0.0)
         counts = f"{scenes} scene{'s' * (scenes != 1)}, {self.seeds} seed{'s' * (self.seeds != 1)}"
-        yield (
-            counts,
-            f"evidence: {'means with 95% intervals' if level >= LEVEL else 'too few for an interval; add pairs'}",
-        )
+        kind = "means with 95% intervals" if level >= LEVEL else "too few for an interval; add pairs"
+        yield counts, f"evidence: {kind}"
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of a terminal."""
@@ -117,7 +107,7 @@ class Answer:
             damage, level, share = decimal(row.damage, 1), self.level(row.level), percent(row.share, 0)
             rows.append((row.attack, damage, level, share, row.left, row.adaptive or "unknown")[:columns])
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        yield condition_name(*self.audit.condition)
+        yield self.audit.condition.title
         for first, *numbers in rows:
             cells = [f"{cell:>{width}}" for cell, width in zip(numbers[:3], widths[1:4], strict=False)]
             cells += [f"{cell:<{width}}" for cell, width in zip(numbers[3:], widths[4:], strict=True)]
@@ -128,13 +118,7 @@ class Answer:
 
     def facts(self) -> dict[str, Any]:
         """Return all of it for JSON; what is unknown or infinite is null."""
-        audit = self.audit
-        facts: dict[str, Any] = {
-            "condition": audit.condition,
-            "verdict": audit.verdict,
-            "sentence": audit.sentence,
-            "lost": audit.lost,
-        }
+        facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "lost")}
         facts |= {"attacks": self.attacks, "controls": self.controls}
         return {name: _plain(value) for name, value in facts.items()}
 

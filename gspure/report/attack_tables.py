@@ -9,7 +9,7 @@ from typing import Final
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name
+from gspure.evaluation.names import UNATTACKED, display_name, extraction_name
 from gspure.evaluation.outcomes import Condition, is_picture, ordered
 from gspure.evaluation.survival import MARGIN, Survival
 from gspure.progress import decimal, percent, significant
@@ -50,7 +50,7 @@ def conditions_markdown(survivals: Sequence[Survival], contests: Sequence[Contes
     """Return the tables of every condition over all of its scenes."""
     rows = (survivals, contests, matched)
     conditions = dict.fromkeys([*(row.condition for row in survivals), *(row.condition for row in matched)])
-    tables = {condition_name(*known): [*chain(*condition_tables(known, *rows).values())] for known in conditions}
+    tables = {known.title: [*chain(*condition_tables(known, *rows).values())] for known in conditions}
     return markdown_document(tables) if tables else "No model with a message was attacked.\n"
 
 

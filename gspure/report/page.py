@@ -11,7 +11,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
+from gspure import __version__
+from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import MARGIN
 from gspure.figures import style
@@ -76,8 +77,6 @@ class Comparison(NamedTuple):
 
 def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence[Path]) -> None:
     """Write ``report.html``, whole or not at all. It loads nothing from outside itself, and links files of the run."""
-    from gspure import __version__
-
     linked = [os.path.relpath(file.resolve(), results.resolve()) for file in links]
     page = environment().get_template("page.html.j2")
     thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
@@ -87,8 +86,6 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
 
 def write_view(path: Path, data: Mapping[str, Any]) -> None:
     """Write a page with the view of `gspure.figures.viewer.view_of` alone, whole or not at all."""
-    from gspure import __version__
-
     write_text(path, environment().get_template("page.html.j2").render(version=__version__, alone=True, data=data))
 
 
@@ -97,9 +94,8 @@ def picture(file: Path, caption: str, results: Path) -> Picture:
     files = [str(p.relative_to(results)) for end in (".png", ".svg") if (p := file.with_suffix(end)).exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
-        return Picture(
-            display_name(file.stem), caption, _embedded(image, _WIDEST if wide else _WIDEST // 2), wide, files
-        )
+        data = _embedded(image, _WIDEST if wide else _WIDEST // 2)
+    return Picture(display_name(file.stem), caption, data, wide, files)
 
 
 def renders(folder: Path, variants: Iterable[str], views: Mapping[str, str]) -> dict[str, dict[str, str]]:
@@ -133,7 +129,6 @@ def environment() -> Environment:
     environment.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
-        "condition_name": lambda condition: condition_name(*condition),
         "model_name": lambda model: model_name(*model),
         "decimal": partial(decimal, decimals=1),
         "percent": percent,

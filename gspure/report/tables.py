@@ -9,7 +9,7 @@ from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.detection import Detection
 from gspure.evaluation.matched import reached_names
 from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import UNATTACKED, condition_name, display_name, extraction_name, model_name
+from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, is_picture, ordered
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.statistics import Interval
@@ -64,15 +64,13 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     for name, bits in detectors.items():
         group, reads = display_name(name), [o.detections.get(name) for o in measured]
         columns[Column("correct bits" if bits else "score", group)] = [*map(_reading, reads)]
-        columns[Column("TPR 1%", group)] = [Cell(percent(read.tpr)) if read else Cell() for read in reads]
-        columns[Column("TPR 0.1%", group, main=False)] = [
-            Cell(percent(read.tpr_strict)) if read else Cell() for read in reads
-        ]
+        for title, rate in (("TPR 1%", "tpr"), ("TPR 0.1%", "tpr_strict")):
+            rates = [getattr(read, rate, nan) for read in reads]  # unknown where nothing was read
+            columns[Column(title, group, main=rate == "tpr")] = [Cell(percent(value)) for value in rates]
     for name in SHARES:
         if any(map(isfinite, shares := [getattr(o, name) for o in measured])):
-            columns[Column(name.removesuffix("_share"), main=name == "pruned_share")] = [
-                Cell(percent(share)) for share in shares
-            ]
+            column = Column(name.removesuffix("_share"), main=name == "pruned_share")
+            columns[column] = [Cell(percent(share)) for share in shares]
     rows = [
         Row(cells, "control" if o.is_control else "best" if o.score == best else "")
         for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True)
@@ -108,7 +106,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
         names = reached_names(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
             extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
-            shown = [Cell("" if i else condition_name(*condition)), Cell(names[row.variant] + extraction)]
+            shown = [Cell("" if i else condition.title), Cell(names[row.variant] + extraction)]
             scenes = scenes_of((row.scene, row.message, row.score))
             means = [
                 Cell(text(value.mean), few(value.scenes, scenes)) if value else Cell()
@@ -126,7 +124,7 @@ def beside_table(rows: Sequence[Beside]) -> Table:
     body = []
     for condition, group in grouped(rows, lambda row: row.condition).items():
         for i, row in enumerate(group):
-            names = [Cell("" if i else condition_name(*condition)), Cell(display_name(row.variant))]
+            names = [Cell("" if i else condition.title), Cell(display_name(row.variant))]
             paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
             ours = (row.scene_drop, row.message_drop, row.score, row.rms_ratio)
             numbers = [Cell(decimal(value)) for pair in zip(paper, ours, strict=True) for value in pair]

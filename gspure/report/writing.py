@@ -10,7 +10,7 @@ from gspure.evaluation.collecting import ModelPlan, collect, write_results
 from gspure.evaluation.contest import Contest, Lead, contest, leads
 from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, Sweeps, match
-from gspure.evaluation.names import condition_name, model_name
+from gspure.evaluation.names import model_name
 from gspure.evaluation.outcomes import SCENE, Outcome, by_model
 from gspure.evaluation.summary import Specificity, Summary, specificity, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
@@ -103,10 +103,8 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
 
 def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
     """Draw the layouts of the paper's Fig. 1 and Fig. 6, with a row for one model of each condition."""
-    firsts = {
-        condition_name(*c.answer.audit.condition): results / c.models[0].scheme / c.models[0].folder
-        for c in comparisons
-    }
+    shown = [(c.answer.audit.condition.title, c.models[0]) for c in comparisons]
+    firsts = {title: results / model.scheme / model.folder for title, model in shown}
     for name in PLATES:
         files = {title: folder / "figures" / "model" / f"{name}.png" for title, folder in firsts.items()}
         plates = {title: file for title, file in files.items() if file.is_file()}

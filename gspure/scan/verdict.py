@@ -48,9 +48,8 @@ def passes(statistic: Statistic, value: float, threshold: float) -> bool:
 
 def flagged(values: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
     """Return the statistics that lie beyond their thresholds; those without one do not count."""
-    return [
-        s.name for s in STATISTICS if s.name in limits.keys() & values and passes(s, values[s.name], limits[s.name])
-    ]
+    known = [s for s in STATISTICS if s.name in limits.keys() & values]
+    return [s.name for s in known if passes(s, values[s.name], limits[s.name])]
 
 
 def likeness(model: Gaussians) -> dict[str, float]:

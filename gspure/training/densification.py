@@ -78,14 +78,11 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
 
 def reset_opacities(state: TrainState, rows: Bools | EllipsisType = ...) -> TrainState:
     """Clip the opacities of some rows, by default of all, to `RESET_OPACITY`, and zero their moments."""
-    logits, first, second = (part.opacity_logits.copy() for part in (state.parameters, state.first, state.second))
+    parts = (state.parameters, state.first, state.second)
+    columns = logits, first, second = [part.opacity_logits.copy() for part in parts]
     logits[rows] = np.minimum(logits[rows], logit(RESET_OPACITY))
     first[rows] = second[rows] = 0
-    return TrainState(
-        replace(state.parameters, opacity_logits=logits),
-        replace(state.first, opacity_logits=first),
-        replace(state.second, opacity_logits=second),
-    )
+    return TrainState(*(replace(part, opacity_logits=column) for part, column in zip(parts, columns, strict=True)))
 
 
 def _grown(statistics: Statistics, max_gaussians: int | None) -> Bools:

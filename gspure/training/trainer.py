@@ -12,7 +12,7 @@ from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
-from gspure.progress import say, shows_bars
+from gspure.progress import bar, say, shows_bars
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import Snapshot, as_gaussians
 from gspure.training.schedule import Schedule
@@ -141,10 +141,7 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
     iterations were done before. On a terminal, a bar shows how far along the run is.
     """
     if shows_bars():
-        from rich.console import Console
-        from rich.progress import track
-
-        losses = track(losses, "train", iterations - done, console=Console(stderr=True))
+        losses = bar(losses, "train", iterations - done)
     recent: list[float] = []
     last = time.monotonic()
     for iteration, loss in enumerate(losses, done + 1):

@@ -5,6 +5,7 @@ from itertools import takewhile
 from typing import Any, Final
 
 from gspure.attacks import find_attack
+from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.names import GSPURE
 
 Settings = Mapping[str, Any]
@@ -33,10 +34,7 @@ def first_alike(among: Decisions, name: str, made: str) -> str:
 
 def kinds(variants: Decisions, among: Decisions) -> dict[str, list[str]]:
     """Return the variants of each attack, by its name and those of its settings that are no strength."""
-    by_kind: dict[str, list[str]] = {}
-    for variant, settings in variants.items():
-        by_kind.setdefault(" ".join(_kind(settings, among)), []).append(variant)
-    return by_kind
+    return grouped(variants, lambda variant: " ".join(_kind(variants[variant], among)))
 
 
 def sweeps(variants: Decisions, among: Decisions) -> dict[str, list[str]]:

@@ -105,9 +105,8 @@ class Variant:
         Nothing is read from an asset that is the clean model of another one.
         """
         model, of_user = self.model, self.model.plan.config["detectors"]
-        if self.name == CLEAN_GSPURE or model.scene in {
-            asset.get("clean") for asset in model.plan.scenes[model.scheme].values()
-        }:
+        clean = {asset.get("clean") for asset in model.plan.scenes[model.scheme].values()}
+        if self.name == CLEAN_GSPURE or model.scene in clean:
             return {}
         bits: dict[str, Settings] = {BITS: {}} if model.hides_bits else {}
         return {**(of_user if self.is_attacked or self.name == CLEAN else {}), **bits}
