@@ -1,19 +1,23 @@
 """Adapters, with a stand-in for an author's checkout: its programs hide a picture, or bits, and read them again."""
 
 import ctypes
+import re
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import yaml
 
 from gspure.cli import main
+from gspure.evaluation.comparison import read_metrics
 from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.detection import Reading
 from gspure.files import read_json
 from gspure.images import read_image, write_image
 from gspure.model import read_model
 from gspure.training.dataset import read_dataset
+from tests.workflow_cases import ROOT
 
 PROGRAM = """
 import json, pathlib, shutil, sys
@@ -113,6 +117,28 @@ def test_programs_of_a_checkout_read_bits(adapters, pair_folder, tmp_path, capsy
     assert main(["extract", *detect[1:-1], str(tmp_path / "message"), "--cameras", str(pair_folder)]) == 2
 
 
+@pytest.mark.workflow
+def test_the_workflow_evaluates_an_adapter_and_trains_again_after_an_edit(adapters, tmp_path):
+    small = {"iterations": 30, "max_gaussians": 300}
+    config = {"pairs": {"raised": {"views": 9, "width": 32, "height": 24}}, "threads": 1}
+    config |= {"schemes": {"picture": small, "marker": small}, "variants": {"unattacked": {}, "gspure": {}}}
+    config |= {"method": {"min_samples": 3, "min_cluster_size": 5}}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    run = [sys.executable, "-m", "snakemake", "-s", str(ROOT / "Snakefile"), "--configfile", "config.yaml", "--cores=2"]
+    parts = "picture/raised/controls.json picture/raised/gspure/metrics.csv marker/raised/unattacked/metrics.csv"
+    run += [f"results/{part}" for part in parts.split()]
+    subprocess.run(run, cwd=tmp_path, check=True, capture_output=True)
+    tables = [read_metrics(tmp_path / f"results/picture/raised/{name}/metrics.csv") for name in ("gspure", "wrong_key")]
+    right, wrong = (np.mean([row.psnr for row in rows if row.target == "message"]) for rows in tables)
+    assert right > wrong + 1
+    readings = read_table(tmp_path / "results/marker/raised/unattacked/detections/bits.csv", Reading)
+    assert {reading.level for reading in readings} == {100.0}
+    with (adapters / "picture.toml").open("a") as stream:
+        stream.write("# edited")
+    planned = subprocess.run([*run, "--dry-run"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    assert {*re.findall(r"^embed_message +(\d+)$", planned, re.MULTILINE)} == {"1"}  # of the two schemes
+
+
 FAULTS = {
     "driver": ('checkout = "../checkout"', 'cuda = true\ncheckout = "../checkout"', "cuda: expected an NVIDIA driver"),
     "commit": ('commit = "', 'commit = "0', "commit: expected 0"),
@@ -125,6 +151,7 @@ FAULTS = {
     "type": ("commit = ", "cuda = 1\ncommit = ", "cuda: expected a text, or of `cuda` true or false"),
     "no reader": ("detect =", 'wrong = "" #', "fields: expected `extract` or `detect`"),
     "public": ("detect =", 'public = "none" #', "public: expected one of splats_in_splats"),
+    "quote": ("program.py embed", "'program.py embed", "marker.toml: "),
     "TOML": ("commit = ", "commit ", "the description of an adapter"),
 }
 

@@ -183,20 +183,20 @@ def output_of(source: str | Path, field: str, words: Sequence[str], timeout: flo
     return output
 
 
-def words_of(command: str) -> list[str]:
+def words_of(command: str, source: str | Path = "detector") -> list[str]:
     """Return the words of a command, split as a shell does, or raise `InputError`."""
     try:
         words = shlex.split(command)
     except ValueError as error:
-        raise InputError("detector", command, expected="a command", found=str(error)) from None
+        raise InputError(source, command, expected="a command", found=str(error)) from None
     if not words:
-        raise InputError("detector", "command", expected="a program and its options", found="nothing")
+        raise InputError(source, "command", expected="a program and its options", found="nothing")
     return words
 
 
-def files_of(command: str) -> list[str]:
+def files_of(command: str, source: str | Path = "detector") -> list[str]:
     """Return the files that a command names, as words or as ``--option=FILE``."""
-    names = (name for word in words_of(command) for name in (word, word.partition("=")[2]))
+    names = (name for word in words_of(command, source) for name in (word, word.partition("=")[2]))
     return [name for name in names if os.path.isfile(name)]  # noqa: PTH113 -- words may be too long for Path
 
 

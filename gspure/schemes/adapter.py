@@ -102,7 +102,7 @@ def read_adapter(source: Path, built_in: Sequence[Scheme]) -> Scheme:
     source, checkout = source.resolve(), Path(fields["checkout"]).expanduser()
     base, where = schemes[name], (source.parent / checkout).resolve()
     adapter = Adapter(source, base, where, fields["commit"], fields.get("cuda", False), commands)
-    named = (files_of(command.replace("{here}", str(source.parent))) for command in commands.values())
+    named = (files_of(command.replace("{here}", str(source.parent)), source) for command in commands.values())
     sources = (source, *(Path(file) for files in named for file in files))
     scheme = replace(base, name=source.stem, embed=partial(embed, adapter), signature=(), sources=sources)
     if readers == ["public"]:
