@@ -5,11 +5,14 @@ import json
 import sys
 from pathlib import Path
 
-from gspure.evaluation.names import condition_name
+import yaml
+
+from gspure.evaluation.names import display_name
+from gspure.progress import decimal
 
 answers = json.loads(Path(sys.argv[1]).read_text())
-columns = {condition_name(*answer["condition"]).partition(",")[0]: answer["attacks"] for answer in answers}
-variants = dict.fromkeys(attack["variant"] for attacks in columns.values() for attack in attacks)
+columns = {display_name(answer["condition"]["scheme"]): answer["attacks"] for answer in answers}
+variants = yaml.safe_load(Path("config/everyday.yaml").read_text())["variants"]
 
 
 def cell(attacks, variant):
@@ -17,9 +20,10 @@ def cell(attacks, variant):
     attack = next((attack for attack in attacks if attack["variant"] == variant), None)
     if attack is None or attack["damage"] is None:
         return "not applicable"
-    return " / ".join(filter(None, (attack["left"], attack["adaptive"]))) + f" ({attack['damage']:.1f})"
+    verdicts = "no message" if attack["left"] == "unknown" else attack["left"], attack["adaptive"]
+    return f"{' / '.join(filter(None, verdicts))} ({decimal(attack['damage'], 1)})"
 
 
 writer = csv.writer(sys.stdout, lineterminator="\n")
 writer.writerow(["", *columns])
-writer.writerows([variant, *(cell(attacks, variant) for attacks in columns.values())] for variant in variants)
+writer.writerows([name, *(cell(attacks, name) for attacks in columns.values())] for name in [*variants][1:])
