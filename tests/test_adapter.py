@@ -82,7 +82,7 @@ def adapters(tmp_path, monkeypatch):
     return tmp_path / "adapters"
 
 
-def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters, pair_folder, tmp_path):
+def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters, pair_folder, tmp_path, capsys):
     out = tmp_path / "marked"
     assert main(["embed", "picture", str(pair_folder), "--out", str(out), *SETTINGS]) == 0
     assert read_json(out / "key" / "readability.json")["readable"]
@@ -98,13 +98,17 @@ def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters,
     written = sorted([*handed.train, *handed.test], key=lambda camera: camera.name)
     np.testing.assert_allclose([c.numbers for c in written], [c.numbers for c in views], rtol=1e-6, atol=1e-6)
     assert len(handed.xyz) == len(read_dataset(pair_folder / "message", "native").xyz)
+    file = adapters / "picture.toml"
+    file.write_text(file.read_text().replace("program.py extract", "-V #"))
+    assert main([*extract, "--out", str(tmp_path / "nothing")]) == 2
+    assert "extract: 00000.png: expected (36, 48, 3), found no such file" in capsys.readouterr().err
     unmarked = tmp_path / "clean"
     assert main(["embed", "picture", str(pair_folder), f"--out={unmarked}", "--set=message_weight=0", *SETTINGS]) == 0
     clean, marked = (read_model(folder / "public") for folder in (unmarked, out))
     assert clean.table.tobytes() == marked.table.tobytes()  # of the stand-in, which changes nothing
 
 
-def test_programs_of_a_checkout_read_bits(adapters, pair_folder, tmp_path, capsys):
+def test_programs_of_a_checkout_read_bits(adapters, pair_folder, tmp_path):
     out = tmp_path / "marked"
     assert main(["embed", "marker", str(pair_folder), "--out", str(out), *SETTINGS]) == 0
     for name, level in {"render": 1.0, "black": 0.0}.items():
