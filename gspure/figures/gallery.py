@@ -152,7 +152,7 @@ def _draw_purification(model: Purified, extracted: Extract, eye: Camera, device:
 
 def _places(means: Float32, colouring: Colouring, camera: Camera) -> dict[str, Float64]:
     """Return the pixels of a colouring's names: where most of their points are seen."""
-    rows, pixels = foremost(means, camera)
+    rows, pixels = foremost(means, camera) if colouring.named else (means, means)
     places = {}
     for name, its_rows in colouring.named.items():
         seen = pixels[np.isin(rows, its_rows)]

@@ -138,6 +138,6 @@ def foremost(means: NDArray[np.floating], camera: Camera) -> tuple[Indices, Floa
     rows = in_view(means, camera)
     pixels, depth = project(means[rows], camera)
     order = np.argsort(depth, kind="stable")
-    cells = (pixels[order] / (camera.width / _CELLS)).astype(int)
-    nearest = order[np.unique(cells, axis=0, return_index=True)[1]]
+    column, row = (pixels[order] / (camera.width / _CELLS)).astype(int).T
+    nearest = order[np.unique(column * camera.height + row, return_index=True)[1]]
     return rows[nearest], pixels[nearest]
