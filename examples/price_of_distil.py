@@ -24,6 +24,7 @@ from gspure.schemes.registry import read_public_model
 from gspure.training.dataset import read_photographs
 
 ITERATIONS = (500, 1000, 2000, 4000)
+SECONDS = (10, 20, 50, 100)
 COLUMNS = ("scheme", "iterations", "CPU-s", "scene PSNR", "rows")
 
 
@@ -58,8 +59,10 @@ def draw(table, path):
             axes.plot(
                 *zip(*points, strict=True), "o-", color=colour, markersize=3, linewidth=1, label=display_name(scheme)
             )
+        axes.axhline(0, color=style.FAINT, linewidth=0.5)
         axes.set_xscale("log")
-        axes.set_ylim(bottom=0)
+        axes.set_xticks(SECONDS, map(str, SECONDS))
+        axes.minorticks_off()
         axes.set_xlabel("CPU time of distil (s)")
         axes.set_ylabel("drop of the scene's PSNR (dB)")
         figure.legend(loc="outside upper center", ncols=3)
