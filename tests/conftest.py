@@ -7,6 +7,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from gspure import progress
 from tests.plugin_path import register
 
 # Every run takes the same examples, in any time; HYPOTHESIS_PROFILE=search looks for new ones.
@@ -30,6 +31,11 @@ def pytest_generate_tests(metafunc):
 
         devices = [device for device in list_devices() if works(device)]
         metafunc.parametrize("device", devices, ids=[f"device{device.index}" for device in devices], scope="session")
+
+
+def pytest_runtest_setup():
+    """Forget the `--quiet` of an earlier test."""
+    progress.quiet = False
 
 
 @pytest.fixture(scope="session", autouse=True)
