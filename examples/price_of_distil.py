@@ -3,7 +3,7 @@
 gspure pair interior-1 interior-2 --views 100 --width 400 --height 300 --out pair
 gspure embed splats_in_splats pair --set iterations=7000 --set max_gaussians=100000 --out splats_in_splats
 python examples/price_of_distil.py pair splats_in_splats/public ... > docs/tables/price.csv
-python examples/price_of_distil.py --draw docs/tables/price.csv docs/pictures/price.svg
+python examples/price_of_distil.py --draw docs/tables/price.csv docs/pictures/price.png
 """
 
 import csv
@@ -49,7 +49,7 @@ def measured(pair, folder):
 
 def draw(table, path):
     """Draw the curve of each scheme, and the level of its public model."""
-    with style.page(path.with_suffix(".png"), style.COLUMN, 2.4, vector=True) as figure:
+    with style.page(path, style.COLUMN, 2.4) as figure:
         axes = figure.add_subplot()
         rows = [*csv.DictReader(table.read_text().splitlines())]
         for scheme, colour in zip(dict.fromkeys(row["scheme"] for row in rows), style.CLUSTERS, strict=False):

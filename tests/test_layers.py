@@ -148,7 +148,7 @@ BUDGETS = {
     "cameras": (1453, 11),
     "cli": (2203, 23),
     "evaluation": (2509, 15),
-    "figures": (1535, 10),
+    "figures": (1533, 10),
     "method": (1033, 10),
     "model": (1681, 11),
     "opencl": (2223, 20),

@@ -12,11 +12,12 @@ from gspure.cameras.camera import Camera, split
 from gspure.constants import NOISE_LABEL
 from gspure.figures.charts import draw_weights
 from gspure.figures.clouds import Colouring, Purified, by_reason
-from gspure.figures.panels import Tile, as_bytes, write_tiles
+from gspure.figures.panels import Tile, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_works, portraits, write_plate
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import choose, fitted, foremost, framed, overview, world_axes
 from gspure.files import Bools, Float32, Float64, Int32, UInt8, filling, write_json
+from gspure.images import levels
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
@@ -136,7 +137,7 @@ def _draw_purification(model: Purified, extracted: Extract, eye: Camera, device:
 
     public = model.public
     left = public.with_model(public.model[~model.pruned])
-    messages = [Image.fromarray(as_bytes(extracted(each))) for each in (public, left)]
+    messages = [Image.fromarray(levels(extracted(each))) for each in (public, left)]
     width = PAGE_WIDTH // 4
     camera = framed(eye, width, round(width * messages[0].height / messages[0].width))
     before, after = (np.asarray(image.resize((camera.width, camera.height))) for image in messages)
@@ -145,14 +146,16 @@ def _draw_purification(model: Purified, extracted: Extract, eye: Camera, device:
     counts = [f"{len(each.model):,} {model.rows}" for each in (public, left)]
     said = [Colouring(empty, (((text, "none"),),)) for text in ("extracted with the key", *counts)]
     keys = [said[0], said[1], model.colourings["rank"], said[2]]
-    row = [before, as_bytes(public.scene(device, _WHITE)(camera)), *ranks, after]
+    row = [before, levels(public.scene(device, _WHITE)(camera)), *ranks, after]
     write_plate(path, row, keys, _PURIFICATION)
     return f"The message that its owner extracts before and after pruning, and between them the model. {_RANKS}"
 
 
 def _places(means: Float32, colouring: Colouring, camera: Camera) -> dict[str, Float64]:
     """Return the pixels of a colouring's names: where most of their points are seen."""
-    rows, pixels = foremost(means, camera) if colouring.named else (means, means)
+    if not colouring.named:
+        return {}
+    rows, pixels = foremost(means, camera)
     places = {}
     for name, its_rows in colouring.named.items():
         seen = pixels[np.isin(rows, its_rows)]

@@ -17,8 +17,8 @@ from gspure.evaluation.metrics import METRICS, psnr
 from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
 from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
 from gspure.figures import style
-from gspure.files import Float32, UInt8
-from gspure.images import read_image
+from gspure.files import Float32
+from gspure.images import levels, read_image
 from gspure.model import Gaussians
 from gspure.progress import decimal, warn
 from gspure.public_model import RenderView
@@ -80,13 +80,8 @@ def _fitted(image: Float32, width: float, height: float, x: float, y: float) -> 
     scale = min(width / columns, height / rows)
     size = round(scale * columns), round(scale * rows)
     filtering = Image.Resampling.NEAREST if scale >= _MAGNIFIED else Image.Resampling.LANCZOS
-    pixels = np.asarray(Image.fromarray(as_bytes(image)).resize(size, filtering))
+    pixels = np.asarray(Image.fromarray(levels(image)).resize(size, filtering))
     return round(x - size[0] / 2), round(y - size[1] / 2), pixels
-
-
-def as_bytes(image: Float32) -> UInt8:
-    """Return an image as uint8."""
-    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 def draw_before_after(path: Path, folders: Mapping[str, Path]) -> str:
