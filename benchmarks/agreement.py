@@ -13,11 +13,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gspure.cameras.camera import Camera
-from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
+from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE, Energy
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Style, suited_style
-from gspure.opencl.frame import Energy
 from gspure.renderer import Renderer
 from tests.models import camera, gaussians
 from tests.reference.projection import pixel_centres, project

@@ -10,7 +10,7 @@ from room import Scene, each_scene
 from stages import Stages
 from timing import Measure
 
-from gspure.evaluation.metrics import psnr
+from gspure.metrics.image_metrics import psnr
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Traversal
 from gspure.opencl.passes import backward, forward

@@ -13,8 +13,9 @@ from room import SMALL, Scene, each_scene
 from stages import Stages
 from timing import Measure
 
+from gspure.constants import Energy
 from gspure.opencl.engine import Engine
-from gspure.opencl.frame import Energy, Traversal
+from gspure.opencl.frame import Traversal
 
 TRAVERSAL = Traversal("ewa", channels=3, sh_degree=3, contributions=True)
 

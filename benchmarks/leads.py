@@ -12,12 +12,13 @@ from pathlib import Path
 
 from gspure.evaluation.collecting import read_results
 from gspure.evaluation.contest import Lead, leads
-from gspure.evaluation.csv_tables import csv_text, grouped
-from gspure.evaluation.names import display_name, extraction_name
 from gspure.evaluation.survival import Survival, survival
-from gspure.progress import decimal
+from gspure.grouping import grouped
+from gspure.metrics.csv_tables import csv_text
+from gspure.metrics.names import display_name, extraction_name
 from gspure.report.table import interval
 from gspure.report.tables import text_of
+from gspure.text import decimal
 
 LEADS = ("condition", "extraction", "at most, dB", "against", "best other attack", "lead", "scenes")
 DROPS = ("scene drop", "message drop", "above controls", "oracle drop", "oracle above controls", "RMS ratio", "scenes")

@@ -17,11 +17,12 @@ from scipy.stats import binomtest
 from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.cameras import Camera, read_cameras, split
 from gspure.cli import main
-from gspure.evaluation.csv_tables import csv_text, grouped, write_table
-from gspure.evaluation.statistics import detectability
 from gspure.files import filling, write_text
+from gspure.grouping import grouped
 from gspure.method.purify import purify
 from gspure.method.weights import accumulate
+from gspure.metrics.csv_tables import csv_text, write_table
+from gspure.metrics.statistics import detectability
 from gspure.model import Gaussians, read_model
 from gspure.public_model import PublicModel
 from gspure.scan.statistics import STATISTICS, measure

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from gspure.attacks import find_attack
-from gspure.evaluation.metrics import psnr
-from gspure.evaluation.names import display_name
 from gspure.figures import style
 from gspure.images import read_back
+from gspure.metrics.image_metrics import psnr
+from gspure.metrics.names import display_name
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import read_public_model

@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from gspure.cameras import read_cameras as read_cameras
     from gspure.cameras import write_cameras as write_cameras
     from gspure.errors import InputError as InputError
-    from gspure.evaluation.metrics import psnr as psnr
-    from gspure.evaluation.metrics import ssim as ssim
     from gspure.method.purify import purify as purify
+    from gspure.metrics.image_metrics import psnr as psnr
+    from gspure.metrics.image_metrics import ssim as ssim
     from gspure.model import read_model as read_model
     from gspure.model import write_model as write_model
     from gspure.renderer import Renderer as Renderer
@@ -59,12 +59,12 @@ else:
         "find_scheme": "gspure.schemes.registry",
         "hide": "gspure.schemes.scheme",
         "orbit_cameras": "gspure.cameras",
-        "psnr": "gspure.evaluation.metrics",
+        "psnr": "gspure.metrics.image_metrics",
         "purify": "gspure.method.purify",
         "read_cameras": "gspure.cameras",
         "read_model": "gspure.model",
         "read_public_model": "gspure.schemes.registry",
-        "ssim": "gspure.evaluation.metrics",
+        "ssim": "gspure.metrics.image_metrics",
         "write_cameras": "gspure.cameras",
         "write_model": "gspure.model",
     }

@@ -3,7 +3,7 @@
 Kernels receive the renderer's constants as ``-D`` definitions, so that there is one place to read and to change them.
 """
 
-from typing import Final
+from typing import Final, Literal, get_args
 
 # --- Rasterization rules, as the published 3DGS models were trained with (Kerbl et al. 2023, reference rasterizer) ----
 
@@ -79,3 +79,11 @@ SSIM_C2: Final = 0.03**2
 MS_SSIM_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
 
 TEST_EVERY: Final = 8  # with cameras sorted by name, every eighth one is held out (3DGS's `--eval` split)
+
+# --- Energies --------------------------------------------------------------------------------------------------------
+
+Energy = Literal["ewa", "ray", "center_ray"]
+"""The value of a Gaussian at a pixel: a 2-D splat; its maximum along the ray (paper, Eq. E);
+the maximum along the ray through its centre."""
+
+ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)

@@ -8,7 +8,8 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO, Final, NamedTuple
 
 from gspure.errors import InputError, reading
-from gspure.files import digest, filling, write_provenance
+from gspure.files import digest, filling
+from gspure.provenance import write_provenance
 
 _TIMEOUT: Final = 30.0
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.files import Float32, UInt8, replacing
+from gspure.files import replacing
 
 if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile

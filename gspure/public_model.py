@@ -8,14 +8,15 @@ from typing import Any, ClassVar, Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Indices
 from gspure.cameras.camera import Camera, spread
-from gspure.files import Float32, Indices, filling
+from gspure.constants import Energy
+from gspure.files import filling
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import FILTER, drawable, undrawable_rows
 from gspure.model.gaussians import CORE, NORMALS
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
-from gspure.opencl.frame import Energy
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.progress import track
 from gspure.renderer import CONTRIBUTION, Renderer

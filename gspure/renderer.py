@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
-from gspure.constants import GEOMETRY_ATTRIBUTES
+from gspure.constants import ENERGIES, GEOMETRY_ATTRIBUTES, Energy
 from gspure.errors import InputError
-from gspure.files import Float32
 from gspure.model.finite import filtered
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
-from gspure.opencl.frame import ENERGIES, Energy, Frame, Traversal
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row
 from gspure.opencl.opacity_field import PointRays
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward, require_conservation

@@ -12,10 +12,10 @@ from html import escape
 from math import inf
 from pathlib import Path
 
-from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, wanted_damage
 from gspure.evaluation.survival import Survival
-from gspure.progress import decimal
+from gspure.metrics.csv_tables import read_table
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name, wanted_damage
+from gspure.text import decimal
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
 OTHERS = {"objects", "readings"}  # runs that vary GSPure and the scene, not the attack

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.evaluation.collecting import ModelPlan
-from gspure.evaluation.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
-from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import UNATTACKED
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import Survival
 from gspure.files import write_json
 from gspure.images import write_image
+from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
+from gspure.metrics.image_metrics import METRICS
+from gspure.metrics.names import UNATTACKED
 
 BEFORE = {"scene": 30.0, "message": 28.0}
 CONTROLS = {"clean": 8.0, "wrong_key": 7.0, "other_scene": 6.0, "black": 5.0, "mean_colour": 10.0}

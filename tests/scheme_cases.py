@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.cli import main
-from gspure.evaluation.metrics import psnr
-from gspure.files import Float32
+from gspure.metrics.image_metrics import psnr
 from gspure.public_model import RenderView
 from gspure.schemes.pair import Capture, read_pair
 from gspure.schemes.registry import find_scheme

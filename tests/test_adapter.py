@@ -10,11 +10,11 @@ import pytest
 import yaml
 
 from gspure.cli import main
-from gspure.evaluation.comparison import read_metrics
-from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.detection import Reading
 from gspure.files import read_json
 from gspure.images import read_image, write_image
+from gspure.metrics.comparison import read_metrics
+from gspure.metrics.csv_tables import read_table
+from gspure.metrics.detection import Reading
 from gspure.model import read_model
 from gspure.training.dataset import read_dataset
 from tests.workflow_cases import ROOT

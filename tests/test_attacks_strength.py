@@ -6,10 +6,9 @@ import pytest
 from gspure.attacks import BUILT_IN, Strength, find_attack
 from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.errors import InputError
-from gspure.evaluation.matched import DAMAGE_TOLERANCE
-from gspure.evaluation.metrics import psnr
 from gspure.images import read_back
 from gspure.method.pruning import prune_mask
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
 from gspure.public_model import PublicModel
 from tests.attack_cases import measurements
 from tests.models import blobs, camera, tilted_camera

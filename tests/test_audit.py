@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from gspure.evaluation.detection import Detection
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import survival
+from gspure.metrics.detection import Detection
 from gspure.report.audit import NO_KEY, Audit, audits
 from tests.contest_cases import benchmark, measured, outcome
 

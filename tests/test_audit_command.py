@@ -13,9 +13,9 @@ import yaml
 from gspure.cameras import write_cameras
 from gspure.cli import audit, main
 from gspure.evaluation.collecting import collect
-from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.survival import Survival, survival
 from gspure.files import write_json
+from gspure.metrics.csv_tables import write_table
 from gspure.model import write_model
 from gspure.report.writing import ReportPlan
 from gspure.workflow import variants

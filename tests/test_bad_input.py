@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure.arrays import save_array
 from gspure.cli import main
-from gspure.files import save_array
 from gspure.images import write_image
 from gspure.model import read_model, write_model
 

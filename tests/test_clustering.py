@@ -10,8 +10,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from sklearn.metrics import adjusted_rand_score
 
+from gspure.arrays import save_array
 from gspure.errors import InputError
-from gspure.files import save_array
 from gspure.method.clusters import SELECTIONS, read_labels, select, write_clusters
 from gspure.method.diagnosis import diagnose
 from gspure.method.tree import read_tree, spanning_tree

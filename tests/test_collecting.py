@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure.arrays import save_array
 from gspure.errors import InputError
 from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, read_results, write_results
-from gspure.evaluation.comparison import read_metrics, write_metrics
 from gspure.evaluation.summary import specificity
 from gspure.evaluation.survival import survival
-from gspure.files import save_array, write_json, write_text
+from gspure.files import write_json, write_text
+from gspure.metrics.comparison import read_metrics, write_metrics
 from tests.contest_cases import write_model
 
 ATTACKS = {"gspure": (0.055, 0.5), "noise": (0.2, 0.02)}

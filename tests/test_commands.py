@@ -8,10 +8,11 @@ import pytest
 
 from gspure.cameras import read_cameras, split
 from gspure.cli import main
-from gspure.evaluation.comparison import read_metrics
-from gspure.files import file_digest, read_json, run_of
+from gspure.files import file_digest, read_json
 from gspure.images import read_image
+from gspure.metrics.comparison import read_metrics
 from gspure.model import read_model
+from gspure.provenance import run_of
 from gspure.renderer import Renderer
 from tests.models import blobs
 

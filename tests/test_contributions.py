@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gspure import public_model
+from gspure.arrays import save_array
 from gspure.errors import InputError
-from gspure.files import save_array
 from gspure.method import contributions
 from gspure.method.contributions import contribute, contribution_key, read_contributions
 from gspure.public_model import PublicModel

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import Drops, Values, read_table, write_table
-from gspure.evaluation.metrics import METRICS
+from gspure.metrics.csv_tables import Drops, Values, read_table, write_table
+from gspure.metrics.image_metrics import METRICS
 
 
 class Part(NamedTuple):

@@ -12,10 +12,10 @@ import pytest
 from scipy.stats import binom
 
 from gspure.errors import InputError
-from gspure.evaluation.detection import Reading, Threshold, detection, read_marks
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
+from gspure.metrics.detection import Reading, Threshold, detection, read_marks
 from gspure.schemes.readability import bit_readability
 from gspure.schemes.scheme import Key
 from tests.contest_cases import outcome, survives

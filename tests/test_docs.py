@@ -12,8 +12,8 @@ import yaml
 
 from gspure import constants
 from gspure.attacks import BUILT_IN, Measurements, attacks
-from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.survival import Survival
+from gspure.metrics.csv_tables import read_table
 from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges
 from tests.models import blobs
 from tests.workflow_cases import settled

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from gspure import files
+from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
-from gspure.files import file_digest, load_array, load_arrays, run_of, save_array, save_arrays, write_provenance
+from gspure.files import file_digest
+from gspure.provenance import run_of, write_provenance
 
 NUMBERS = {"x": (np.float64, (None,))}
 

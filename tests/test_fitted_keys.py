@@ -11,9 +11,9 @@ pytest.importorskip("torch")
 
 from gspure.cli import extract, main
 from gspure.images import read_image, write_image
+from gspure.metrics.targets import ADAPTIVE
 from gspure.public_model import Lesson
 from gspure.schemes.pair import Capture
-from gspure.schemes.scheme import ADAPTIVE
 from tests.scheme_cases import quality
 
 

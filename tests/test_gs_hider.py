@@ -5,7 +5,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from gspure.evaluation.metrics import ssim  # noqa: E402
+from gspure.metrics.image_metrics import ssim  # noqa: E402
 from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
 from gspure.schemes.gs_hider import SCHEME  # noqa: E402

@@ -8,9 +8,9 @@ from hypothesis.extra import numpy as arrays
 from threadpoolctl import threadpool_limits
 
 from gspure.attacks import Measurements, find_attack
-from gspure.evaluation.metrics import psnr
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import accumulate
+from gspure.metrics.image_metrics import psnr
 from gspure.model import read_model, write_model
 from gspure.model.summary import kind
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from gspure.metrics.targets import MESSAGE
 from gspure.public_model import PublicModel
 from gspure.schemes.keyss import NetworkKey
 from gspure.schemes.keyss.network import SHAPES, added, fresh, random_key
 from gspure.schemes.pair import read_pair
-from gspure.schemes.scheme import MESSAGE
 from tests.models import blobs
 
 

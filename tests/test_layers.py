@@ -17,15 +17,16 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"constants", "errors", "progress", "settings", "files", "plugins"},
+    {"errors", "constants", "settings", "text", "grouping", "progress", "files", "arrays", "provenance", "plugins"},
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer", "public_model"},
-    {"surface", "method", "evaluation"},
+    {"surface", "method", "metrics"},
     {"training", "scenes"},
     {"schemes"},
     {"attacks"},
     {"scan"},
+    {"evaluation"},
     {"figures"},
     {"report"},
     {"workflow"},
@@ -142,25 +143,28 @@ def test_the_core_does_not_import_torch() -> None:
     assert offences(through) == []
 
 
-BUDGETS = {
-    "": (1603, 12),
-    "attacks": (1270, 10),
-    "cameras": (1453, 11),
-    "cli": (2203, 23),
-    "evaluation": (2509, 15),
-    "figures": (1533, 10),
-    "method": (1033, 10),
-    "model": (1681, 11),
-    "opencl": (2223, 20),
-    "report": (1863, 14),
-    "scan": (275, 3),
-    "scenes": (916, 7),
-    "schemes": (3029, 25),
-    "surface": (293, 4),
-    "training": (1123, 9),
-    "workflow": (906, 8),
+STATEMENTS = {
+    "": 1006,
+    "attacks": 729,
+    "cameras": 1001,
+    "cli": 1654,
+    "evaluation": 830,
+    "figures": 1087,
+    "method": 611,
+    "metrics": 749,
+    "model": 1191,
+    "opencl": 1439,
+    "report": 771,
+    "scan": 180,
+    "scenes": 610,
+    "schemes": 2086,
+    "surface": 204,
+    "training": 694,
+    "workflow": 588,
 }
-"""Most lines and most files of each folder: growth is a decision, which edits this table."""
+"""Statements of each folder when it was last measured."""
+
+SLACK = 1.1  # growth beyond this is a decision, which edits that table
 
 MOST_LINES = 300  # of a module
 
@@ -171,14 +175,15 @@ PRIVATE = re.compile(
 """Names of Snakemake that are not its interface."""
 
 
-@pytest.mark.parametrize("folder", BUDGETS)
-def test_a_folder_keeps_to_its_budget(folder: str) -> None:
-    files = [path for path in (PACKAGE / folder).glob("**/*" if folder else "*") if path.is_file()]
-    texts = [path for path in files if path.suffix in {".py", ".j2", ".html", ".css", ".js"}]
-    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in texts)
-    most_lines, most_files = BUDGETS[folder]
-    assert lines <= most_lines
-    assert len(texts) <= most_files
+def statements(folder: str) -> int:
+    """Count the statements in the Python files of a folder of the package."""
+    pattern = f"{folder}/**/*.py" if folder else "*.py"
+    return sum(isinstance(node, ast.stmt) for source in PACKAGE.glob(pattern) for node in ast.walk(TREES[source]))
+
+
+@pytest.mark.parametrize("folder", STATEMENTS)
+def test_a_folder_keeps_to_its_budget_of_statements(folder: str) -> None:
+    assert statements(folder) <= SLACK * STATEMENTS[folder]
 
 
 def test_no_module_is_longer_than_a_reader_holds_in_mind() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gspure.evaluation.metrics import ssim
+from gspure.metrics.image_metrics import ssim
 from gspure.opencl.engine import Engine
 from gspure.opencl.losses import upload_photographs
 from tests.reference.losses import image_loss as reference_loss

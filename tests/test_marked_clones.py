@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from marked_clones import SCHEME, rendered_bits
 
+from gspure.arrays import load_arrays
 from gspure.attacks.renders import jpeg
 from gspure.cli import main
-from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.detection import Reading
-from gspure.files import load_arrays, read_json
+from gspure.files import read_json
 from gspure.images import read_back, write_image
+from gspure.metrics.csv_tables import read_table
+from gspure.metrics.detection import Reading
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from tests.attack_cases import changed

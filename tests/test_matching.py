@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from gspure.arrays import save_array
 from gspure.cameras import write_cameras
 from gspure.cli import main
-from gspure.evaluation.metrics import psnr
-from gspure.files import save_array
 from gspure.images import read_image
+from gspure.metrics.image_metrics import psnr
 from gspure.model import Gaussians, write_model
 from gspure.model.rotations import moved
 from gspure.public_model import PublicModel

@@ -9,9 +9,10 @@ import pytest
 
 from gspure.cli import main
 from gspure.errors import InputError
-from gspure.evaluation import metrics
-from gspure.evaluation.comparison import as_text, compare, means, pair_images, read_metrics
-from gspure.evaluation.metrics import (
+from gspure.images import read_image, write_image
+from gspure.metrics import image_metrics as metrics
+from gspure.metrics.comparison import as_text, compare, means, pair_images, read_metrics
+from gspure.metrics.image_metrics import (
     METRICS,
     gradient_correlation,
     ms_ssim,
@@ -21,7 +22,6 @@ from gspure.evaluation.metrics import (
     region_psnr,
     ssim,
 )
-from gspure.images import read_image, write_image
 from tests.contest_cases import measured
 
 SCIKIT_IMAGE = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
-from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.paper import (
     ATTACKS,
     SCHEMES,
@@ -25,6 +24,7 @@ from gspure.evaluation.paper import (
     score_interval,
 )
 from gspure.evaluation.survival import Survival, survival
+from gspure.metrics.csv_tables import write_table
 from tests.contest_cases import benchmark
 
 VARIANTS = ("unattacked", *ATTACKS)

@@ -9,9 +9,9 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.errors import InputError
-from gspure.evaluation.names import CLEAN_GSPURE, CONTROLS, OTHER_SCENE
 from gspure.files import write_json
 from gspure.images import write_image
+from gspure.metrics.names import CLEAN_GSPURE, CONTROLS, OTHER_SCENE
 from gspure.model import write_model
 from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike
 from gspure.workflow.plan import Model, Plan

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from gspure.attacks import find_attack
 from gspure.method.diagnosis import diagnose
 from gspure.method.purify import Purification
-from gspure.progress import decimal, percent, signed, significant, track
+from gspure.progress import track
+from gspure.text import decimal, percent, signed, significant
 from gspure.training.trainer import watched
 from tests.models import blobs, camera
 

@@ -11,10 +11,10 @@ from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.constants import TAU_C
 from gspure.errors import InputError
-from gspure.evaluation.comparison import read_metrics
 from gspure.files import file_digest, read_json
 from gspure.method.purify import Purification, purify
 from gspure.method.weights import accumulate
+from gspure.metrics.comparison import read_metrics
 from gspure.model import Gaussians, read_model, write_model
 from gspure.renderer import Renderer
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.evaluation.csv_tables import read_table
 from gspure.evaluation.survival import Survival
 from gspure.figures import style
 from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
+from gspure.metrics.csv_tables import read_table
 from gspure.report.writing import ReportPlan, write_report
 from tests.contest_cases import write_model
 from tests.test_clouds import purified

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure.evaluation.statistics import Interval
+from gspure.metrics.statistics import Interval
 from gspure.report.page import environment
 from gspure.report.table import Cell, Column, Row, Table, interval
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gspure.evaluation.comparison import pair_images
-from gspure.evaluation.retrieval import Retrieval, compare_candidates, false_candidates, retrieval
 from gspure.images import write_image
+from gspure.metrics.comparison import pair_images
+from gspure.metrics.retrieval import Retrieval, compare_candidates, false_candidates, retrieval
 
 VIEWS = 4
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.evaluation.metrics import gradient_correlation, psnr
-from gspure.evaluation.outcomes import BITS, is_picture
+from gspure.metrics.image_metrics import gradient_correlation, psnr
+from gspure.metrics.targets import BITS, is_picture
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gspure.evaluation.metrics import psnr
+from gspure.metrics.image_metrics import psnr
 from gspure.schemes.scheme import hide
 from gspure.schemes.secure_gs import SCHEME, first_anchors
 from gspure.schemes.secure_gs.anchors import neural, visible_rows

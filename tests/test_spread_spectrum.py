@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from gspure.evaluation.detection import read_marks
 from gspure.images import write_image
+from gspure.metrics.detection import read_marks
 from tests.documentation import ROOT
 
 

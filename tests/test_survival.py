@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import pytest
 
-from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.retrieval import Retrieval
 from gspure.evaluation.summary import summarize
-from gspure.evaluation.survival import MARGIN, control_levels, not_embedded, survival
+from gspure.evaluation.survival import control_levels, not_embedded, survival
+from gspure.metrics.image_metrics import MARGIN, rms_ratio
+from gspure.metrics.retrieval import Retrieval
 from tests.contest_cases import BEFORE, CONTROLS, benchmark, measured, outcome, survives
 
 FOUR = benchmark({f"s{i}": {"gone": (2.0, 20.0), "left": (1.0, 5.0), "half": (1.0, 5.0 * i)} for i in range(4)})

@@ -5,11 +5,12 @@ import sys
 import numpy as np
 import pytest
 
+from gspure.metrics.targets import ADAPTIVE
 from gspure.public_model import Lesson
 from gspure.renderer import Renderer
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import ADAPTIVE, hide
+from gspure.schemes.scheme import hide
 from tests.models import blobs, tilted_camera
 
 torch = pytest.importorskip("torch")

@@ -10,7 +10,7 @@ import pytest
 
 from gspure.cameras import read_cameras
 from gspure.cli import main
-from gspure.evaluation.comparison import read_metrics
+from gspure.metrics.comparison import read_metrics
 from gspure.model import read_model
 from gspure.model.inria import training_arguments
 from gspure.renderer import Renderer

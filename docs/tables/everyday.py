@@ -7,8 +7,8 @@ from pathlib import Path
 
 import yaml
 
-from gspure.evaluation.names import display_name
-from gspure.progress import decimal
+from gspure.metrics.names import display_name
+from gspure.text import decimal
 
 answers = json.loads(Path(sys.argv[1]).read_text())
 columns = {display_name(answer["condition"]["scheme"]): answer["attacks"] for answer in answers}

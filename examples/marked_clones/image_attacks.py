@@ -14,8 +14,8 @@ import numpy as np
 import yaml
 
 from gspure.attacks import find_attack
-from gspure.evaluation.metrics import psnr
 from gspure.images import read_back
+from gspure.metrics.image_metrics import psnr
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide

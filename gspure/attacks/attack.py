@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure import __version__
+from gspure.arrays import Bools, Float32, Int32, load_array
 from gspure.attacks.attacked import Attacked, require
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Int32, load_array
 from gspure.images import read_back
 from gspure.method.clusters import read_labels
 from gspure.model.finite import non_finite_rows

@@ -8,11 +8,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools, Float32, Float64, Indices
 from gspure.errors import InputError
-from gspure.files import Bools, Float32, Float64, Indices
 from gspure.model.gaussians import Gaussians
-from gspure.progress import Described
 from gspure.public_model import Columns, PublicModel
+from gspure.text import Described
 
 Retouch = Callable[[Float32, str], Float32]
 

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, Indices
 from gspure.attacks.attack import Attack, Rng
 from gspure.attacks.attacked import Attacked, NotApplicable, require
 from gspure.errors import InputError
-from gspure.files import Float32, Float64, Indices
 from gspure.model import read_model, write_model
 from gspure.model.compressed import CHUNK, PACKAGES, PACKED_PLY
 from gspure.model.finite import drawable

@@ -12,11 +12,11 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, require, require_attribute
 from gspure.attacks.strength import Strength
 from gspure.cameras.camera import rigid
-from gspure.files import Float64
 from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.model.rotations import moved, rotation
 from gspure.public_model import Columns

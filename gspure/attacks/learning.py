@@ -4,10 +4,10 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Int32
 from gspure.attacks.attack import Rng, Teacher, named
 from gspure.attacks.attacked import Attacked, NotApplicable
 from gspure.constants import TAU_C, TAU_N
-from gspure.files import Bools, Float32, Int32
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel

@@ -5,11 +5,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools, Float32, Int32
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked
 from gspure.attacks.strength import Strength
 from gspure.constants import ALPHA_MIN, TAU_C, TAU_N
-from gspure.files import Bools, Float32, Int32
 from gspure.method import pruning
 from gspure.method.pruning import plain_prune_mask
 from gspure.model.gaussians import Gaussians

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.attacks.attack import Attack, Rng
 from gspure.attacks.strength import Strength
-from gspure.files import Float32
 from gspure.images import levels
 from gspure.settings import Amount, Range
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 import numpy as np
 
 from gspure import __version__
+from gspure.arrays import Float32, Float64
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
-from gspure.evaluation.matched import DAMAGE_TOLERANCE
-from gspure.evaluation.metrics import nominal_drop, psnr
-from gspure.files import Float32, Float64
 from gspure.images import read_back
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, nominal_drop, psnr
 from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:

@@ -4,12 +4,12 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked, NotApplicable, require, require_attribute, select_columns
 from gspure.attacks.geometry import radius
 from gspure.attacks.strength import Strength
 from gspure.constants import MAX_SH_DEGREE
-from gspure.files import Float32
 from gspure.model.gaussians import LEAST_OPACITY, Gaussians, logit
 from gspure.public_model import ATTRIBUTES, Columns
 from gspure.settings import Amount, Range

@@ -10,11 +10,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.constants import LARGEST, NEAR_PLANE, TEST_EVERY
+from gspure.arrays import Float64, Indices
+from gspure.constants import LARGEST, NEAR_PLANE
 from gspure.errors import InputError
-from gspure.files import Float64, Indices
-from gspure.progress import Described
 from gspure.settings import SIDE
+from gspure.text import Described
 
 COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # of a lens, as in OpenCV, in this order
 
@@ -135,12 +135,6 @@ def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
     right /= np.sqrt((right * right).sum())
     rotation = np.stack([right, np.cross(forward, right), forward])
     return rigid(rotation, -(rotation * centre).sum(axis=1))
-
-
-def split(cameras: Sequence[Camera]) -> tuple[list[Camera], list[Camera]]:
-    """Return (train, test): sorted by name, every eighth camera from the first on is a test view (3DGS --eval)."""
-    ordered = sorted(cameras, key=lambda camera: camera.name)
-    return [camera for i, camera in enumerate(ordered) if i % TEST_EVERY], ordered[::TEST_EVERY]
 
 
 def spread(cameras: Sequence[Camera]) -> float:

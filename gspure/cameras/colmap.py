@@ -13,11 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import located, view_names
 from gspure.errors import InputError, reading
-from gspure.files import Float32, Float64, UInt8, write_text
+from gspure.files import write_text
 from gspure.images import write_image
 from gspure.model.ply import require_coordinates
 from gspure.model.rotations import rotation_matrices

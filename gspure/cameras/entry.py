@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import COEFFICIENTS, require_rigid
 from gspure.constants import LARGEST
 from gspure.errors import InputError
-from gspure.files import Float64
 from gspure.settings import SIDE
 
 

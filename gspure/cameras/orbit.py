@@ -7,11 +7,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.entry import Entry
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
-from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.progress import say
 from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS

@@ -7,12 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float64, load_array
 from gspure.cameras import inria, nerfstudio
 from gspure.cameras.camera import Camera, require_rigid
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
 from gspure.errors import InputError, reading
-from gspure.files import Float64, load_array, read_json
+from gspure.files import read_json
 from gspure.progress import say
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64
 from gspure.cameras.camera import COEFFICIENTS, Camera
 from gspure.cameras.photographs import photograph, require_images
 from gspure.errors import InputError
-from gspure.files import Float32, Float64
 from gspure.images import read_image, write_image
 from gspure.progress import track
 

@@ -16,12 +16,14 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import Camera, points_shown, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.reading import camera_object, camera_place
-from gspure.files import Float64, read_json
+from gspure.files import read_json
 from gspure.model import Gaussians, model_file, read_model
-from gspure.progress import percent, say, warn
+from gspure.progress import say, warn
+from gspure.text import percent
 
 NORMALIZED: Final = "dataparser_transforms.json"
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from gspure.arrays import save_array
 from gspure.attacks import BUILT_IN, Measurements, NotApplicable, find_attack
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import save_array
 from gspure.images import read_image
 from gspure.model import require_writable
 from gspure.opencl.device import Device

@@ -96,8 +96,8 @@ def audited(args: Arguments, configuration: Path) -> int:
 def _answer(args: Arguments) -> int:
     """Print the verdict of every condition; return 1 if the message is lost below the limit, else 0."""
     from gspure.evaluation.collecting import collect
-    from gspure.evaluation.csv_tables import read_table
     from gspure.evaluation.survival import Survival
+    from gspure.metrics.csv_tables import read_table
     from gspure.report.answer import answers
     from gspure.workflow.plan import Plan
     from gspure.workflow.variants import report_plan
@@ -171,7 +171,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
 
     from gspure.cameras import GENERATED
     from gspure.cameras.worlds import mention_unseen
-    from gspure.figures.panels import mention_up
+    from gspure.cli.options import mention_up
     from gspure.files import write_text
     from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG

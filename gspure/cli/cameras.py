@@ -12,8 +12,8 @@ from gspure.cameras.undistortion import undistort
 from gspure.cli.options import QUIET, add_up, camera_source, read_source, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import grouped
 from gspure.files import filling
+from gspure.grouping import grouped
 from gspure.model.ply import write_point_ply
 from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 from gspure.training.dataset import stored_points

@@ -7,9 +7,9 @@ import numpy as np
 
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
-from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import Reading, read_marks
-from gspure.files import run_of
+from gspure.metrics.csv_tables import write_table
+from gspure.metrics.detection import Reading, read_marks
+from gspure.provenance import run_of
 from gspure.schemes.registry import made_by
 from gspure.settings import SECONDS
 

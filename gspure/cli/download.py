@@ -6,8 +6,8 @@ from gspure.cli.options import QUIET
 from gspure.cli.parser import Arguments, Parser
 from gspure.datasets import SCENES, extract, fetch
 from gspure.errors import InputError
-from gspure.files import PROVENANCE
 from gspure.progress import say
+from gspure.provenance import PROVENANCE
 
 EXAMPLES = """\
   gspure download all --accept-licence                      # into data/, for config/mipnerf360.yaml

@@ -7,16 +7,17 @@ from pathlib import Path
 from gspure.cli import options, parser_of
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.evaluation.outcomes import BITS
-from gspure.files import file_digest, filling, write_json, write_provenance
+from gspure.files import file_digest, filling, write_json
+from gspure.metrics.targets import BITS
+from gspure.model.inria import is_model
 from gspure.progress import say
+from gspure.provenance import write_provenance
 from gspure.scenes.procedural import scene_builder
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
 from gspure.settings import SEED, parsed_settings
-from gspure.workflow.inputs import is_model
 
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`

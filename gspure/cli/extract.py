@@ -9,16 +9,18 @@ from gspure.cameras.reading import read_transform
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import filling, run_of
+from gspure.files import filling
 from gspure.images import is_blank, write_image
+from gspure.metrics.targets import ADAPTIVE
 from gspure.model import model_file
 from gspure.progress import track, warn
+from gspure.provenance import run_of
 from gspure.public_model import Lesson
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture, message_folder
 from gspure.schemes.readability import readability
 from gspure.schemes.registry import find_scheme, made_by
-from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS
+from gspure.schemes.scheme import FIT_STEPS
 
 EXAMPLES = """\
   gspure extract marked/public --key marked/key --out message          # in the views of the key's pair

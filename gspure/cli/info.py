@@ -6,12 +6,12 @@ from itertools import groupby
 from gspure.cameras.orbit import up_of
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
-from gspure.files import run_of
 from gspure.model import model_file, read_model
 from gspure.model.finite import FILTER
 from gspure.model.inria import UNPACKED_SOG, training_arguments
 from gspure.model.summary import Summary, doubts, summarize, suspicious_lines
 from gspure.progress import warn
+from gspure.provenance import run_of
 
 EXAMPLES = """\
   gspure info point_cloud.ply

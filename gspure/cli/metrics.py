@@ -2,8 +2,8 @@
 
 from gspure.cli.options import PER_VIEW, QUIET, record_command
 from gspure.cli.parser import Arguments, Parser
-from gspure.evaluation.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
-from gspure.evaluation.names import BASELINES
+from gspure.metrics.comparison import REFERENCES, RENDER, as_text, compare, pair_images, write_metrics
+from gspure.metrics.names import BASELINES
 from gspure.progress import say, track
 from gspure.settings import SHARE
 

@@ -14,7 +14,9 @@ from gspure.settings import COORDINATE, SEED, SHARE
 if TYPE_CHECKING:
     from gspure.attacks import Attack
     from gspure.cameras import Camera
+    from gspure.model import Gaussians
     from gspure.opencl.device import Device
+    from gspure.public_model import RenderView
     from gspure.schemes.scheme import Key, Scheme
 
 SPLITS = ("train", "test", "all")
@@ -50,7 +52,7 @@ def read_key(args: Arguments, run: str) -> Key:
     """
     import numpy as np
 
-    from gspure.files import run_of
+    from gspure.provenance import run_of
     from gspure.schemes.registry import find_scheme
 
     key = find_scheme(args.scheme).read_key(args.key)
@@ -134,9 +136,9 @@ def add_views(parser: Parser, split: str, **cameras: Any) -> None:
 def read_views(args: Arguments, split: str, transform: Path | None = None) -> list[Camera]:
     """Read the views of a split that ``--cameras`` names, moved by the rigid transform of a file."""
     from gspure.cameras.reading import read_transform
-    from gspure.workflow.step import of_split
+    from gspure.cameras.splits import views_of_split
 
-    views = of_split(read_source(args.cameras, args.model, up=args.up), split, args.cameras)
+    views = views_of_split(read_source(args.cameras, args.model, up=args.up), split, args.cameras)
     moves = read_transform(transform) if transform else None
     return views if moves is None else [view.moved(moves) for view in views]
 
@@ -151,10 +153,10 @@ def write_views(folder: Path, views: Sequence[Camera]) -> None:
 def record_command(args: Arguments, folder: Path, run: str = "") -> None:
     """Write ``provenance.json`` to a folder of results: arguments that are paths are inputs, others are settings.
 
-    `run` is the run ID if the inputs have none (`gspure.files.write_provenance`).
+    `run` is the run ID if the inputs have none (`gspure.provenance.write_provenance`).
     """
-    from gspure.files import write_provenance
     from gspure.model import model_file
+    from gspure.provenance import write_provenance
 
     skipped = {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
     known = {name: value for name, value in vars(args).items() if name not in skipped}
@@ -167,7 +169,8 @@ def record_command(args: Arguments, folder: Path, run: str = "") -> None:
 
 def require_own_folder(args: Arguments) -> None:
     """Refuse an output folder with files that another command, or none, has written, unless ``--force`` is set."""
-    from gspure.files import PROVENANCE, read_json
+    from gspure.files import read_json
+    from gspure.provenance import PROVENANCE
 
     files = (file for path in args.out.glob("[!.]*") for file in (path, *path.rglob("*")) if file.is_file())
     if args.force or not any(files):
@@ -190,3 +193,20 @@ def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme])
     lines = [f"  {c.name:<28}{' '.join(f'{name}={value}' for name, value in c.settings.items())}" for c in choices]
     lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:", *map(str.rstrip, lines)]
     parser.epilog = "\n".join(lines)
+
+
+def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
+    """Warn if the up direction of generated views is an unsure guess, and draw a model with each axis up, labelled."""
+    from gspure.cameras.orbit import UP_SHEET, up_of
+    from gspure.figures.panels import draw_up_sheet
+    from gspure.progress import warn
+
+    sheet = folder / UP_SHEET
+    sheet.unlink(missing_ok=True)  # of an earlier run
+    if up:
+        return
+    guess = up_of(model)
+    if guess.is_sure:
+        return
+    draw_up_sheet(sheet, model, render, guess)
+    warn(f"up is unsure: see {sheet}; pass --up X Y Z")

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from gspure.arrays import Float64, UInt8
 from gspure.cameras import Camera, read_cameras, write_cameras
 from gspure.cli.options import add_device, read_device, record_command
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.files import Float64, UInt8, filling
+from gspure.files import filling
 from gspure.images import is_flat, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.ply import write_point_ply

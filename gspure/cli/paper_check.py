@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation import paper
-from gspure.evaluation.csv_tables import csv_text, read_table
-from gspure.evaluation.names import display_name
 from gspure.evaluation.survival import Survival
 from gspure.files import write_text
-from gspure.progress import decimal, signed
+from gspure.metrics.csv_tables import csv_text, read_table
+from gspure.metrics.names import display_name
 from gspure.report.table import Cell, Column, Row, Table, interval
 from gspure.report.tables import beside_table
+from gspure.text import decimal, signed
 
 EXAMPLES = """\
   gspure paper-check --out paper.csv     # one row per number

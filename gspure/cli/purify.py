@@ -8,22 +8,23 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
+from gspure.arrays import save_array
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
 from gspure.cameras.worlds import mention_unseen
 from gspure.cli import options
+from gspure.cli.options import mention_up
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.evaluation import comparison
-from gspure.evaluation.comparison import ViewMetrics
-from gspure.figures.panels import mention_up
-from gspure.files import filling, save_array, write_json
+from gspure.files import filling, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
+from gspure.metrics import comparison
+from gspure.metrics.comparison import ViewMetrics
 from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn

@@ -1,8 +1,8 @@
 """``gspure report``: tables, figures and one page about all models of a run."""
 
 from gspure.cli.parser import Arguments, Parser
-from gspure.evaluation.names import display_name, model_name
 from gspure.files import read_json
+from gspure.metrics.names import display_name, model_name
 from gspure.progress import tell
 from gspure.report.writing import write_report
 from gspure.workflow.plan import Plan

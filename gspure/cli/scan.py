@@ -12,8 +12,8 @@ from gspure.errors import InputError, printable
 from gspure.progress import warn
 
 if TYPE_CHECKING:
+    from gspure.arrays import Float32
     from gspure.cameras import Camera
-    from gspure.files import Float32
     from gspure.model import Gaussians
 
 EXAMPLES = """\

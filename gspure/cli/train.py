@@ -14,8 +14,8 @@ from gspure.progress import say, track
 from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
 
 if TYPE_CHECKING:
-    from gspure.evaluation.comparison import ViewMetrics
-    from gspure.files import Float32
+    from gspure.arrays import Float32
+    from gspure.metrics.comparison import ViewMetrics
     from gspure.opencl.device import Device
     from gspure.training.dataset import Dataset
     from gspure.training.trainer import Trainer
@@ -61,8 +61,8 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.evaluation.comparison import as_text
     from gspure.files import filling, replacing
+    from gspure.metrics.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
     from gspure.training import dataset, output
@@ -97,7 +97,7 @@ def run(args: Arguments) -> None:
 
 def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: Device) -> Trainer:
     """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
-    from gspure.evaluation.metrics import psnr
+    from gspure.metrics.image_metrics import psnr
     from gspure.opencl.trainable import TrainableModel
     from gspure.training import dataset, initialization, output
     from gspure.training.schedule import Schedule
@@ -137,8 +137,8 @@ def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: De
 
 def _compare(folder: Path, args: Arguments, data: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
-    from gspure.evaluation.comparison import TRUTH, ImagePair, compare, write_metrics
     from gspure.images import write_image
+    from gspure.metrics.comparison import TRUTH, ImagePair, compare, write_metrics
     from gspure.model import read_model
     from gspure.renderer import Renderer
     from gspure.training.dataset import read_photographs

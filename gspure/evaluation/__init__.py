@@ -1,1 +1,1 @@
-"""Evaluation: image metrics, survival of the message, comparison of attacks, as typed tables in CSV files."""
+"""Evaluation: the job of one variant, and the outcomes of all jobs, compared."""

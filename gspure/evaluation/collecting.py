@@ -11,17 +11,21 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import load_array
 from gspure.errors import InputError, printable
-from gspure.evaluation.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
-from gspure.evaluation.csv_tables import Drops, Values, grouped, read_table, write_table
-from gspure.evaluation.detection import DETECTIONS, Detection, read_detections
 from gspure.evaluation.matched import Sweeps
-from gspure.evaluation.metrics import nominal_drop
-from gspure.evaluation.names import UNATTACKED, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_model, ordered, with_references
-from gspure.evaluation.retrieval import Retrieval, Retrieved
-from gspure.files import load_array, read_json, run_of
+from gspure.evaluation.outcomes import OfCondition, Outcome, by_model, ordered, with_references
+from gspure.files import read_json
+from gspure.grouping import grouped
+from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
+from gspure.metrics.csv_tables import Drops, Values, read_table, write_table
+from gspure.metrics.detection import DETECTIONS, Detection, read_detections
+from gspure.metrics.image_metrics import nominal_drop
+from gspure.metrics.names import UNATTACKED, model_name
+from gspure.metrics.retrieval import Retrieval, Retrieved
+from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.progress import warn
+from gspure.provenance import run_of
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 _REFUSED: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model

@@ -6,19 +6,11 @@ from itertools import product
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Curves, Point, Sweeps, completed, curves, damages, points
-from gspure.evaluation.names import GSPURE, UNATTACKED
-from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions, is_picture
+from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions
 from gspure.evaluation.paper import ATTACKS as PAPER_ATTACKS
-from gspure.evaluation.statistics import (
-    Cells,
-    Interval,
-    by_scene,
-    differences,
-    holm,
-    mean_interval,
-    means_of,
-    paired_test,
-)
+from gspure.metrics.names import GSPURE, UNATTACKED
+from gspure.metrics.statistics import Cells, Interval, by_scene, differences, holm, mean_interval, means_of, paired_test
+from gspure.metrics.targets import is_picture
 
 Quantity = Literal["score", "message_drop", "scene_drop"]
 SCORE: Final = "score"

@@ -14,12 +14,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.names import UNATTACKED, display_name, wanted_damage
-from gspure.evaluation.outcomes import SCENE, OfCondition, Outcome, by_condition, cells, extractions
-from gspure.evaluation.statistics import Interval, by_scene, mean_interval, scene_means
-from gspure.files import Bools
-from gspure.progress import decimal
+from gspure.arrays import Bools
+from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, cells, extractions
+from gspure.grouping import grouped
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
+from gspure.metrics.names import UNATTACKED, display_name, wanted_damage
+from gspure.metrics.statistics import Interval, by_scene, mean_interval, scene_means
+from gspure.metrics.targets import SCENE
+from gspure.text import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
 Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
@@ -27,7 +29,6 @@ Curve = Mapping[str, Drops]  # the drops of one model by variant
 Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB
-DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
 
 _MISSED: Final = re.compile(r", (-?\d+\.\d+) dB reached$")  # end of the strength of a search that missed its damage
 

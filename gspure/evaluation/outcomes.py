@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, NamedTuple
 
-from gspure.evaluation.comparison import ViewMetrics
-from gspure.evaluation.csv_tables import UNPREFIXED, grouped
-from gspure.evaluation.detection import Detection
-from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, display_name
-from gspure.evaluation.retrieval import Retrieval
-from gspure.evaluation.statistics import Interval, difference, known_interval
-
-SCENE, MESSAGE, BITS = "scene", "message", "bits"
+from gspure.grouping import grouped
+from gspure.metrics.comparison import ViewMetrics
+from gspure.metrics.csv_tables import UNPREFIXED
+from gspure.metrics.detection import Detection
+from gspure.metrics.image_metrics import METRICS
+from gspure.metrics.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, display_name
+from gspure.metrics.retrieval import Retrieval
+from gspure.metrics.statistics import Interval, difference, known_interval
+from gspure.metrics.targets import BITS, MESSAGE, SCENE, is_picture
 
 UNCHANGED: Final = 0.05  # largest change of an extraction, dB or points, due to rounding, as of reordered rows
 
@@ -121,7 +121,7 @@ class Outcome:
 
     @property
     def is_control(self) -> bool:
-        """Whether it is a negative control (`gspure.evaluation.names`)."""
+        """Whether it is a negative control (`gspure.metrics.names`)."""
         return self.variant in CONTROLS
 
     def is_flat(self, target: str) -> bool:
@@ -163,11 +163,6 @@ def ordered(targets: Iterable[str]) -> list[str]:
 def extractions(outcomes: Iterable[Outcome]) -> list[str]:
     """Return the extractions and detectors of any of the outcomes, in display order."""
     return ordered({target for o in outcomes for target in o.messages})
-
-
-def is_picture(target: str) -> bool:
-    """Return whether a target is an extraction that shows the message, not the scene or a detector."""
-    return target.startswith(MESSAGE)
 
 
 def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:

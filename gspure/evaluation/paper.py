@@ -12,12 +12,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Condition, OfCondition
-from gspure.evaluation.statistics import Interval, mean_interval
+from gspure.evaluation.outcomes import Condition, OfCondition
 from gspure.evaluation.survival import Survival
+from gspure.metrics.csv_tables import read_table
+from gspure.metrics.image_metrics import rms_ratio
+from gspure.metrics.names import GSPURE, UNATTACKED, display_name
+from gspure.metrics.statistics import Interval, mean_interval
+from gspure.metrics.targets import MESSAGE, SCENE
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
 ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")

@@ -6,10 +6,11 @@ from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
-from gspure.evaluation.names import CLEAN_GSPURE, GSPURE
-from gspure.evaluation.outcomes import MESSAGE, SCENE, OfCondition, Outcome, by_condition, extractions, mean_of
+from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, mean_psnr, printed_scores, read_rows
-from gspure.evaluation.statistics import Interval, known_interval
+from gspure.metrics.names import CLEAN_GSPURE, GSPURE
+from gspure.metrics.statistics import Interval, known_interval
+from gspure.metrics.targets import MESSAGE, SCENE
 
 
 class Summary(NamedTuple):

@@ -2,26 +2,16 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.matched import reached_damage, reached_name
-from gspure.evaluation.metrics import rms_ratio
-from gspure.evaluation.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY
-from gspure.evaluation.outcomes import (
-    MESSAGE,
-    SCENE,
-    OfCondition,
-    Outcome,
-    by_condition,
-    cells,
-    extractions,
-    is_picture,
-    mean_of,
-)
-from gspure.evaluation.statistics import (
+from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, cells, extractions, mean_of
+from gspure.grouping import grouped
+from gspure.metrics.image_metrics import MARGIN, rms_ratio
+from gspure.metrics.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.statistics import (
     LEVEL,
     Cells,
     Detectability,
@@ -31,9 +21,8 @@ from gspure.evaluation.statistics import (
     known_interval,
     scene_means,
 )
-from gspure.progress import decimal
-
-MARGIN: Final = 1.0  # smallest margin above the control level at which a message counts as present, dB
+from gspure.metrics.targets import MESSAGE, SCENE, is_picture
+from gspure.text import decimal
 
 
 class Survival(NamedTuple):
@@ -51,7 +40,7 @@ class Survival(NamedTuple):
     region_drop: Interval | None  # of the message's PSNR without its background (`region_psnr`)
     ms_ssim_drop: Interval | None
     nc_drop: Interval | None  # drop of the normalized correlation
-    rms_ratio: float  # damage to the message divided by that to the scene (`gspure.evaluation.metrics.rms_ratio`)
+    rms_ratio: float  # damage to the message divided by that to the scene (`gspure.metrics.image_metrics.rms_ratio`)
     above_floor: Interval | None  # the message's PSNR, or a detector's mean reading, minus the control level
     share_left: Interval | None  # `above_floor` divided by its value before the attack; None if no scene is `present`
     region_left: Interval | None  # the same of the message's PSNR without its background

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gspure.evaluation.names import extraction_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, is_picture
-from gspure.evaluation.statistics import Interval
+from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.summary import summarize
 from gspure.figures import style
 from gspure.figures.clouds import Purified
 from gspure.method.pruning import mean_weight
-from gspure.progress import percent
+from gspure.metrics.names import extraction_name
+from gspure.metrics.statistics import Interval
+from gspure.metrics.targets import MESSAGE, SCENE, is_picture
+from gspure.text import percent
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -8,14 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.cameras.camera import Camera
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.figures import style
-from gspure.files import Bools, Float32, Float64, Indices, Int32, UInt8
 from gspure.method.pruning import deciding_weights, prune_mask
 from gspure.model import Gaussians
-from gspure.progress import percent
 from gspure.public_model import PublicModel, Rows
+from gspure.text import percent
 
 _STEPS = 256  # of a scale
 _PALE = 0.55  # share of white in the colours of kept clusters

@@ -8,7 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
 
-from gspure.cameras.camera import Camera, split
+from gspure.arrays import Bools, Float32, Float64, Int32, UInt8
+from gspure.cameras.camera import Camera
+from gspure.cameras.splits import split
 from gspure.constants import NOISE_LABEL
 from gspure.figures.charts import draw_weights
 from gspure.figures.clouds import Colouring, Purified, by_reason
@@ -16,14 +18,15 @@ from gspure.figures.panels import Tile, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_works, portraits, write_plate
 from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import choose, fitted, foremost, framed, overview, world_axes
-from gspure.files import Bools, Float32, Float64, Int32, UInt8, filling, write_json
+from gspure.files import filling, write_json
 from gspure.images import levels
 from gspure.model import Gaussians
 from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
-from gspure.progress import percent, warn
+from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
+from gspure.text import percent
 
 PLATES: Final = ("purification", "separation")  # figures of a model with a message: the layouts of Fig. 1 and Fig. 6
 CAPTIONS: Final = "captions.json"  # beside the figures: the caption of each by its file's name

@@ -10,18 +10,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.cameras.orbit import UP_SHEET, orbit_cameras, up_of
+from gspure.arrays import Float32
+from gspure.cameras.orbit import Up, orbit_cameras
 from gspure.errors import InputError
 from gspure.evaluation.matched import Sweeps, reached_damage, reached_name
-from gspure.evaluation.metrics import METRICS, psnr
-from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, ordered
+from gspure.evaluation.outcomes import Outcome, ordered
 from gspure.figures import style
-from gspure.files import Float32
 from gspure.images import levels, read_image
+from gspure.metrics.image_metrics import METRICS, psnr
+from gspure.metrics.names import GSPURE, UNATTACKED, display_name
+from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.model import Gaussians
-from gspure.progress import decimal, warn
 from gspure.public_model import RenderView
+from gspure.text import decimal
 
 _COLUMNS: Final = 6  # at most in a block, so that their titles are legible on a page
 _GAIN: Final = 5  # factor of the displayed differences
@@ -191,15 +192,13 @@ def _tile(o: Outcome, target: str, file: Path, reference: Float32) -> Tile:
     return Tile(image, f"{METRICS['psnr'].text(psnr(reference, image))} dB{missed}")
 
 
-def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
-    """Warn if the up direction of generated views is an unsure guess, and draw a model with each axis up, labelled."""
-    (sheet := folder / UP_SHEET).unlink(missing_ok=True)  # of an earlier run
-    if up or (guess := up_of(model)).is_sure:
-        return
-    likeness, tiles = _AXES @ guess.direction, []
+def draw_up_sheet(path: Path, model: Gaussians, render: RenderView, guess: Up) -> None:
+    """Draw a model with each axis up; the axis nearest to the guessed up direction is marked."""
+    likeness = _AXES @ guess.direction
+    is_axis = likeness.max() == 1
+    tiles = []
     for axis, is_nearest in zip(_AXES.tolist(), likeness == likeness.max(), strict=True):
         (view,) = orbit_cameras(model, count=1, up=axis, width=200, height=150)
-        mark = f"   {'the' if likeness.max() == 1 else 'nearest to the'} guess" if is_nearest else ""
+        mark = f"   {'the' if is_axis else 'nearest to the'} guess" if is_nearest else ""
         tiles.append(Tile(render(view), f"--up {' '.join(map(str, axis))}{mark}"))
-    write_tiles(sheet, [""] * 3, [tiles[:3], tiles[3:]])
-    warn(f"up is unsure: see {sheet}; pass --up X Y Z")
+    write_tiles(path, [""] * 3, [tiles[:3], tiles[3:]])

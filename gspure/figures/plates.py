@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras.camera import Camera
 from gspure.figures import style
 from gspure.figures.clouds import Colouring
 from gspure.figures.viewpoint import in_view, project
-from gspure.files import Float32, Float64, UInt8
 from gspure.images import levels, read_image
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from gspure.files import UInt8, replacing
+from gspure.arrays import UInt8
+from gspure.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

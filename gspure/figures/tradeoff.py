@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.matched import damages, pareto_front, reached_name
-from gspure.evaluation.names import GSPURE, UNATTACKED, display_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome
-from gspure.evaluation.statistics import known_interval, scene_means
+from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import control_levels
 from gspure.figures import style
+from gspure.metrics.names import GSPURE, UNATTACKED, display_name
+from gspure.metrics.statistics import known_interval, scene_means
+from gspure.metrics.targets import MESSAGE, SCENE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,11 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.cameras.camera import Camera, split
+from gspure.arrays import Float32, Float64, UInt8
+from gspure.cameras.camera import Camera
+from gspure.cameras.splits import split
 from gspure.constants import ALPHA_MIN, NOISE_LABEL, SH_DC
 from gspure.figures.clouds import Purified
 from gspure.figures.viewpoint import choose, in_view, project, world_axes
-from gspure.files import Float32, Float64, UInt8, write_json
+from gspure.files import write_json
 from gspure.model.finite import undrawable_rows
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.public_model import PublicModel, Rows

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64, Indices
 from gspure.cameras.camera import Camera, intrinsics, rigid
 from gspure.cameras.orbit import guessed_up
-from gspure.files import Float64, Indices
 
 _BULK = (0.02, 0.98)  # quantiles that bound the points without floaters
 _NEAREST = 0.1  # least distance of an overview from the framed points, times their extent

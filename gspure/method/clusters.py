@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 
+from gspure.arrays import Bools, Float64, Indices, Int32, load_array, load_arrays, save_arrays
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, NOISE_LABEL
 from gspure.errors import InputError
-from gspure.files import Bools, Float64, Indices, Int32, load_array, load_arrays, save_arrays
 from gspure.settings import CLUSTER_SIZE
 
 if TYPE_CHECKING:

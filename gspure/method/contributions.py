@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 import gspure.opencl
 import gspure.renderer
+from gspure.arrays import load_array, save_array
 from gspure.cameras import Camera
+from gspure.constants import Energy
 from gspure.errors import InputError
-from gspure.files import digest, load_array, read_json, save_array, write_json
+from gspure.files import digest, read_json, write_json
 from gspure.model import require_finite
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import device_identity
-from gspure.opencl.frame import Energy
 from gspure.opencl.program import kernel_digest
 from gspure.progress import say, track
 from gspure.public_model import PublicModel

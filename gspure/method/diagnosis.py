@@ -6,13 +6,13 @@ from typing import Any, SupportsFloat
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.files import Bools
 from gspure.method.pruning import plain_prune_mask, prune_mask
 from gspure.method.weights import HELD_SHARE, LIGHT_FACTOR, few_in_view, heavy_rows, holding_rows
 from gspure.model.finite import listed
-from gspure.progress import decimal, percent
+from gspure.text import decimal, percent
 
 _LARGEST_SHARE_WARNED = 0.5
 _CHANGED_SHARE_WARNED = 0.05

@@ -6,8 +6,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools, Float64
 from gspure.errors import InputError
-from gspure.files import Bools, Float64
 from gspure.model.summary import extent_and_distances
 from gspure.progress import warn
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools, Float64
 from gspure.constants import NOISE_LABEL, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.files import Bools, Float64
 
 
 def mean_weight(weights: NDArray[Any]) -> float:

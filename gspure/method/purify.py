@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure import __version__
+from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.files import Bools, Float32
 from gspure.method import pruning
 from gspure.method.clusters import Labels, Selection, select
 from gspure.method.diagnosis import Diagnosis, diagnose
@@ -21,12 +21,13 @@ from gspure.method.features import features
 from gspure.method.tree import coincident_points, spanning_tree
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
-from gspure.progress import Described, decimal, percent, say, track
+from gspure.progress import say, track
 from gspure.public_model import PublicModel
+from gspure.text import Described, decimal, percent
 
 if TYPE_CHECKING:
+    from gspure.constants import Energy
     from gspure.opencl.device import Device
-    from gspure.opencl.frame import Energy
 
 Array = NDArray[Any]
 Weights = Float32

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Indices
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import ALPHA_MIN, NEAR_PLANE
-from gspure.files import Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes
 from gspure.settings import SIDE

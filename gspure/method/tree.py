@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64, Indices, load_array
 from gspure.constants import MIN_SAMPLES
 from gspure.errors import InputError
-from gspure.files import Float64, Indices, load_array
 from gspure.progress import warn
 from gspure.settings import NEIGHBOURS
 

@@ -6,9 +6,9 @@ from typing import Any, Final, Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Float64, Indices
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
-from gspure.files import Float32, Float64, Indices
 
 View = TypeVar("View")
 Reduction = Literal["sum", "max", "mean_touched"]

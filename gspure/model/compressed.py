@@ -18,9 +18,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
-from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.model.gaussians import CERTAIN, COEFFICIENTS, LEAST_OPACITY, Gaussians, finite, logit
 from gspure.model.header import Header, require_size, with_comments
 from gspure.progress import warn

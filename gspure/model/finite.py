@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Float64, Indices
 from gspure.errors import InputError
-from gspure.files import Float32, Float64, Indices
 from gspure.model.gaussians import COLOUR, CORE, LEAST_OPACITY, NOTHING, SCALES, Gaussians, logit
 from gspure.progress import warn
 

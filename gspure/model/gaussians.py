@@ -12,8 +12,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Float32, digest
-from gspure.progress import Described
+from gspure.arrays import Float32
+from gspure.files import digest
+from gspure.text import Described
 
 Table = NDArray[np.void]
 Values = NDArray[Any]

@@ -81,3 +81,9 @@ def _argument(node: ast.expr) -> Argument:
     except (ValueError, TypeError, RecursionError, MemoryError):
         value = ...
     return value if isinstance(value, Argument) else ast.unparse(node)
+
+
+def is_model(source: str) -> bool:
+    """Return whether a message is a trained model, or the folder of one, rather than photographs."""
+    path = Path(source)
+    return path.suffix == ".ply" or bool(saved_iterations(path)) or (path / "point_cloud.ply").is_file()

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from plyfile import PlyListProperty
 
+from gspure.arrays import Float64, UInt8
 from gspure.constants import LARGEST, SH_DC
 from gspure.errors import InputError, reading
-from gspure.files import Float64, UInt8, replacing
+from gspure.files import replacing
 from gspure.model.compressed import is_packed, read_packed
 from gspure.model.gaussians import COEFFICIENTS, COLOUR, CORE, NORMALS, SCALES, Gaussians
 from gspure.model.header import Header, header_of, read_header, require_size

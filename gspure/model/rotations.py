@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Float64
+from gspure.arrays import Float64
 from gspure.model.gaussians import Gaussians
 
 

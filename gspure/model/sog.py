@@ -15,8 +15,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.files import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
 from gspure.model.compressed import from_bytes, require_room, smallest_three
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 from gspure.model.inria import UNPACKED_SOG

@@ -17,8 +17,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.files import Float32, UInt8
 from gspure.model.compressed import from_bytes, gsply_parts, package, require_room, smallest_three, warn_of_clipping
 from gspure.model.gaussians import COEFFICIENTS, RENDER_MODE, Gaussians
 from gspure.model.header import decoded, encoded

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Float32, Float64, Indices
+from gspure.arrays import Float32, Float64, Indices
 from gspure.model.finite import FILTER, filtered, listed, non_finite_rows, undrawable_rows
 from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 

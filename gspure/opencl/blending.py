@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from gspure.arrays import Float32
 from gspure.constants import TILE
-from gspure.files import Float32
 from gspure.opencl.binning import TileLists
 from gspure.opencl.engine import Program
 from gspure.opencl.frame import Frame

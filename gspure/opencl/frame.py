@@ -1,17 +1,13 @@
 """A frame: what its traversal computes, and what its steps share."""
 
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
 
 import pyopencl as cl
 
 from gspure.cameras.camera import Camera
-from gspure.constants import TILE
+from gspure.constants import TILE, Energy
 from gspure.opencl.engine import Engine, Program
 from gspure.opencl.storage import Storage
-
-Energy = Literal["ewa", "ray", "center_ray"]
-ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
 
 
 @dataclass(frozen=True)

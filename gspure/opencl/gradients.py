@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
+from gspure.arrays import Float32
 from gspure.constants import GEOMETRY_ATTRIBUTES, MOMENTS
-from gspure.files import Float32
 from gspure.opencl.binning import TileLists
 from gspure.opencl.blending import SUM_GROUP, Canvas, walk_tiles
 from gspure.opencl.engine import Engine

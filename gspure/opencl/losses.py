@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
+from gspure.arrays import Float32
 from gspure.constants import SSIM_SIGMA, SSIM_WINDOW
-from gspure.files import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Indices
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import TILE, TRANSMITTANCE_MIN
-from gspure.files import Float32, Indices
 from gspure.opencl.binning import TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.engine import LANES, Engine
 from gspure.opencl.frame import Frame, Traversal

@@ -7,9 +7,9 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32
 from gspure.constants import ALPHA_MAX
 from gspure.errors import InputError
-from gspure.files import Float32
 from gspure.opencl.binning import Bounds, TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
 from gspure.opencl.frame import Frame

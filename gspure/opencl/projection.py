@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import FOOTPRINT_FLOATS, NEAR_CENTRE
-from gspure.files import Float32
 from gspure.opencl.frame import Frame
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64, Indices, UInt32
 from gspure.constants import LEAF
-from gspure.files import Float64, Indices, UInt32
 from gspure.opencl.engine import Engine
 
 _NONE = 0xFFFFFFFF

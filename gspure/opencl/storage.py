@@ -9,8 +9,8 @@ from math import prod
 import numpy as np
 import pyopencl as cl
 
+from gspure.arrays import Float32, Float64, UInt32
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
-from gspure.files import Float32, Float64, UInt32
 from gspure.model.gaussians import Gaussians, sigmoid
 from gspure.opencl.engine import Engine
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, UInt32
 from gspure.cameras.camera import Camera
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
-from gspure.files import Float32, UInt32
 from gspure.opencl.adam import Adam, LearningRates, Moments
 from gspure.opencl.blending import SUM_GROUP
 from gspure.opencl.device import Device, choose_device

@@ -6,14 +6,15 @@ from math import isfinite, isnan, nan
 from typing import Any, Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import reached_damage
-from gspure.evaluation.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
-from gspure.evaluation.outcomes import SCENE, Outcome, is_picture, mean_of
-from gspure.evaluation.statistics import LEVEL, Interval
-from gspure.evaluation.survival import MARGIN, Survival
-from gspure.progress import UNKNOWN, decimal, percent, significant
+from gspure.evaluation.outcomes import Outcome, mean_of
+from gspure.evaluation.survival import Survival
+from gspure.metrics.image_metrics import MARGIN
+from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
+from gspure.metrics.statistics import LEVEL, Interval
+from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
 from gspure.report.audit import NO_VERDICT, Audit, Loss, audits
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
-from gspure.schemes.scheme import ADAPTIVE
+from gspure.text import UNKNOWN, decimal, percent, significant
 
 Left = Literal["survives", "in part", "traces", "lost", "unknown"]
 

@@ -7,14 +7,16 @@ from math import inf, isnan, nan
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
-from gspure.evaluation.csv_tables import grouped
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.names import UNATTACKED, display_name, extraction_name
-from gspure.evaluation.outcomes import Condition, is_picture, ordered
-from gspure.evaluation.survival import MARGIN, Survival
-from gspure.progress import decimal, percent, significant
+from gspure.evaluation.outcomes import Condition, ordered
+from gspure.evaluation.survival import Survival
+from gspure.grouping import grouped
+from gspure.metrics.image_metrics import MARGIN
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
+from gspure.metrics.targets import is_picture
 from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
 from gspure.report.tables import scenes_of, text_of
+from gspure.text import decimal, percent, significant
 
 _SPREAD: Final = (
     "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "

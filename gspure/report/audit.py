@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import DAMAGE_TOLERANCE, MATCHED_DAMAGES
-from gspure.evaluation.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name
-from gspure.evaluation.outcomes import BITS, MESSAGE, Condition, Outcome, by_condition, extractions, is_picture
+from gspure.evaluation.matched import MATCHED_DAMAGES
+from gspure.evaluation.outcomes import Condition, Outcome, by_condition, extractions
 from gspure.evaluation.survival import Survival, doubtful_scenes
-from gspure.progress import decimal
-from gspure.schemes.scheme import ADAPTIVE
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
+from gspure.metrics.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
+from gspure.text import decimal
 
 ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene of an attack that counts for the verdict, dB
 

@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gspure import __version__
-from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, model_name
 from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.survival import MARGIN
 from gspure.figures import style
 from gspure.files import write_text
 from gspure.images import opened
-from gspure.progress import decimal, percent
+from gspure.metrics.image_metrics import MARGIN
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name, model_name
 from gspure.report.answer import Answer
 from gspure.report.audit import ALLOWED, BROKEN
 from gspure.report.table import Table
+from gspure.text import decimal, percent
 
 if TYPE_CHECKING:
     from jinja2 import Environment

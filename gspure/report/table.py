@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.statistics import LEVEL, Interval
-from gspure.progress import UNKNOWN, decimal
+from gspure.metrics.statistics import LEVEL, Interval
+from gspure.text import UNKNOWN, decimal
 
 _LATEX: Final = {ord(character): f"\\{character}" for character in "&%$#_{}"} | str.maketrans(
     {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}"}

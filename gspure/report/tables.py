@@ -5,17 +5,18 @@ from math import isfinite, nan
 from typing import Final
 
 from gspure.evaluation.collecting import REMOVED
-from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.detection import Detection
 from gspure.evaluation.matched import reached_names
-from gspure.evaluation.metrics import METRICS
-from gspure.evaluation.names import UNATTACKED, display_name, extraction_name, model_name
-from gspure.evaluation.outcomes import MESSAGE, SCENE, Outcome, by_model, is_picture, ordered
+from gspure.evaluation.outcomes import Outcome, by_model, ordered
 from gspure.evaluation.paper import Beside
-from gspure.evaluation.statistics import Interval
 from gspure.evaluation.summary import summarize
-from gspure.progress import UNKNOWN, decimal, percent, signed, significant
+from gspure.grouping import grouped
+from gspure.metrics.detection import Detection
+from gspure.metrics.image_metrics import METRICS
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name, model_name
+from gspure.metrics.statistics import Interval
+from gspure.metrics.targets import MESSAGE, SCENE, is_picture
 from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
+from gspure.text import UNKNOWN, decimal, percent, signed, significant
 
 SHARES: Final = ("pruned_share", "precision", "recall")
 _MODEL: Final = (

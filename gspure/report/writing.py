@@ -8,10 +8,8 @@ from typing import Any, TypeVar
 from gspure.errors import InputError
 from gspure.evaluation.collecting import ModelPlan, collect, write_results
 from gspure.evaluation.contest import Contest, Lead, contest, leads
-from gspure.evaluation.csv_tables import write_table
 from gspure.evaluation.matched import Matched, Sweeps, match
-from gspure.evaluation.names import model_name
-from gspure.evaluation.outcomes import SCENE, Outcome, by_model
+from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.summary import Specificity, Summary, specificity, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
@@ -20,6 +18,9 @@ from gspure.figures.panels import chosen, draw_attacks
 from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
+from gspure.metrics.csv_tables import write_table
+from gspure.metrics.names import model_name
+from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Indices, UInt32
 from gspure.constants import ALPHA_MIN
-from gspure.files import Bools, Float32, Indices, UInt32
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.storage import morton_order
 

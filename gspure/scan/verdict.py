@@ -8,8 +8,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.csv_tables import read_table
-from gspure.files import Float32
+from gspure.arrays import Float32
+from gspure.metrics.csv_tables import read_table
 from gspure.model.gaussians import Gaussians
 from gspure.scan.statistics import STATISTICS, Measured, Statistic, measure
 from gspure.schemes.registry import recognized

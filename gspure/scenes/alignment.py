@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import Camera, rigid
 from gspure.errors import InputError
-from gspure.files import Float64
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gspure.files import Bools, Float64, Indices
+from gspure.arrays import Bools, Float64, Indices
 from gspure.scenes.solids import Solid, Vector
 
 Lightmap = Float64  # light on one solid [faces, n, n, 3] at n x n nodes of each face (v, u): irradiance / pi, linear

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Float64, UInt8
 from gspure.cameras.camera import Camera, intrinsics, looking_at
-from gspure.files import Bools, Float32, Float64, UInt8
 from gspure.images import write_image
 from gspure.progress import track
 from gspure.scenes.lighting import LitScene

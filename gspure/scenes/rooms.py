@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.files import Float64
+from gspure.arrays import Float64
 from gspure.scenes.lighting import Lamp, Scene
 from gspure.scenes.solids import (
     BACK,

@@ -11,7 +11,7 @@ from math import hypot
 
 import numpy as np
 
-from gspure.files import Bools, Float64, Indices
+from gspure.arrays import Bools, Float64, Indices
 
 Vector = tuple[float, float, float]
 

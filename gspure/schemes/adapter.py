@@ -21,18 +21,18 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import write_colmap
 from gspure.errors import InputError, reading
-from gspure.evaluation.detection import Reading, files_of, output_of, read_marks, words_of
-from gspure.evaluation.outcomes import BITS
-from gspure.files import Float32
 from gspure.images import read_image
+from gspure.metrics.detection import Reading, files_of, output_of, read_marks, words_of
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE
 from gspure.model import write_model
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel, RenderView
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key, Scheme
+from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import MaxGaussians, Range, Steps
 from gspure.training.initialization import gaussians_at, thinned
 

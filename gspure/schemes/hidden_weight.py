@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
-from gspure.files import Bools, Float32
+from gspure.constants import Energy
 from gspure.method.pruning import plain_prune_mask
 from gspure.method.weights import Reduction, accumulate
 from gspure.opencl.device import Device
-from gspure.opencl.frame import Energy
 from gspure.progress import track
 from gspure.public_model import PublicModel, merge_by_row
 from gspure.renderer import Renderer

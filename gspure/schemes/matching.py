@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Float64, Indices
+from gspure.arrays import Float64, Indices
 from gspure.model.gaussians import Gaussians, finite
 from gspure.model.rotations import moved
 from gspure.model.summary import extent_and_distances

@@ -20,8 +20,8 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras import Camera
-from gspure.files import Float32, Float64, UInt8
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters

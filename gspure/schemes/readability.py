@@ -9,17 +9,18 @@ from typing import Final
 import numpy as np
 
 from gspure.cameras.camera import Camera
-from gspure.evaluation.detection import Threshold
-from gspure.evaluation.metrics import psnr
-from gspure.evaluation.names import BLACK, MEAN_COLOUR, WRONG_KEY, display_name
-from gspure.evaluation.retrieval import FALSE_POSITIVES
-from gspure.evaluation.survival import MARGIN
 from gspure.images import mean_colour, write_image
+from gspure.metrics.detection import Threshold
+from gspure.metrics.image_metrics import MARGIN, psnr
+from gspure.metrics.names import BLACK, MEAN_COLOUR, WRONG_KEY, display_name
+from gspure.metrics.retrieval import FALSE_POSITIVES
+from gspure.metrics.targets import MESSAGE
 from gspure.opencl.device import Device
-from gspure.progress import decimal, percent, say, warn
+from gspure.progress import say, warn
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Capture
-from gspure.schemes.scheme import MESSAGE, Key
+from gspure.schemes.scheme import Key
+from gspure.text import decimal, percent
 
 CHANCE: Final = "chance"
 VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours

@@ -4,12 +4,13 @@ import os
 from pathlib import Path
 
 from gspure.errors import InputError, reading
-from gspure.files import PROVENANCE, read_json
+from gspure.files import read_json
 from gspure.model import Gaussians, read_model
 from gspure.model.finite import FILTER, listed
 from gspure.model.summary import doubts
 from gspure.plugins import registered
 from gspure.progress import warn
+from gspure.provenance import PROVENANCE
 from gspure.public_model import PublicModel
 from gspure.schemes import gs_hider, keyss, secure_gs, splats_in_splats
 from gspure.schemes.adapter import read_adapter

@@ -5,8 +5,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
-from gspure.files import Float32
 from gspure.opencl.adam import adam_step
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 from gspure.schemes.scheme import Run

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.evaluation.detection import Reading, read_bits
-from gspure.files import Bools, Float32
+from gspure.metrics.detection import Reading, read_bits
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
@@ -23,8 +23,6 @@ from gspure.renderer import Renderer
 from gspure.schemes.pair import Pair
 from gspure.settings import SEED, Setting, defaults, require_settings
 
-MESSAGE: Final = "message"  # the extraction that every scheme has
-ADAPTIVE: Final = "message_adaptive"  # the extraction of an owner who adapts to the attack
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 

@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.files import Float32, Float64
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 from gspure.opencl.device import Device, choose_device

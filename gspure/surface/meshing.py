@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float64, Indices
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
 from gspure.errors import InputError
-from gspure.files import Bools, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.finite import widened
 from gspure.model.gaussians import SCALES

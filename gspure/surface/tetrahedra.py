@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Float64, Indices
 from gspure.cameras import Camera
 from gspure.cameras.camera import points_shown
-from gspure.files import Bools, Float32, Float64, Indices
 from gspure.model import Gaussians
 from gspure.model.rotations import principal_axes
 

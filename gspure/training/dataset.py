@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras import Camera, read_cameras, require_images, scaled, split
 from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
@@ -24,7 +25,7 @@ from gspure.cameras.photographs import (
 from gspure.cameras.reading import camera_object, camera_place
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
-from gspure.files import Float32, Float64, UInt8, digest
+from gspure.files import digest
 from gspure.images import read_image, turn
 from gspure.model.ply import read_point_ply
 from gspure.progress import say, warn

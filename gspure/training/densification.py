@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.files import Bools, Float32, Indices
+from gspure.arrays import Bools, Float32, Indices
 from gspure.model.gaussians import logit, sigmoid
 from gspure.opencl.trainable import Parameters, Statistics, TrainState
 

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Float64, Indices, UInt8
 from gspure.cameras.camera import Camera, points_shown
 from gspure.constants import MAX_SH_DEGREE, SH_DC
-from gspure.files import Float32, Float64, Indices, UInt8
 from gspure.model.gaussians import logit
 from gspure.opencl.trainable import Parameters
 

@@ -8,9 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from gspure.arrays import Kind, Shape, load_arrays
 from gspure.cameras import write_cameras
 from gspure.errors import InputError, reading
-from gspure.files import Kind, Shape, load_arrays, replacing, write_text
+from gspure.files import replacing, write_text
 from gspure.model import Gaussians, write_model
 from gspure.model.inria import saved_iterations
 from gspure.model.ply import offset_comment, write_point_ply

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.files import Float32
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal

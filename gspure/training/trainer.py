@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras import Camera
 from gspure.errors import InputError
-from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState

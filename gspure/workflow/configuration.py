@@ -11,16 +11,15 @@ from gspure.cameras import GENERATED, read_cameras
 from gspure.cameras.photographs import missing_photographs, require_present
 from gspure.datasets import SCENES
 from gspure.errors import InputError
-from gspure.evaluation.detection import words_of
-from gspure.evaluation.names import CONTROLS, variant_at
-from gspure.evaluation.outcomes import BITS, SCENE, is_picture
-from gspure.model.inria import point_cloud
+from gspure.metrics.detection import words_of
+from gspure.metrics.names import CONTROLS, variant_at
+from gspure.metrics.targets import BITS, SCENE, is_picture
+from gspure.model.inria import is_model, point_cloud
 from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.schemes.registry import made_by, schemes
 from gspure.settings import require_settings
 from gspure.training.dataset import read_views
 from gspure.workflow.decisions import METHOD
-from gspure.workflow.inputs import is_model
 
 _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 

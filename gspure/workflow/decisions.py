@@ -5,8 +5,8 @@ from itertools import takewhile
 from typing import Any, Final
 
 from gspure.attacks import find_attack
-from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.names import GSPURE
+from gspure.grouping import grouped
+from gspure.metrics.names import GSPURE
 
 Settings = Mapping[str, Any]
 Decisions = Mapping[str, Settings]

@@ -9,7 +9,7 @@ from gspure.cameras.reading import CAMERA_FILES, camera_places
 from gspure.cameras.worlds import NORMALIZED
 from gspure.files import digest
 from gspure.model import model_file
-from gspure.model.inria import UNPACKED_SOG, saved_iterations
+from gspure.model.inria import UNPACKED_SOG
 from gspure.schemes.registry import schemes
 from gspure.training.dataset import BLENDER_HELD_OUT, POINT_FILES
 
@@ -31,12 +31,6 @@ def is_photographed(pair: Settings) -> bool:
 def is_small(pair: Settings) -> bool:
     """Return whether the images of a pair are too small for more than one thread."""
     return not is_photographed(pair) and pair["width"] * pair["height"] <= SMALL_IMAGE
-
-
-def is_model(source: str) -> bool:
-    """Return whether a message is a trained model, or the folder of one, rather than photographs."""
-    path = Path(source)
-    return path.suffix == ".ply" or bool(saved_iterations(path)) or (path / "point_cloud.ply").is_file()
 
 
 def message_name(pair: Settings) -> str:

@@ -10,10 +10,10 @@ from typing import Any, Final
 
 from gspure.cameras import GENERATED
 from gspure.constants import TAU_C, TAU_N, TEST_EVERY
-from gspure.evaluation.csv_tables import grouped
-from gspure.evaluation.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
-from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE, is_picture
+from gspure.grouping import grouped
 from gspure.method.features import PARTS
+from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.targets import BITS, MESSAGE, SCENE, is_picture
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme

@@ -3,11 +3,10 @@
 import gc
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from gspure.cameras import Camera, read_cameras, split
 from gspure.errors import InputError, refusal
 from gspure.progress import tell, warnings_in_lines
 
@@ -32,17 +31,3 @@ def _typed(value: Any, hint: Any) -> Any:
     if hint == list[Path]:
         return [Path(path) for path in ([value] if isinstance(value, str) else value)]
     return Path(value) if hint in (Path, Path | None) and value else value
-
-
-def views_of(cameras: Path, name: str) -> list[Camera]:
-    """Return the views of a split, ``train``, ``test`` or ``all``, in the order of their names."""
-    return of_split(read_cameras(cameras), name, cameras)
-
-
-def of_split(cameras: Sequence[Camera], name: str, source: str | Path) -> list[Camera]:
-    """Return those of the cameras of a source that are in a split, in the order of their names."""
-    train, test = split(cameras)
-    views = {"train": train, "test": test, "all": sorted(cameras, key=lambda camera: camera.name)}[name]
-    if not views:
-        raise InputError(source, "cameras", expected=f"at least one {name} view", found="none")
-    return views

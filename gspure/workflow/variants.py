@@ -9,11 +9,10 @@ from typing import Any
 from gspure.attacks import BUILT_IN, find_attack
 from gspure.attacks.attack import Attack
 from gspure.evaluation.collecting import ModelPlan
-from gspure.evaluation.detection import files_of
-from gspure.evaluation.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
-from gspure.evaluation.outcomes import BITS, MESSAGE, SCENE
+from gspure.metrics.detection import files_of
+from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.report.writing import ReportPlan
-from gspure.schemes.scheme import ADAPTIVE
 from gspure.workflow.decisions import FACTORS, METHOD, Settings, factors_of, kinds, sweeps
 from gspure.workflow.inputs import model_files
 from gspure.workflow.plan import VANILLA, Model, Plan

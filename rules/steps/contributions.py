@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+from gspure.cameras.splits import read_split
+from gspure.constants import Energy
 from gspure.method.contributions import contribute, write_index
 from gspure.opencl.device import choose_device
-from gspure.opencl.frame import Energy
 from gspure.schemes.registry import read_public_model
-from gspure.workflow.step import run, views_of
+from gspure.workflow.step import run
 
 
 def measure(
@@ -14,7 +15,7 @@ def measure(
 ) -> None:
     public = read_public_model(model, scheme).drawable(model)
     number, parts = part
-    views = views_of(cameras, "train")[number - 1 :: parts]
+    views = read_split(cameras, "train")[number - 1 :: parts]
     write_index(index, contribute(public, views, cache, device=choose_device(), energy=energy))
 
 

@@ -5,13 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from gspure.files import load_array, save_array, write_json, write_provenance
+from gspure.arrays import load_array, save_array
+from gspure.files import write_json
 from gspure.method.clusters import select, write_clusters
 from gspure.method.diagnosis import diagnose
 from gspure.method.pruning import prune_mask
 from gspure.method.tree import coincident_points, read_tree
 from gspure.model import read_model
 from gspure.model.summary import suspicious_rows
+from gspure.provenance import write_provenance
 from gspure.scan.verdict import judge
 from gspure.workflow.step import run
 

@@ -7,30 +7,33 @@ from typing import Any
 
 import numpy as np
 
+from gspure.arrays import Float32, Float64, save_array
 from gspure.attacks import Attacked, Measurements, NotApplicable, affected, find_attack
 from gspure.attacks.attacked import Retouch
 from gspure.attacks.strength import scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
-from gspure.evaluation.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
-from gspure.evaluation.csv_tables import write_table
-from gspure.evaluation.detection import DETECTIONS, Reading, read_marks
-from gspure.evaluation.outcomes import MESSAGE, SCENE, is_picture
-from gspure.evaluation.retrieval import Retrieved, retrieved
-from gspure.files import Float32, Float64, save_array, write_json, write_provenance
+from gspure.cameras.splits import read_split
+from gspure.files import write_json
 from gspure.images import read_back, write_image
 from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
+from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
+from gspure.metrics.csv_tables import write_table
+from gspure.metrics.detection import DETECTIONS, Reading, read_marks
+from gspure.metrics.retrieval import Retrieved, retrieved
+from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE, is_picture
 from gspure.opencl.device import choose_device
 from gspure.progress import track
+from gspure.provenance import write_provenance
 from gspure.public_model import Lesson, PublicModel
 from gspure.schemes.matching import registered
 from gspure.schemes.pair import Capture
 from gspure.schemes.registry import find_scheme, read_public_model
-from gspure.schemes.scheme import ADAPTIVE, FIT_STEPS, Key
+from gspure.schemes.scheme import FIT_STEPS, Key
 from gspure.settings import parsed_settings
 from gspure.training.dataset import read_photographs
-from gspure.workflow.step import run, views_of
+from gspure.workflow.step import run
 
 
 def evaluate(
@@ -47,7 +50,9 @@ def evaluate(
     photographs: Path | None = None,
     listed: Path | None = None,
 ) -> None:
-    views = {SCENE: views_of(cameras, split)} | ({MESSAGE: views_of(message_cameras, split)} if message_cameras else {})
+    views = {SCENE: read_split(cameras, split)} | (
+        {MESSAGE: read_split(message_cameras, split)} if message_cameras else {}
+    )
     owners = find_scheme(scheme).read_key(key) if scheme and key else None
     original = read_public_model(published, scheme).drawn(published).model if published else None
     for name, variant in variants.items():
@@ -58,7 +63,7 @@ def evaluate(
         transform, model, retouched = np.eye(4), Path(variant["model"]), Attacked.retouched
         if variant["attack"]:
             how = {**variant["attack"], "scheme": scheme, "photographed": SCENE in photographed}
-            if not (attacked := attack(folder, views_of(cameras, "train"), views[SCENE], **how)):
+            if not (attacked := attack(folder, read_split(cameras, "train"), views[SCENE], **how)):
                 write_metrics(folder / "metrics.csv", [])
                 write_table(folder / "retrieval.csv", Retrieved, [])
                 continue
@@ -69,7 +74,7 @@ def evaluate(
             public = read_public_model(model, scheme)
         its_key = owners.wrong(np.random.default_rng(1)) if owners and variant["wrong_key"] else owners
         if variant["purified"]:
-            public = purified(public.drawable(model), views_of(cameras, "train"), folder, variant["purified"])
+            public = purified(public.drawable(model), read_split(cameras, "train"), folder, variant["purified"])
         for target in variant["rendered"]:
             moves = transform if target != ADAPTIVE else np.eye(4)
             moved = [view.moved(moves) for view in views[kind(target)]]

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from gspure.arrays import Float32, load_array, save_array
 from gspure.cameras import Camera
+from gspure.cameras.splits import read_split
 from gspure.figures.clouds import Purified
 from gspure.figures.gallery import draw_model
-from gspure.files import Float32, load_array, save_array, write_json
+from gspure.files import write_json
 from gspure.method.clusters import read_labels
 from gspure.model import Gaussians
 from gspure.model.finite import undrawable_rows
@@ -16,7 +18,7 @@ from gspure.opencl.device import choose_device
 from gspure.public_model import Rows
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.registry import find_scheme, read_public_model
-from gspure.workflow.step import run, views_of
+from gspure.workflow.step import run
 
 
 def draw(model: Path, weights: Path, clusters: Path, cameras: Path, figures: Path, **how: Any) -> None:
@@ -26,14 +28,14 @@ def draw(model: Path, weights: Path, clusters: Path, cameras: Path, figures: Pat
     if "key" in how:
         known |= measured(model, omega, figures.parents[1], how)
     purified = Purified(public.drawable(model), read_labels(clusters), omega, **known)
-    draw_model(figures, purified, views_of(cameras, "all"), choose_device())
+    draw_model(figures, purified, read_split(cameras, "all"), choose_device())
 
 
 def measured(model: Path, omega: Float32, folder: Path, how: dict[str, Any]) -> dict[str, Any]:
     """Return and write the weight of each row in views of the message, and return the Gaussians that show it."""
     scheme, public = find_scheme(how["scheme"]), read_public_model(model, how["scheme"])
     names = [*scheme.extractions]  # the literal one first, the most complete last
-    views, key = views_of(Path(how["message_cameras"]), "train"), scheme.read_key(Path(how["key"]))
+    views, key = read_split(Path(how["message_cameras"]), "train"), scheme.read_key(Path(how["key"]))
     hidden = np.zeros(len(omega), np.float32)
     drawn = np.delete(np.arange(len(omega)), undrawable_rows(public.model))
     public, device = public.drawn(model), choose_device()

@@ -2,18 +2,19 @@
 
 from pathlib import Path
 
-from gspure.files import save_array
+from gspure.arrays import save_array
+from gspure.cameras.splits import read_split
 from gspure.opencl.device import choose_device
 from gspure.schemes.registry import read_public_model
 from gspure.surface.distances import depth_distances, mesh_distances
 from gspure.surface.meshing import extract_mesh, opaque, smoothed
-from gspure.workflow.step import run, views_of
+from gspure.workflow.step import run
 
 MOST_OPAQUE = 250_000  # Gaussians for a mesh; their tetrahedra take a few minutes and gigabytes
 
 
 def measure(model: Path, cameras: Path, surface: Path, scheme: str | None) -> None:
-    public, views = read_public_model(model, scheme).drawable(model), views_of(cameras, "train")
+    public, views = read_public_model(model, scheme).drawable(model), read_split(cameras, "train")
     device = choose_device()
     if public.rows_are_gaussians and opaque(public.model).sum() <= MOST_OPAQUE:
         smooth = smoothed(public.model, views)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gspure.files import load_array, save_array
+from gspure.arrays import load_array, save_array
 from gspure.method.features import features as standardized
 from gspure.method.features import take
 from gspure.method.tree import spanning_tree

@@ -56,7 +56,7 @@ CORE = {
     "gspure.method.weights": ("test_weights.py",),
     "gspure.method.features": ("test_features.py",),
     "gspure.method.pruning": ("test_pruning.py",),
-    "gspure.evaluation.metrics": (
+    "gspure.metrics.image_metrics": (
         "test_metrics.py",
         "test_survival.py::test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before",
     ),

@@ -10,13 +10,14 @@ from typing import Annotated
 
 import numpy as np
 
+from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.evaluation.collecting import MESSAGE_ROWS
-from gspure.files import load_array, load_arrays, save_array, save_arrays
+from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
 from gspure.model.gaussians import logit
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import MESSAGE, Key, Scheme
+from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import Range
 from gspure.training.initialization import gaussians_at, thinned
 

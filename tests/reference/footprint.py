@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.constants import ALPHA_MIN
-from gspure.files import Float64
 from tests.reference.projection import Rays, Splats
 
 

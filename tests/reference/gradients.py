@@ -10,9 +10,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN
-from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 from tests.reference.projection import (

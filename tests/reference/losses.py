@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64
 from gspure.constants import SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
-from gspure.files import Float64
 
 
 def image_loss(image: NDArray[Any], target: NDArray[Any], ssim_weight: float) -> tuple[float, Float64]:

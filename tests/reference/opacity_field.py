@@ -6,9 +6,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float64
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
-from gspure.files import Float64
 from gspure.model.gaussians import Gaussians
 from tests.reference.projection import Rays, pixel_rays, project
 

@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from gspure.arrays import Bools, Float64, Indices
 from gspure.cameras.camera import Camera
 from gspure.constants import (
     COORDINATE_MAX,
@@ -20,7 +21,6 @@ from gspure.constants import (
     NEAR_PLANE,
     RAY_SCALE_RATIO,
 )
-from gspure.files import Bools, Float64, Indices
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
 

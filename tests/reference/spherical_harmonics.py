@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Float64
+from gspure.arrays import Float64
 
 
 def sh_basis(directions: NDArray[Any]) -> Float64:

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 
-from gspure.evaluation.outcomes import BITS
+from gspure.metrics.targets import BITS
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair

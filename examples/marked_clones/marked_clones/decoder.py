@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.files import Float32
+from gspure.arrays import Float32
 from gspure.training.pytorch import torch
 
 FILTERS: Final = 64  # number of filters

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32, Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
 from gspure.evaluation.collecting import MESSAGE_ROWS
-from gspure.files import Bools, Float32, Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.model.finite import require_computed
 from gspure.schemes.scheme import Key
 from gspure.training.pytorch import single_threaded, torch

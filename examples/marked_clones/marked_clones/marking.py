@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools
 from gspure.cameras.camera import Camera, looking_at, spread
-from gspure.files import Bools
 from gspure.model import Gaussians
 from gspure.model.gaussians import LEAST_OPACITY, logit
 from gspure.opencl.device import Device

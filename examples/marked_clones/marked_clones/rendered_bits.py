@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32
 from gspure.attacks.renders import blur, brightness, jpeg, pixel_noise, resize, resized_crop
 from gspure.cameras.camera import Camera
-from gspure.evaluation.outcomes import BITS
-from gspure.files import Bools, Float32
 from gspure.images import read_back
+from gspure.metrics.targets import BITS
 from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel

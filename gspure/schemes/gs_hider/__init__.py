@@ -4,10 +4,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
+from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.gs_hider.model import ROLES, DecoderFile, DecoderKey, FeatureModel, decoder_name
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
+from gspure.schemes.scheme import PYTORCH, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 

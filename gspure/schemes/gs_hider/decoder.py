@@ -3,7 +3,7 @@
 from itertools import pairwise
 from typing import Final
 
-from gspure.files import Float32
+from gspure.arrays import Float32
 from gspure.opencl.losses import Photographs
 from gspure.training.pytorch import BFLOAT16, DEVICE, on_device, on_host, torch
 

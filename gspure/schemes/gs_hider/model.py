@@ -23,15 +23,16 @@ from typing import TYPE_CHECKING, ClassVar, Final, Self
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
+from gspure.constants import Energy
 from gspure.errors import InputError, reading
-from gspure.files import Float32, replacing
+from gspure.files import replacing
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.model.gaussians import CORE, NORMALS, sigmoid
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
-from gspure.opencl.frame import Energy
 from gspure.opencl.losses import Photographs
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer

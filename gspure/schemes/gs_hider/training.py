@@ -7,8 +7,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
-from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.model.gaussians import sigmoid
 from gspure.opencl.losses import Photographs

@@ -16,9 +16,10 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Kind, load_arrays, save_arrays
 from gspure.constants import MAX_SH_DEGREE
 from gspure.errors import InputError
-from gspure.files import Float32, Kind, load_arrays, save_arrays
+from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.model import Gaussians
 from gspure.model.finite import require_computed
 from gspure.model.gaussians import finite
@@ -28,7 +29,7 @@ from gspure.public_model import Lesson, PublicModel, Rows
 from gspure.schemes.keyss.network import KEY, RATE, SHAPES, Network, added, gaussians_of, random_key
 from gspure.schemes.pair import Pair
 from gspure.schemes.rows import rows_of
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Key, Run, Scheme
+from gspure.schemes.scheme import PYTORCH, Key, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.constants import GEOMETRY_ATTRIBUTES
-from gspure.files import Float32
 from gspure.model import Gaussians
 from gspure.opencl.trainable import Parameters
 from gspure.training.output import as_gaussians

@@ -5,8 +5,8 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
-from gspure.files import Float32
 from gspure.model.gaussians import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs

@@ -13,11 +13,12 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
-from gspure.files import Float64
+from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, PYTORCH, Run, Scheme
+from gspure.schemes.scheme import PYTORCH, Run, Scheme
 from gspure.schemes.secure_gs.anchors import PRIVATE, PUBLIC, SCALINGS, Anchors, fresh
 from gspure.schemes.secure_gs.model import NETWORKS, AnchorModel, HiddenKey
 from gspure.settings import Amount, Range, Steps

@@ -14,10 +14,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Indices
 from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, SH_DC, TILE
 from gspure.errors import InputError
-from gspure.files import Float32, Indices
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
 from gspure.model.gaussians import NORMALS

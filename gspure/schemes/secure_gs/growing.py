@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.files import Bools, Float32, Indices
+from gspure.arrays import Bools, Float32, Indices
 from gspure.schemes.secure_gs.anchors import SCALINGS, Anchors, Neural
 from gspure.training.schedule import ITERATIONS, LEAST_EVERY
 

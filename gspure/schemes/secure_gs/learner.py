@@ -6,9 +6,9 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Indices
 from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
-from gspure.files import Float32, Indices
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
 from gspure.public_model import BLACK, Background

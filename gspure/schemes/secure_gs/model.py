@@ -16,13 +16,14 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gspure.arrays import Float32, Kind, load_arrays, save_arrays
 from gspure.cameras.camera import Camera
+from gspure.constants import Energy
 from gspure.errors import InputError
-from gspure.files import Float32, Kind, digest, load_arrays, save_arrays
+from gspure.files import digest
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
-from gspure.opencl.frame import Energy
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key

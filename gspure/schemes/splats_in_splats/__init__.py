@@ -19,8 +19,9 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from gspure.arrays import Float32, Kind, load_arrays, save_arrays
 from gspure.errors import InputError
-from gspure.files import Float32, Kind, load_arrays, save_arrays
+from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import require_computed, require_finite
 from gspure.model.gaussians import CORE, LEAST_OPACITY, logit, sigmoid
@@ -33,7 +34,7 @@ from gspure.public_model import PublicModel, Rows
 from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.matching import adaptive_matches, exact_matches
 from gspure.schemes.pair import Capture, Pair
-from gspure.schemes.scheme import ADAPTIVE, MESSAGE, Key, Run, Scheme
+from gspure.schemes.scheme import Key, Run, Scheme
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from gspure.settings import Amount, MaxGaussians, Range, Steps

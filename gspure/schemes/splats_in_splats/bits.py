@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.files import Float32, UInt32
+from gspure.arrays import Float32, UInt32
 
 Words = UInt32
 

@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from gspure.arrays import Float32
 from gspure.constants import ADAM_BETA1, ADAM_BETA2
-from gspure.files import Float32
 
 WIDTHS: Final = (1, 16, 32)
 LAYERS: Final = 2 * (len(WIDTHS) - 1)

@@ -10,10 +10,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gspure.arrays import Float64
 from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
 from gspure.errors import InputError
-from gspure.files import Float64
-from gspure.progress import decimal
+from gspure.text import decimal
+
+MARGIN: Final = 1.0  # smallest margin above the control level at which a message counts as present, dB
+DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
 
 NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of an unattacked model without photographs, dB; ours
 _STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself

@@ -30,8 +30,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gspure.evaluation.csv_tables import grouped
-from gspure.files import Float64
+from gspure.arrays import Float64
+from gspure.grouping import grouped
 
 LEVEL: Final = 0.95  # nominal coverage of an interval
 ROUNDING: Final = 1e-9  # relative error of sums and differences, far below what images of 8 bits distinguish

@@ -2,22 +2,22 @@
 
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
 takes one column per field (``drop_mean``, ``drop_low``, ...; if it is `UNPREFIXED`, ``mean``, ...), a mapping of
-metrics one per metric of `gspure.evaluation.metrics.METRICS`. Numbers have every digit, so that they are read back
+metrics one per metric of `gspure.metrics.image_metrics.METRICS`. Numbers have every digit, so that they are read back
 unchanged; NaN and None are empty cells.
 """
 
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from gspure.errors import InputError, reading
-from gspure.evaluation.metrics import METRICS
 from gspure.files import write_text
+from gspure.metrics.image_metrics import METRICS
 
 Row = TypeVar("Row")
 Key = TypeVar("Key")
@@ -26,14 +26,6 @@ Key = TypeVar("Key")
 Values = Annotated[Mapping[str, float], "{}"]  # metrics by name: one column each, where the metric replaces the braces
 Drops = Annotated[Mapping[str, float], "{}_drop"]
 UNPREFIXED: Final = ""  # annotation of a nested NamedTuple: columns without the field's name
-
-
-def grouped(rows: Iterable[Row], key: Callable[[Row], Key]) -> dict[Key, list[Row]]:
-    """Return the rows of each key, which need not be adjacent; keys are in the order of their first row."""
-    groups: dict[Key, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(key(row), []).append(row)
-    return groups
 
 
 def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:

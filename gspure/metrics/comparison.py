@@ -9,11 +9,12 @@ import numpy as np
 
 from gspure.cameras.orbit import UP_SHEET
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import Values, grouped, read_table, write_table
-from gspure.evaluation.metrics import METRICS, measured
-from gspure.evaluation.names import BLACK
+from gspure.grouping import grouped
 from gspure.images import mean_colour, read_image
-from gspure.progress import decimal
+from gspure.metrics.csv_tables import Values, read_table, write_table
+from gspure.metrics.image_metrics import METRICS, measured
+from gspure.metrics.names import BLACK
+from gspure.text import decimal
 
 Reference = Literal["truth", "render"]
 TRUTH: Final = "truth"
@@ -77,7 +78,7 @@ def pair_images(
 
 
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
-    """Compare two images; one of `gspure.evaluation.names.BASELINES` replaces the second one if `baseline` names it.
+    """Compare two images; one of `gspure.metrics.names.BASELINES` replaces the second one if `baseline` names it.
 
     A photograph larger than the image is reduced, as for training. Raise `InputError` if an image cannot be read, or is
     larger than its photograph, or of another size than its render.

@@ -6,12 +6,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Float64
 from gspure.errors import InputError
-from gspure.evaluation.comparison import ImagePair
-from gspure.evaluation.metrics import gradient_correlation
-from gspure.evaluation.statistics import detectability
-from gspure.files import Float64
 from gspure.images import levels, read_image
+from gspure.metrics.comparison import ImagePair
+from gspure.metrics.image_metrics import gradient_correlation
+from gspure.metrics.statistics import detectability
 
 CHANCE: Final = 0.05  # the message is retrieved if chance hits as many views with at most this probability
 FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of `Retrieval.tpr`

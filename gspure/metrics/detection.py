@@ -20,12 +20,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32
 from gspure.errors import InputError
-from gspure.evaluation.csv_tables import read_table
-from gspure.evaluation.names import CLEAN
-from gspure.evaluation.retrieval import CHANCE, FALSE_POSITIVES, png_files
-from gspure.files import Bools, Float32
 from gspure.images import read_image
+from gspure.metrics.csv_tables import read_table
+from gspure.metrics.names import CLEAN
+from gspure.metrics.retrieval import CHANCE, FALSE_POSITIVES, png_files
 
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
