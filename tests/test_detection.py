@@ -15,7 +15,8 @@ from gspure.errors import InputError
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
-from gspure.metrics.detection import Reading, Threshold, detection, read_marks
+from gspure.metrics.detection import Threshold, detection
+from gspure.metrics.readings import Reading, read_marks
 from gspure.schemes.readability import bit_readability
 from gspure.schemes.scheme import Key
 from tests.contest_cases import outcome, survives

@@ -17,7 +17,19 @@ TREES = {source: ast.parse(source.read_text(encoding="utf-8")) for source in sor
 
 # A part imports from its own layer and from those above it.
 LAYERS = (
-    {"errors", "constants", "settings", "text", "grouping", "progress", "files", "arrays", "provenance", "plugins"},
+    {
+        "errors",
+        "constants",
+        "settings",
+        "text",
+        "grouping",
+        "progress",
+        "files",
+        "arrays",
+        "provenance",
+        "plugins",
+        "external",
+    },
     {"model", "cameras", "images", "datasets"},
     {"opencl"},
     {"renderer", "public_model"},

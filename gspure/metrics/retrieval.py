@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.arrays import Float64
 from gspure.errors import InputError
-from gspure.images import levels, read_image
+from gspure.images import levels, png_files, read_image
 from gspure.metrics.comparison import ImagePair
 from gspure.metrics.image_metrics import gradient_correlation
 from gspure.metrics.statistics import detectability
@@ -67,13 +67,6 @@ def retrieval(similarities: Sequence[Float64]) -> Retrieval:
         len(similarities),
         min(map(len, similarities)),
     )
-
-
-def png_files(folder: Path) -> list[Path]:
-    """Return the PNG files of a folder, sorted; raise `InputError` if there is none."""
-    if files := sorted(folder.glob("*.png")):
-        return files
-    raise InputError(folder, "folder", expected="PNG files", found="none")
 
 
 def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> list[Path]:

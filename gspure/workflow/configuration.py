@@ -11,7 +11,7 @@ from gspure.cameras import GENERATED, read_cameras
 from gspure.cameras.photographs import missing_photographs, require_present
 from gspure.datasets import SCENES
 from gspure.errors import InputError
-from gspure.metrics.detection import words_of
+from gspure.external import words_of
 from gspure.metrics.names import CONTROLS, variant_at
 from gspure.metrics.targets import BITS, SCENE, is_picture
 from gspure.model.inria import is_model, point_cloud

@@ -9,7 +9,7 @@ from typing import Any
 from gspure.attacks import BUILT_IN, find_attack
 from gspure.attacks.attack import Attack
 from gspure.evaluation.collecting import ModelPlan
-from gspure.metrics.detection import files_of
+from gspure.external import files_of
 from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.report.writing import ReportPlan
