@@ -52,7 +52,7 @@ def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, mode
     assert np.median(tiles[3]) == pytest.approx(1 - model.pruned.mean(), abs=0.01)
     draw_model(tmp_path / "b", model, views)
     files = {path.name for path in (tmp_path / "a").iterdir()}
-    assert files == {*captions, CAPTIONS, "weights.svg", "view.json"}
+    assert files == {*captions, CAPTIONS, "weights.svg"}
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
@@ -64,7 +64,7 @@ def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     assert [*draw_model(tmp_path, model)] == ["weights.png"]
     assert capsys.readouterr().err.count("warning: point clouds are not drawn: OpenGL does not work") == 1
     monkeypatch.setattr(gallery, "draw_weights", lambda *_, **__: 1 / 0)
-    assert draw_model(tmp_path, model, viewer=False) == {}
+    assert draw_model(tmp_path, model) == {}
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
 
 

@@ -40,6 +40,7 @@ LAYERS = (
     {"scan"},
     {"evaluation"},
     {"figures"},
+    {"viewer"},
     {"report"},
     {"workflow"},
     {"cli"},
@@ -161,7 +162,7 @@ STATEMENTS = {
     "cameras": 1001,
     "cli": 1654,
     "evaluation": 830,
-    "figures": 1087,
+    "figures": 948,
     "method": 611,
     "metrics": 749,
     "model": 1191,
@@ -172,6 +173,7 @@ STATEMENTS = {
     "schemes": 2086,
     "surface": 204,
     "training": 694,
+    "viewer": 159,
     "workflow": 588,
 }
 """Statements of each folder when it was last measured."""

@@ -16,7 +16,6 @@ from gspure.figures.charts import draw_weights
 from gspure.figures.clouds import Colouring, Purified, by_reason
 from gspure.figures.panels import Tile, write_tiles
 from gspure.figures.plates import PAGE_WIDTH, PICTURE_WIDTH, opengl_works, portraits, write_plate
-from gspure.figures.viewer import write_viewer
 from gspure.figures.viewpoint import choose, fitted, foremost, framed, overview, world_axes
 from gspure.files import filling, write_json
 from gspure.images import levels
@@ -52,14 +51,13 @@ Draw = Callable[[Path], str]
 
 
 def draw_model(
-    folder: Path, model: Purified, cameras: Sequence[Camera] = (), device: Device | None = None, *, viewer: bool = True
+    folder: Path, model: Purified, cameras: Sequence[Camera] = (), device: Device | None = None
 ) -> dict[str, str]:
     """Draw all figures of a model, and return the caption of each by the name of its file.
 
     These are ``splats``, if the model has colours and views; ``weights``; and, with OpenGL, the clouds ``clusters``,
     ``kept`` and ``ranks``, or for a model with a message the plates ``separation`` and ``purification``. Their captions
-    stand in `CAPTIONS`, and the data of a report's 3-D `viewer` in ``view.json``. What cannot be drawn is left out with
-    a warning.
+    stand in `CAPTIONS`. What cannot be drawn is left out with a warning.
     """
     drawings: dict[str, Draw] = {"weights": partial(draw_weights, model=model)}
     if cameras and model.public.visible:
@@ -70,8 +68,6 @@ def draw_model(
         warn(_NO_OPENGL)
     captions: dict[str, str] = {}
     with filling(folder) as place:
-        if viewer:
-            write_viewer(place / "view.json", model, cameras)
         for name, draw in drawings.items():
             file = f"{name}.png"
             try:
