@@ -27,7 +27,7 @@ class Detection(NamedTuple):
     spread: float  # standard deviation over views
     tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
     tpr_strict: float  # the same for `STRICT`
-    present: bool | None  # whether more views are above that of `tpr` than chance explains; None if no number would be
+    present: bool | None  # whether chance explains fewer views above the threshold of `tpr`; None if it explains all
     views: int
     bits: int
 
@@ -39,12 +39,12 @@ class Threshold(NamedTuple):
     rate: float
 
     @classmethod
-    def of(cls, bits: int, clean: Sequence[float], rate: float) -> Threshold:
-        """Return the lowest threshold that unmarked views exceed at this rate or a lower one.
+    def at_rate(cls, rate: float, bits: int, clean: Sequence[float] = ()) -> Threshold:
+        """Return the lowest threshold that unmarked views exceed at most at this rate.
 
         For `bits`, it follows from the binomial distribution: each bit of an unmarked view is correct with probability
         1/2. For scores (0 bits), it is the score of one of N `clean` views. The k-th highest has the rate k / (N + 1).
-        With few bits or views even the highest threshold that a view can exceed has a higher rate than `rate`.
+        With few bits or views, the highest threshold is returned, and its rate may exceed `rate`.
         """
         from scipy.stats import binom
 
@@ -61,35 +61,39 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
     """Return the detection of a model from its readings; `clean` holds the scores of the views of its clean model."""
     from scipy.stats import binom
 
-    levels, bits = np.array([reading.level for reading in readings]), readings[0].bits
+    views = len(readings)
+    bits = readings[0].bits
+    levels = np.array([reading.level for reading in readings])
     values = np.array([reading.value for reading in readings])
-    loose, strict = (Threshold.of(bits, clean, rate) for rate in (FALSE_POSITIVES, STRICT))
-    hits, strict_hits = (int(np.count_nonzero(values > threshold.value)) for threshold in (loose, strict))
-    views, rank = len(levels), round(loose.rate * (1 + len(clean)))  # rank of the threshold among the clean scores
+    threshold = Threshold.at_rate(FALSE_POSITIVES, bits, clean)
+    strict_threshold = Threshold.at_rate(STRICT, bits, clean)
+    hits = int(np.count_nonzero(values > threshold.value))
+    strict_hits = int(np.count_nonzero(values > strict_threshold.value))
+    rank = round(threshold.rate * (1 + len(clean)))  # of the threshold among the clean scores
 
     def chance(hits: int) -> float:
-        """Return the probability of as many views above the threshold, or more, in a model without the mark."""
+        """Return the probability that this many views, or more, exceed the threshold in a model without the mark."""
         if bits:
-            return float(binom.sf(hits - 1, views, loose.rate))
+            return float(binom.sf(hits - 1, views, threshold.rate))
         above = hits + rank - 1
         ways = sum(comb(views, i) * comb(len(clean), above - i) for i in range(hits, above + 1))
         return ways / comb(views + len(clean), above)
 
     return Detection(
-        float(levels.mean()),
-        float(levels.std()),
-        hits / views if loose.rate <= FALSE_POSITIVES else math.nan,
-        strict_hits / views if strict.rate <= STRICT else math.nan,
-        chance(hits) <= CHANCE if chance(views) <= CHANCE else None,
-        views,
-        bits,
+        level=float(levels.mean()),
+        spread=float(levels.std()),
+        tpr=hits / views if threshold.rate <= FALSE_POSITIVES else math.nan,
+        tpr_strict=strict_hits / views if strict_threshold.rate <= STRICT else math.nan,
+        present=chance(hits) <= CHANCE if chance(views) <= CHANCE else None,
+        views=views,
+        bits=bits,
     )
 
 
 def read_detections(model: Path) -> dict[str, dict[str, Detection]]:
     """Return the detections of every variant in the folder of a model, by detector.
 
-    Scores are compared with those of the views of the same model's clean control alone, by the same detector.
+    Scores of a detector are compared with its scores in the views of the same model's clean control only.
     """
     tables = sorted(model.glob(f"*/{DETECTIONS}/*.csv"))
     readings = {(path.parent.parent.name, path.stem): read_table(path, Reading) for path in tables}
