@@ -14,7 +14,8 @@ from gspure.errors import InputError
 from gspure.external import words_of
 from gspure.metrics.names import CONTROLS, variant_at
 from gspure.metrics.targets import BITS, SCENE, is_picture
-from gspure.model.inria import is_model, point_cloud
+from gspure.model import is_trained_model
+from gspure.model.inria import point_cloud
 from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.schemes.registry import made_by, schemes
 from gspure.settings import require_settings
@@ -87,7 +88,7 @@ def _settle_pair(pair: dict[str, Any], source: str, place: str) -> None:
     pair["photographs"] = _photographs(pair["scene"])
     if pair["protocol"] == "own":
         pair["own_photographs"] = _photographs(pair["message"])
-    elif not is_model(pair["message"]):
+    elif not is_trained_model(pair["message"]):
         pair["message_photographs"] = _photographs(pair["message"])
 
 
