@@ -110,6 +110,14 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
         Image.fromarray(levels(array)).save(temporary, format="PNG", compress_level=4)
 
 
+def png_files(folder: Path) -> list[Path]:
+    """Return the PNG files of a folder, sorted; raise `InputError` if there is none."""
+    files = sorted(folder.glob("*.png"))
+    if not files:
+        raise InputError(folder, "folder", expected="PNG files", found="none")
+    return files
+
+
 def levels(array: NDArray[np.floating]) -> UInt8:
     """Return values clipped to 0..1 as the nearest of 256 levels, a half upwards."""
     return np.asarray(np.floor(np.clip(array, 0, 1) * 255 + 0.5), np.uint8)

@@ -88,7 +88,7 @@ rule write_report:
         "../envs/gspure.yaml"
     params:
         code=code_of("report"),
-        templates=files_digest(sorted(Path(gspure.__file__).parent.glob("report/templates/*"))),
+        templates=files_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
         plan=str(report_plan(PLAN)),
     message:
         "Writing tables, figures and the report"

@@ -1,4 +1,4 @@
-"""Small models of every kind that attacks meet, and what is known of them."""
+"""Small models of every kind that attacks meet, and measurements of them."""
 
 import numpy as np
 from hypothesis import settings
@@ -58,7 +58,7 @@ def measurements(count: int, seed: int = 1) -> Measurements:
 
 
 def apply(name: str, model: Gaussians, seed: int = 0, **settings) -> Attacked:
-    """Attack a model of any kind with all that is known of it."""
+    """Attack a model of any kind with all measurements of it."""
     return find_attack(name).apply(public(model), measurements(len(model)), seed=seed, **settings)
 
 

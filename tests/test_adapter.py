@@ -14,7 +14,7 @@ from gspure.files import read_json
 from gspure.images import read_image, write_image
 from gspure.metrics.comparison import read_metrics
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.detection import Reading
+from gspure.metrics.readings import Reading
 from gspure.model import read_model
 from gspure.training.dataset import read_dataset
 from tests.workflow_cases import ROOT

@@ -36,7 +36,8 @@ def image(model: Gaussians, view=None) -> np.ndarray:
 @unhurried
 @given(count=counts, fraction=shares, seed=seeds)
 def test_exactly_the_fraction_of_lowest_or_random_rows_is_removed(count: int, fraction: float, seed: int) -> None:
-    known, number = measurements(count), round(fraction * count)
+    known = measurements(count)
+    number = round(fraction * count)
     for name, values in (
         ("random_pruning", None),
         ("lowest_weight", known.weights),
@@ -60,7 +61,8 @@ def test_rows_that_no_view_shows_are_removed() -> None:
 @unhurried
 @given(count=st.integers(2, 40), share=st.floats(1e-6, 0.9))
 def test_the_rows_of_lowest_weight_are_removed_up_to_the_share(count: int, share: float) -> None:
-    weights, mask = measurements(count).weights, apply("weight_share", blobs(count), share=share).prune_mask
+    weights = measurements(count).weights
+    mask = apply("weight_share", blobs(count), share=share).prune_mask
     assert weights[mask].sum() <= share * weights.sum() * (1 + 1e-6)
     assert weights[mask].sum() + weights[~mask].min() > share * weights.sum() * (1 - 1e-6)
 
@@ -78,10 +80,12 @@ def test_opacity_and_weight_together_remove_what_either_does(count: int, tau: fl
 @given(fraction=shares, seed=seeds)
 def test_crop_keeps_a_box_and_a_larger_one_keeps_more(fraction: float, seed: int) -> None:
     model = blobs(COUNT, seed)
-    attacked, larger = apply("crop", model, fraction=fraction), apply("crop", model, fraction=min(1.0, fraction + 0.1))
+    attacked = apply("crop", model, fraction=fraction)
+    larger = apply("crop", model, fraction=min(1.0, fraction + 0.1))
     assert not larger.prune_mask[~attacked.prune_mask].any()
     if len(attacked.model):
-        low, high = attacked.model.means.min(axis=0), attacked.model.means.max(axis=0)
+        low = attacked.model.means.min(axis=0)
+        high = attacked.model.means.max(axis=0)
         inside = ((model.means >= low) & (model.means <= high)).all(axis=1)
         np.testing.assert_array_equal(inside, ~attacked.prune_mask)
 
@@ -99,7 +103,8 @@ def test_reordering_is_a_permutation_that_no_image_shows(kind: str) -> None:
 @unhurried
 @given(fraction=shares, seed=seeds)
 def test_clones_are_their_originals_but_for_the_opacity_of_both(fraction: float, seed: int) -> None:
-    model, number = blobs(COUNT), round(fraction * COUNT)
+    model = blobs(COUNT)
+    number = round(fraction * COUNT)
     attacked = apply("densify_clone", model, seed, fraction=fraction)
     np.testing.assert_array_equal(attacked.rows[:COUNT], np.arange(COUNT))
     originals = Gaussians(model.table[attacked.rows])
@@ -164,7 +169,8 @@ def test_quantized_values_are_off_by_at_most_half_a_step(kind: str, bits: int, s
     rest = {"scale_0", "scale_1", "scale_2"} if kind == "anchors" else {"opacity", *GEOMETRY}
     assert changed(before, after) <= COLOURS[kind] | rest
     for name in COLOURS[kind] | rest:
-        old, new = before.table[name].astype(float), after.table[name].astype(float)
+        old = before.table[name].astype(float)
+        new = after.table[name].astype(float)
         step = np.ptp(old) / (2**bits - 1)
         assert np.abs(new - old).max() <= step / 2 + 1e-6 * np.abs(old).max()
         assert len(np.unique(new)) <= 2**bits
@@ -186,7 +192,8 @@ def test_truncation_zeroes_the_harmonics_above_the_degree_and_no_others(degree: 
         with pytest.raises(NotApplicable, match=f"no harmonics above degree {degree}"):
             apply("sh_truncation", before, degree=degree)
         return
-    after, left = apply("sh_truncation", before, degree=degree).model, (degree + 1) ** 2
+    after = apply("sh_truncation", before, degree=degree).model
+    left = (degree + 1) ** 2
     np.testing.assert_array_equal(after.sh_coeffs[:, :left], before.sh_coeffs[:, :left])
     assert not after.sh_coeffs[:, left:].any()
     assert {name.rpartition("_")[0] for name in changed(before, after)} == {"f_rest"}
@@ -199,7 +206,8 @@ def test_rows_come_back_nearly_as_they_were_and_the_same_way_each_time(codec: st
     before = blobs(300, sh_degree=degree)
     attacked = apply("compression", before, codec=codec)
     assert sorted(attacked.rows.tolist()) == list(range(300))
-    origin, after = Gaussians(before.table[attacked.rows]), attacked.model
+    origin = Gaussians(before.table[attacked.rows])
+    after = attacked.model
     np.testing.assert_allclose(after.means, origin.means, atol=np.ptp(before.means, axis=0).max() / 1000)
     assert 0 < np.median(np.abs(after.sh_coeffs - origin.sh_coeffs)) < 1 / 50
     assert after.table.tobytes() == apply("compression", before, codec=codec).model.table.tobytes()
@@ -214,7 +222,8 @@ def test_rows_come_back_from_formats_that_keep_few_colours(codec: str, colour: f
     )
     attacked = apply("compression", before, codec=codec)
     assert sorted(attacked.rows.tolist()) == list(range(300))
-    origin, after = Gaussians(before.table[attacked.rows]), attacked.model
+    origin = Gaussians(before.table[attacked.rows])
+    after = attacked.model
     np.testing.assert_allclose(after.means, origin.means, atol=np.ptp(before.means, axis=0).max() / 1000)
     np.testing.assert_allclose(after.opacities, origin.opacities, atol=1 / 255)
     np.testing.assert_allclose(after.sh_coeffs[:, 0], origin.sh_coeffs[:, 0], atol=colour / SH_DC)

@@ -26,9 +26,9 @@ def attacked_by(name: str, public: PublicModel | None = None, seed: int = 0, **s
 
 @pytest.mark.parametrize("name", [attack.name for attack in ATTACKS])
 def test_the_same_arguments_give_the_same_bytes_and_change_the_model(name: str) -> None:
-    one, again, other = (attacked_by(name, seed=seed).model.table.tobytes() for seed in (0, 0, 1))
-    assert one == again
-    assert len({one, other, blobs(ROWS).table.tobytes()}) == 3
+    attacked, again, other_seed = (attacked_by(name, seed=seed).model.table.tobytes() for seed in (0, 0, 1))
+    assert attacked == again
+    assert len({attacked, other_seed, blobs(ROWS).table.tobytes()}) == 3
 
 
 @pytest.mark.parametrize("name", ["finetune", "prune_repair", "gspure_repair"])
@@ -50,14 +50,13 @@ def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene()
 
 def test_a_distilled_model_depends_on_what_the_views_show_alone() -> None:
     hidden = {"opacity": np.full(ROWS, -20, np.float32)}  # below 1/255: never drawn
-    one, other = (
+    first, second = (
         Gaussians(np.concatenate([blobs(ROWS).table, blobs(ROWS, seed).with_columns(hidden).table])) for seed in (1, 2)
     )
-    assert one.table.tobytes() != other.table.tobytes()
-    attacked = attacked_by("distil", PublicModel(one), iterations=20)
-    assert (
-        attacked.model.table.tobytes() == attacked_by("distil", PublicModel(other), iterations=20).model.table.tobytes()
-    )
+    assert first.table.tobytes() != second.table.tobytes()
+    attacked = attacked_by("distil", PublicModel(first), iterations=20)
+    attacked_second = attacked_by("distil", PublicModel(second), iterations=20)
+    assert attacked.model.table.tobytes() == attacked_second.model.table.tobytes()
     assert attacked.prune_mask.all()
     assert any("vanilla 3DGS" in comment for comment in attacked.model.comments)
     assert attacked.model.sh_degree == 3
@@ -117,9 +116,9 @@ def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(sch
 @pytest.mark.parametrize(("scheme", "kept"), [("gs_hider", {"scale_0", "x", "rot_0"}), ("secure_gs", {"x", "rot_0"})])
 def test_finetuning_everything_learns_what_the_networks_read(scheme: str, kept: set[str]) -> None:
     public = MODELS[scheme]()
-    one, again = (attacked_by("finetune", public).model for _ in range(2))
-    assert one.table.tobytes() == again.table.tobytes()
-    difference = changed(public.model, one)
+    tuned, again = (attacked_by("finetune", public).model for _ in range(2))
+    assert tuned.table.tobytes() == again.table.tobytes()
+    difference = changed(public.model, tuned)
     assert difference & set(public.columns["colour"])
     assert not difference & kept
     assert scheme == "gs_hider" or difference & {f"f_offset_{i}" for i in range(12)}

@@ -15,7 +15,8 @@ from gspure.errors import InputError
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.survival import survival
 from gspure.images import write_image
-from gspure.metrics.detection import Reading, Threshold, detection, read_marks
+from gspure.metrics.detection import Threshold, detection
+from gspure.metrics.readings import Reading, read_marks
 from gspure.schemes.readability import bit_readability
 from gspure.schemes.scheme import Key
 from tests.contest_cases import outcome, survives
@@ -24,7 +25,7 @@ from tests.contest_cases import outcome, survives
 @pytest.mark.parametrize("rate", [0.01, 0.001])
 @pytest.mark.parametrize("bits", [10, 16, 32, 48])
 def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
-    threshold = Threshold.of(bits, [], rate)
+    threshold = Threshold.at_rate(rate, bits)
     assert threshold.rate == pytest.approx(binom.sf(threshold.value, bits, 0.5))
     assert threshold.rate <= rate
     assert binom.sf(threshold.value - 1, bits, 0.5) > rate
@@ -39,13 +40,14 @@ def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
         (7, 7, 3, True),
         (6, 6, 3, False),  # chance explains any number
         (1, 1, 0, False),
-        *((bits, int(Threshold.of(bits, [], 0.01).value), 0, False) for bits in (24, 30, 48, 56, 96, 131)),
+        *((bits, int(Threshold.at_rate(0.01, bits).value), 0, False) for bits in (24, 30, 48, 56, 96, 131)),
     ],
 )
 def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correct, wrong, readable):
     class Reader(Key):
         def __init__(self, right):
-            self.bits, self.right = np.ones(bits, bool), right
+            self.bits = np.ones(bits, bool)
+            self.right = right
 
         def write(self, folder):
             pass
@@ -64,7 +66,8 @@ def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correc
 def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():
     clean = np.random.default_rng(0).normal(size=2000).tolist()
     readings = [Reading("a", 3.5, 0), Reading("b", 2.5, 0), Reading("c", 0.0, 0)]
-    many, few = detection(readings, clean), detection(readings, clean[:20])
+    many = detection(readings, clean)
+    few = detection(readings, clean[:20])
     assert many[2:5] == (pytest.approx(2 / 3), pytest.approx(1 / 3), True)
     assert math.isnan(few.tpr)
     assert math.isnan(few.tpr_strict)

@@ -11,7 +11,7 @@ from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.figures import gallery, plates, style, viewpoint
 from gspure.figures.clouds import by_cluster
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
-from gspure.figures.panels import chosen, draw_before_after
+from gspure.figures.panels import draw_before_after, shown_variants
 from gspure.figures.plates import opengl_works
 from gspure.images import read_image, write_image
 from gspure.public_model import PublicModel
@@ -52,7 +52,7 @@ def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, mode
     assert np.median(tiles[3]) == pytest.approx(1 - model.pruned.mean(), abs=0.01)
     draw_model(tmp_path / "b", model, views)
     files = {path.name for path in (tmp_path / "a").iterdir()}
-    assert files == {*captions, CAPTIONS, "weights.svg", "view.json"}
+    assert files == {*captions, CAPTIONS, "weights.svg"}
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
@@ -64,7 +64,7 @@ def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     assert [*draw_model(tmp_path, model)] == ["weights.png"]
     assert capsys.readouterr().err.count("warning: point clouds are not drawn: OpenGL does not work") == 1
     monkeypatch.setattr(gallery, "draw_weights", lambda *_, **__: 1 / 0)
-    assert draw_model(tmp_path, model, viewer=False) == {}
+    assert draw_model(tmp_path, model) == {}
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
 
 
@@ -88,7 +88,8 @@ def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: P
     ids=["highest Score", "no sweep", "GSPure itself", "first of equals"],
 )
 def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) -> None:
-    assert [o.variant for o in chosen([attacked(name, 0, drop) for name, drop in drops.items()], sweeps)] == shown
+    outcomes = [attacked(name, 0, drop) for name, drop in drops.items()]
+    assert [o.variant for o in shown_variants(outcomes, sweeps)] == shown
 
 
 def test_the_largest_clusters_have_numbers() -> None:
@@ -137,6 +138,6 @@ def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     )  # from (0.1, 0, 0) along the x axis
     turns = {"left": np.diag([-1.0, 1, -1, 1]), "right": np.eye(4)}
     inside = [Camera(name, 64, 48, intrinsics(50, 50, 32, 24), turn @ right) for name, turn in turns.items()]
-    assert viewpoint.choose(dense, inside).name == "right"
-    assert viewpoint.choose(dense, orbit_cameras(points_of(dense, np.ones(len(dense))))).name == "overview"
-    assert viewpoint.choose(dense, []).name == "overview"
+    assert viewpoint.choose_camera(dense, inside).name == "right"
+    assert viewpoint.choose_camera(dense, orbit_cameras(points_of(dense, np.ones(len(dense))))).name == "overview"
+    assert viewpoint.choose_camera(dense, []).name == "overview"

@@ -7,7 +7,7 @@ import pytest
 
 from gspure.cli import main
 from gspure.model import Gaussians, read_model, write_model
-from gspure.model.summary import LEVELS, summarize
+from gspure.model.summary import QUANTILE_LEVELS, summarize
 from tests.models import blobs
 
 
@@ -45,7 +45,7 @@ def test_the_numbers_of_a_model_are_summarized():
     }
     for name, values in expected.items():
         np.testing.assert_allclose(
-            summary.quantiles[name], np.sort(values)[[round(500 * q) for q in LEVELS]], rtol=1e-6
+            summary.quantiles[name], np.sort(values)[[round(500 * q) for q in QUANTILE_LEVELS]], rtol=1e-6
         )
 
 

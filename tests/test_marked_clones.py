@@ -12,7 +12,7 @@ from gspure.cli import main
 from gspure.files import read_json
 from gspure.images import read_back, write_image
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.detection import Reading
+from gspure.metrics.readings import Reading
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from tests.attack_cases import changed

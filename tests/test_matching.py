@@ -12,7 +12,7 @@ from gspure.model import Gaussians, write_model
 from gspure.model.rotations import moved
 from gspure.public_model import PublicModel
 from gspure.schemes.matching import adaptive_matches, exact_matches, registered
-from gspure.schemes.splats_in_splats import SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from tests.models import blobs, camera, without
 

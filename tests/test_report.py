@@ -11,12 +11,12 @@ import pytest
 
 from gspure.evaluation.survival import Survival
 from gspure.figures import style
-from gspure.figures.viewer import write_viewer
 from gspure.files import write_json, write_text
 from gspure.metrics.csv_tables import read_table
 from gspure.report.writing import ReportPlan, write_report
+from gspure.viewer.data import write_viewer
 from tests.contest_cases import write_model
-from tests.test_clouds import purified
+from tests.test_viewer import purified
 
 ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
 NAME = "sis/room"

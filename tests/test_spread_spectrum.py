@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gspure.images import write_image
-from gspure.metrics.detection import read_marks
+from gspure.metrics.readings import read_marks
 from tests.documentation import ROOT
 
 

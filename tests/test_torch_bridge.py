@@ -22,7 +22,9 @@ GEOMETRY = ("means", "quats", "scales", "opacities")
 
 @pytest.mark.parametrize("channels", [None, 1, 16], ids=["colours", "1 feature", "16 features"])
 def test_images_and_their_gradients_are_those_of_the_renderer(device, style, channels):
-    rng, model, view = np.random.default_rng(0), blobs(300), tilted_camera()
+    rng = np.random.default_rng(0)
+    model = blobs(300)
+    view = tilted_camera()
     features = channels and rng.normal(size=(300, channels)).astype(np.float32)
     background = rng.random(channels or 3, np.float32)
     renderer = Renderer(model, device, style=style)

@@ -32,7 +32,8 @@ BLOBS = gaussians(
 @pytest.fixture(scope="module")
 def project(tmp_path_factory):
     """Pictures of three blobs, and points near them."""
-    views, renderer = ring(16), Renderer(BLOBS)
+    views = ring(16)
+    renderer = Renderer(BLOBS)
     points = np.random.default_rng(3).normal(scale=0.25, size=(60, 3))
     return colmap_project(tmp_path_factory.mktemp("data"), views, points, [renderer.image(view) for view in views])
 

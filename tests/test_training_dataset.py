@@ -32,19 +32,19 @@ def refusal(source, scale="native", **settings):
 
 
 def test_a_colmap_project_is_read(project):
-    found = read_dataset(project, "16px")
-    assert [view.name for view in found.test] == ["orbit_000", "orbit_008"]
-    assert len(found.train) == 7
-    np.testing.assert_allclose(found.xyz, POINTS)
-    assert found.rgb.tolist() == [[200, 100, 50]] * 20
-    assert {image.shape for image in read_photographs(found.train)} == {(12, 16, 3)}
+    dataset = read_dataset(project, "16px")
+    assert [view.name for view in dataset.test] == ["orbit_000", "orbit_008"]
+    assert len(dataset.train) == 7
+    np.testing.assert_allclose(dataset.xyz, POINTS)
+    assert dataset.rgb.tolist() == [[200, 100, 50]] * 20
+    assert {image.shape for image in read_photographs(dataset.train)} == {(12, 16, 3)}
 
 
 def test_the_extent_is_that_of_the_training_cameras(project):
-    found = read_dataset(project, "native")
-    centres = np.array([view.centre for view in found.train])
+    dataset = read_dataset(project, "native")
+    centres = np.array([view.centre for view in dataset.train])
     expected = 1.1 * max(np.linalg.norm(centre - centres.mean(axis=0)) for centre in centres)
-    assert found.extent == pytest.approx(expected)
+    assert dataset.extent == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -64,9 +64,9 @@ def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, po
 def test_points_read_back_are_those_written(tmp_path):
     rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
     write_point_ply(tmp_path / "input.ply", POINTS, rgb)
-    found = read_point_ply(tmp_path / "input.ply")
-    np.testing.assert_array_equal(found[0], POINTS.astype(np.float32))
-    np.testing.assert_array_equal(found[1], rgb)
+    xyz, colours = read_point_ply(tmp_path / "input.ply")
+    np.testing.assert_array_equal(xyz, POINTS.astype(np.float32))
+    np.testing.assert_array_equal(colours, rgb)
 
 
 @pytest.fixture
@@ -82,9 +82,9 @@ def names(views):
 
 
 def test_the_splits_of_a_blender_scene_are_used(blender):
-    found = read_dataset(blender, "native")
-    assert names(found.train) == [f"train_r_{i}" for i in range(5)]
-    assert names(found.test) == [f"test_r_{i}" for i in range(3)]
+    dataset = read_dataset(blender, "native")
+    assert names(dataset.train) == [f"train_r_{i}" for i in range(5)]
+    assert names(dataset.test) == [f"test_r_{i}" for i in range(3)]
 
 
 @pytest.fixture
@@ -110,9 +110,9 @@ def nerfstudio(blender):
     ],
 )
 def test_the_file_lists_of_nerfstudio_split_the_views(nerfstudio, lists, train, test):
-    found = read_dataset(nerfstudio(**lists), "native")
-    assert names(found.train) == [f"train_r_{i}" for i in train]
-    assert names(found.test) == [f"train_r_{i}" for i in test]
+    dataset = read_dataset(nerfstudio(**lists), "native")
+    assert names(dataset.train) == [f"train_r_{i}" for i in train]
+    assert names(dataset.test) == [f"train_r_{i}" for i in test]
 
 
 @pytest.mark.parametrize("shade", [0.0, 0.4, 1.0])

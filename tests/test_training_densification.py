@@ -10,17 +10,16 @@ from gspure.training.densification import plan, reset_opacities
 from tests.camera_cases import rotation_from
 from tests.training_cases import same_bits, state, statistics
 
-SMALL, LARGE = 1e-4, 3e-4
-"""Mean gradients below and above the threshold."""
+SMALL = 1e-4  # a mean gradient below the threshold
+LARGE = 3e-4  # above it
 
 
 def opaque(count, size=0.05, **columns):
     """A state in which nothing is pruned, with random moments; `columns` replace parameters."""
-    found = state(count, size=size)
+    random = state(count, size=size)
     logits = np.full(count, 2.0, np.float32)
-    return TrainState(
-        Parameters(**{**vars(found.parameters), "opacity_logits": logits, **columns}), found.first, found.second
-    )
+    parameters = Parameters(**{**vars(random.parameters), "opacity_logits": logits, **columns})
+    return TrainState(parameters, random.first, random.second)
 
 
 def grow(before, gradients, *, extent=1.0, prune_big=False, seed=0, **settings):
@@ -35,8 +34,8 @@ def rows_of(before, rows):
 
 def test_a_gradient_is_the_mean_over_the_views_that_show_the_gaussian():
     before = opaque(3, size=0.001)
-    seen = statistics([LARGE, SMALL, 0.0], views=[10, 10, 0])
-    growth = plan(before.parameters, seen, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
+    collected = statistics([LARGE, SMALL, 0.0], views=[10, 10, 0])
+    growth = plan(before.parameters, collected, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
     after = densification.grow(before, growth)
     assert len(after.parameters) == 4
     np.testing.assert_array_equal(after.parameters.means[3], before.parameters.means[0])
@@ -56,7 +55,8 @@ def test_a_large_gaussian_is_split_into_two_smaller_ones():
     before = opaque(4, size=0.5)
     after = grow(before, [SMALL, LARGE, SMALL, LARGE])
     assert same_bits(rows_of(after, slice(2)), rows_of(before, [0, 2]))
-    halves, parents = rows_of(after, slice(2, None)), rows_of(before, [1, 3, 1, 3])
+    halves = rows_of(after, slice(2, None))
+    parents = rows_of(before, [1, 3, 1, 3])
     np.testing.assert_allclose(
         np.exp(halves.parameters.log_scales), np.exp(parents.parameters.log_scales) / 1.6, rtol=1e-5
     )
@@ -66,7 +66,9 @@ def test_a_large_gaussian_is_split_into_two_smaller_ones():
 
 
 def test_split_gaussians_are_sampled_from_their_parent():
-    count, quat, scales = 20_000, np.array([0.7, -0.5, 0.9, 0.2]), np.array([0.5, 0.1, 0.03])
+    count = 20_000
+    quat = np.array([0.7, -0.5, 0.9, 0.2])
+    scales = np.array([0.5, 0.1, 0.03])
     parents = opaque(
         count,
         means=np.zeros((count, 3), np.float32) + np.float32(2),

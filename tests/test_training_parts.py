@@ -53,13 +53,13 @@ def test_gaussians_start_with_the_colours_of_their_points_without_rotation_at_lo
     rng = np.random.default_rng(0)
     rgb = rng.integers(256, size=(20, 3), dtype=np.uint8)
     points = rng.normal(size=(20, 3))
-    found = gaussians_at(points, rgb)
-    np.testing.assert_array_equal(found.means, points.astype(np.float32))
-    np.testing.assert_array_equal(found.quats, [[1, 0, 0, 0]] * 20)
-    np.testing.assert_allclose(sigmoid(found.opacity_logits), 0.1, rtol=1e-6)
-    np.testing.assert_allclose(0.5 + SH_DC * found.sh_coeffs[:, 0], rgb / 255, atol=1e-6)
-    assert found.sh_coeffs.shape == (20, 16, 3)
-    assert not found.sh_coeffs[:, 1:].any()
+    initial = gaussians_at(points, rgb)
+    np.testing.assert_array_equal(initial.means, points.astype(np.float32))
+    np.testing.assert_array_equal(initial.quats, [[1, 0, 0, 0]] * 20)
+    np.testing.assert_allclose(sigmoid(initial.opacity_logits), 0.1, rtol=1e-6)
+    np.testing.assert_allclose(0.5 + SH_DC * initial.sh_coeffs[:, 0], rgb / 255, atol=1e-6)
+    assert initial.sh_coeffs.shape == (20, 16, 3)
+    assert not initial.sh_coeffs[:, 1:].any()
 
 
 def test_random_points_lie_where_many_views_overlap():
@@ -76,9 +76,8 @@ def test_consistent_points_lie_at_the_surface_that_all_views_show():
 
     def photograph(view):  # of the plane y = 0, whose colour is its place
         line, column = np.indices((view.height, view.width)) + 0.5
-        rays = np.linalg.inv(view.K @ view.viewmat[:3, :3]) @ np.stack([column, line, np.ones_like(line)]).reshape(
-            3, -1
-        )
+        pixels = np.stack([column, line, np.ones_like(line)]).reshape(3, -1)
+        rays = np.linalg.inv(view.K @ view.viewmat[:3, :3]) @ pixels
         ground = view.centre[:, None] - rays * view.centre[1] / rays[1]
         return np.sin(ground / 2 + [[0], [2], [4]]).T.reshape(view.height, view.width, 3).astype(np.float32) / 2 + 0.5
 
@@ -99,9 +98,9 @@ def snapshot():
 
 def test_a_checkpoint_read_back_is_bit_identical(tmp_path, snapshot):
     write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
-    found = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
-    assert (found.iteration, found.pending_views, found.rng) == (42, (3, 1, 2), snapshot.rng)
-    assert same_bits(found.state, snapshot.state)
+    stored = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
+    assert (stored.iteration, stored.pending_views, stored.rng) == (42, (3, 1, 2), snapshot.rng)
+    assert same_bits(stored.state, snapshot.state)
 
 
 @pytest.mark.parametrize("content", [b"", b"half", {"run": np.array("{}")}, {"run": np.array([{}], dtype=object)}])

@@ -59,8 +59,8 @@ def colmap_project(folder: Path, cameras, points, images=None) -> Path:
     sparse.mkdir(parents=True)
     (folder / "images").mkdir()
     first = cameras[0]
-    fx, fy, cx, cy = first.K[0, 0], first.K[1, 1], first.K[0, 2], first.K[1, 2]
-    (sparse / "cameras.txt").write_text(f"1 PINHOLE {first.width} {first.height} {fx} {fy} {cx} {cy}\n")
+    lens = " ".join(str(first.K[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    (sparse / "cameras.txt").write_text(f"1 PINHOLE {first.width} {first.height} {lens}\n")
     lines = []
     for i, camera in enumerate(cameras):
         w, x, y, z = quaternion(camera.viewmat[:3, :3])

@@ -20,8 +20,12 @@ __all__ = [
 ]
 
 BUILT_IN = (
-    *(*pruning.ATTACKS, *values.ATTACKS, *compression.ATTACKS, *geometry.ATTACKS),
-    *(*learning.ATTACKS, *renders.ATTACKS),
+    *pruning.ATTACKS,
+    *values.ATTACKS,
+    *compression.ATTACKS,
+    *geometry.ATTACKS,
+    *learning.ATTACKS,
+    *renders.ATTACKS,
 )
 GROUP = "gspure.attacks"  # entry points of plug-ins
 

@@ -31,7 +31,7 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Measurements:
-    """What an attacker has measured on the public model, one number per row."""
+    """An attacker's measurements of the public model, one number per row."""
 
     weights: Float32 | None = None  # ω_k [K]
     prune_mask: Bools | None = None  # GSPure's decision [K], true where a row is removed
@@ -42,20 +42,24 @@ class Measurements:
     @classmethod
     def read(cls, public: PublicModel, files: Mapping[str, Path]) -> Self:
         """Read measurements of a public model from files by name; opacities of Gaussians are in the model."""
-        known: dict[str, Any] = {"opacities": public.model.opacities} if public.rows_are_gaussians else {}
+        arrays: dict[str, Any] = {}
+        if public.rows_are_gaussians:
+            arrays["opacities"] = public.model.opacities
         for name, file in files.items():
-            dtype, shape = np.bool_ if name == "prune_mask" else np.float32, (len(public.model),)
-            known[name] = read_labels(file) if name == "labels" else load_array(file, dtype=dtype, shape=shape, least=0)
-        return cls(**known)
+            if name == "labels":
+                arrays[name] = read_labels(file)
+            else:
+                dtype = np.bool_ if name == "prune_mask" else np.float32
+                arrays[name] = load_array(file, dtype=dtype, shape=(len(public.model),), least=0)
+        return cls(**arrays)
 
 
 MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))
 PUBLIC: Final = frozenset({"columns", "teacher"})
-"""Parameters that any attack may have without a measurement: the columns that the scheme declares for each attribute
-(`PublicModel.columns`), and a `Teacher`."""
+"""Parameters that need no measurement: `PublicModel.columns`, the columns of each attribute, and a `Teacher`."""
 
 RESERVED: Final = PUBLIC | {"attack", "cameras", "damage", "decision", "device", "measurements", "public", "seed"}
-"""Names that settings must not have: options of commands, configurations and `Attack.apply`."""
+"""Names that no setting may have: they are options of commands, configurations and `Attack.apply`."""
 
 LEARNED: Final = {
     "all": ("colour", "opacity", "scale", "rotation", "position"),
@@ -85,8 +89,17 @@ class Teacher:
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""
         require(self.attack, "learn", learn, f"one of {', '.join(LEARNED)}", fits=learn in LEARNED)
-        how = (iterations, rng, rate_factor, self.device, self.public.model.background)
-        return student.learned(Lesson(self.cameras, self.images, LEARNED[learn], *how)).model
+        lesson = Lesson(
+            self.cameras,
+            self.images,
+            LEARNED[learn],
+            steps=iterations,
+            rng=rng,
+            rate_factor=rate_factor,
+            device=self.device,
+            background=self.public.model.background,
+        )
+        return student.learned(lesson).model
 
 
 @dataclass(frozen=True)
@@ -118,7 +131,7 @@ class Attack:
     of_renders: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse settings that have the name of something else."""
+        """Refuse settings with `RESERVED` names."""
         for name in sorted(RESERVED & self.settings.keys()):
             expected = "a name that is not reserved"
             raise InputError(f"attack {self.name}", "setting", expected=expected, found=name, hint="rename it")
@@ -140,11 +153,14 @@ class Attack:
         return defaults(self.function)
 
     def kind(self, settings: Mapping[str, object]) -> list[str]:
-        """Return what its variants in one sweep share: its name, all settings that are texts, and the random seed."""
+        """Return the parts that variants of one sweep share: sweep name, changed settings that are texts, and seed."""
         texts = {name: default for name, default in self.settings.items() if isinstance(default, str)}
         changed = [str(settings[name]) for name, default in texts.items() if settings.get(name, default) != default]
         sweep = (self.strength and self.strength.sweep) or self.name
-        return [sweep, *changed, *([f"seed {settings['seed']}"] if settings.get("seed") else [])]
+        parts = [sweep, *changed]
+        if settings.get("seed"):
+            parts.append(f"seed {settings['seed']}")
+        return parts
 
     def apply(
         self,
@@ -158,11 +174,11 @@ class Attack:
     ) -> Attacked:
         """Attack a public model; a comment line of the attacked model names attack, settings and seed.
 
-        Bare Gaussians are vanilla 3DGS. `measurements` include at least what the attack needs; `cameras` are public
+        Bare Gaussians are vanilla 3DGS. `measurements` include at least the attack's `needs`; `cameras` are public
         views.
 
         Raise `InputError` if a setting is unknown or out of range, a measurement is missing or of another model, or
-        finite numbers become infinite; `NotApplicable` if the model has nothing that the attack acts on.
+        finite numbers become infinite; `NotApplicable` if the attack has nothing to act on in the model.
         """
         require_settings(f"attack {self.name}", self.function, settings)
         SEED.require(f"attack {self.name}", "seed", seed)
@@ -172,16 +188,18 @@ class Attack:
             retouched = partial(self.retouched, seed=seed, settings=settings)
             return Attacked(model, np.arange(len(model)), len(model), retouched=retouched)
         teacher = Teacher(self.name, public, [replace(camera, image=None) for camera in cameras], device)
-        known: dict[str, Any] = {"columns": public.columns, "teacher": teacher}
-        known |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
-        arguments = {name: known[name] for name in self.parameters}
+        available: dict[str, Any] = {"columns": public.columns, "teacher": teacher}
+        available |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
+        arguments = {name: available[name] for name in self.parameters}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below
             attacked: Attacked = self.function(model, np.random.default_rng(seed), **arguments, **settings)
-        listed = " ".join(f"{key}={value}" for key, value in {**self.settings, **settings, "seed": seed}.items())
-        self._require_result(attacked, model, listed)
+        all_settings = {**self.settings, **settings, "seed": seed}
+        description = " ".join(f"{name}={value}" for name, value in all_settings.items())
+        self._require_valid(attacked, model, description)
         if attacked.model is model:
             return attacked
-        return replace(attacked, model=attacked.model.with_comment(f"gspure {__version__} attack {self.name} {listed}"))
+        comment = f"gspure {__version__} attack {self.name} {description}"
+        return replace(attacked, model=attacked.model.with_comment(comment))
 
     def retouched(self, image: Float32, view: str, *, seed: int, settings: Mapping[str, Setting]) -> Float32:
         """Return a render [H,W,3] of a view after an attack on renders; random numbers depend on seed and view."""
@@ -189,45 +207,47 @@ class Attack:
         return read_back(self.function(image, rng, **settings))
 
     def matching(
-        self, public: PublicModel, measurements: Measurements, wanted: float, damage_of: Damage, **how: Any
+        self, public: PublicModel, measurements: Measurements, wanted: float, damage_of: Damage, **arguments: Any
     ) -> Match:
-        """Return the strength whose damage is `wanted` dB, or the nearest to it that `search` finds.
+        """Return the strength whose damage is nearest to `wanted` dB, by `search`.
 
-        `damage_of` comes from `gspure.attacks.strength.scene_damage`; `how` are further arguments of `apply`, without
-        the strength.
+        `damage_of` comes from `gspure.attacks.strength.scene_damage`; `arguments` are those of `apply`, without the
+        strength.
         """
         strength = self.strength
-        if strength is None or strength.setting in how:
+        if strength is None or strength.setting in arguments:
             expected = f"no {strength.setting}, since a damage is given" if strength else "an attack with a strength"
             raise InputError(f"attack {self.name}", "damage", expected=expected, found="one" if strength else "none")
 
         def damage_at(value: float) -> float:
-            chosen: dict[str, Any] = {**how, strength.setting: value}
-            attacked = self.apply(public, measurements, **chosen)
+            attacked = self.apply(public, measurements, **{**arguments, strength.setting: value})
             if not len(attacked.model):
                 return np.inf
             return damage_of(public.with_model(attacked.model), attacked.transform, attacked.retouched)
 
         return search(strength, damage_at, wanted)
 
-    def _require_result(self, attacked: Attacked, before: Gaussians, listed: str) -> None:
-        """Refuse rows that are none of the model `before`, and new infinities and not-a-numbers."""
-        source, rows, after = f"attack {self.name}", attacked.rows, attacked.model
+    def _require_valid(self, attacked: Attacked, before: Gaussians, settings: str) -> None:
+        """Refuse indices outside the model `before`, and new infinities and not-a-numbers; name the `settings`."""
+        source = f"attack {self.name}"
+        after = attacked.model
+        rows = attacked.rows
         if rows.shape != (len(after),) or not ((rows >= -1) & (rows < len(before))).all():
             expected = f"[{len(after)}] indices of {len(before)} rows"
             raise InputError(source, "rows", expected=expected, found=f"{list(rows.shape)} others")
         for name, changed in non_finite_rows(after, sorted({*before.names} & {*after.names})).items():
-            if len(bad := changed[np.isfinite(before.table[name][rows[changed]])]):
-                found = f"infinity or not-a-number in {len(bad)} of {len(rows)} rows, first in row {bad[0]}"
-                raise InputError(source, name, expected="finite numbers", found=found, hint=listed)
+            bad = changed[np.isfinite(before.table[name][rows[changed]])]
+            if len(bad):
+                count = f"infinity or not-a-number in {len(bad)} of {len(rows)} rows, first in row {bad[0]}"
+                raise InputError(source, name, expected="finite numbers", found=count, hint=settings)
 
     def _measured(self, name: str, measurements: Measurements, count: int) -> NDArray[Any]:
-        """Return what is known of each row; a mask of integers would index rows."""
+        """Return a measurement [K], or refuse it: a mask of integers, for example, would index rows."""
         array: NDArray[Any] | None = getattr(measurements, name)
         if array is None or array.shape != (count,) or (array.dtype == np.bool_) != (name == "prune_mask"):
             expected = f"[{count}] {'bool' if name == 'prune_mask' else 'numbers'}, one per row"
-            found = "nothing" if array is None else f"{list(array.shape)} {array.dtype}"
-            raise InputError(f"attack {self.name}", name, expected=expected, found=found)
+            actual = "nothing" if array is None else f"{list(array.shape)} {array.dtype}"
+            raise InputError(f"attack {self.name}", name, expected=expected, found=actual)
         return array
 
 

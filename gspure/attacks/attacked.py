@@ -21,7 +21,8 @@ class NotApplicable(InputError):  # noqa: N818
     """An attack has nothing to act on in a model, or leaves nothing of it: an outcome, not a mistake."""
 
     def __init__(self, attack: str, reason: str) -> None:
-        self.attack, self.reason = attack, reason
+        self.attack = attack
+        self.reason = reason
         super().__init__(f"attack {attack}", "model", expected="one that it applies to", found=reason)
 
     def __str__(self) -> str:
@@ -43,9 +44,9 @@ class Attacked(Described):
     transform : array [4,4], optional
         Rigid transform applied to the whole model; views move with it (`gspure.cameras.camera.Camera.moved`).
     removed : str
-        Why no extraction of the scheme can read it; it is vanilla 3DGS then. Empty if the format is unchanged.
+        Why no extraction of the scheme can read the model, which is vanilla 3DGS; empty if the format is unchanged.
     retouched : callable
-        From a render of the scene [H,W,3] and the name of its view to what an attack on renders makes of it.
+        From a render of the scene [H,W,3] and the name of its view to the attacked render, for attacks on renders.
 
     """
 
@@ -57,17 +58,16 @@ class Attacked(Described):
     retouched: Retouch = lambda image, _view: image
 
     def published(self, public: PublicModel, comment: str = "") -> PublicModel:
-        """Return it in place of the model `public`, with the files beside that one."""
-        model = (self.model.with_comment(comment) if comment else self.model).with_background(public.model.background)
+        """Return the public model to publish in place of `public`, with the files beside that one."""
+        model = self.model.with_comment(comment) if comment else self.model
+        model = model.with_background(public.model.background)
         return PublicModel(model) if self.removed else public.with_model(model)
 
     @property
     def facts(self) -> dict[str, str]:
         """How many rows remain."""
-        return {
-            "rows": f"{len(self.model):,}",
-            "kept": f"{self.count - int(self.prune_mask.sum()):,} of {self.count:,}",
-        }
+        kept = self.count - int(self.prune_mask.sum())
+        return {"rows": f"{len(self.model):,}", "kept": f"{kept:,} of {self.count:,}"}
 
     @property
     def prune_mask(self) -> Bools:
@@ -103,15 +103,19 @@ def affected(before: Gaussians, after: Attacked, reads: Sequence[str]) -> bool:
     for pattern in reads:
         if not matching(before.names, pattern):
             raise InputError("extraction", pattern, expected="columns of the public model", found="none of this name")
-    names = {name for pattern in reads for name in matching(before.names, pattern)}
-    return bool(after.prune_mask.any()) or any(
-        name not in after.model.names or before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
-        for name in names
-    )
+    if after.prune_mask.any():
+        return True
+
+    def differs(name: str) -> bool:
+        if name not in after.model.names:
+            return True
+        return before.table[name][after.rows].tobytes() != after.model.table[name].tobytes()
+
+    return any(differs(name) for pattern in reads for name in matching(before.names, pattern))
 
 
 def require(attack: str, setting: str, value: object, expected: str, *, fits: bool) -> None:
-    """Raise `InputError` for a setting unless it `fits` what is expected."""
+    """Raise `InputError` for a setting unless it `fits`."""
     if not fits:
         raise InputError(f"attack {attack}", setting, expected=expected, found=str(value))
 

@@ -46,16 +46,17 @@ def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "
     if codec == "sog":
         order = order[_places(sorted_model.means, decoded.means)]
         sorted_model = Attacked.copied(model, order).model
-    nothing = np.zeros(len(model), np.float32)  # of harmonics that a .splat does not hold
+    zeros = np.zeros(len(model), np.float32)  # for spherical harmonics, which a .splat does not hold
     names = (*CORE, *COLOUR, *model.columns_named("f_rest_"))
-    values = {name: decoded.table[name] if name in decoded.names else nothing for name in names}
+    values = {name: decoded.table[name] if name in decoded.names else zeros for name in names}
     return Attacked(sorted_model.with_columns(values), order, len(model))
 
 
 def _decoded(model: Gaussians, suffix: str) -> Gaussians:
-    """Return a model as a file of the suffix holds it."""
+    """Return a model after a round trip through a file of the suffix."""
     with TemporaryDirectory() as folder:
-        write_model(file := Path(folder) / f"model{suffix}", model)
+        file = Path(folder) / f"model{suffix}"
+        write_model(file, model)
         return read_model(file)
 
 
@@ -66,33 +67,45 @@ def _forged(model: Gaussians, codec: str) -> Gaussians:
 
     forge = gaussforge.GaussForge()
     with TemporaryDirectory() as folder:
-        write_model(file := Path(folder) / "model.ply", drawable(model, codec))
+        file = Path(folder) / "model.ply"
+        write_model(file, drawable(model, codec))
         packed = forge.convert(file.read_bytes(), "ply", codec)["data"]
         file.write_bytes(forge.convert(packed, codec, "ply")["data"])
         return read_model(file)
 
 
 def _places(before: Float32, after: Float32) -> Indices:
-    """Return the row of `before` [K,3] that each centre of `after` [K,3] was, where an encoder sorted and rounded them.
+    """Return the row in `before` [K,3] of each centre of `after` [K,3], which an encoder sorted and rounded.
 
-    Centres are compared on the grid of SOG; of those in one cell, any may have been any.
+    Centres are compared on the grid of SOG; centres that share a grid cell are interchangeable.
     """
-    logs = [np.sign(means) * np.log1p(np.abs(means)) for means in (before.astype(np.float64), after.astype(np.float64))]
-    low, high = logs[1].min(axis=0), logs[1].max(axis=0)
+    logs_before = _signed_logs(before)
+    logs_after = _signed_logs(after)
+    low = logs_after.min(axis=0)
+    high = logs_after.max(axis=0)
     steps = np.maximum(high - low, np.finfo(np.float32).tiny) / 65535
-    sources, targets = (np.lexsort(np.rint((log - low) / steps).T) for log in logs)
+    order_before = np.lexsort(np.rint((logs_before - low) / steps).T)
+    order_after = np.lexsort(np.rint((logs_after - low) / steps).T)
     places = np.empty(len(after), np.intp)
-    places[targets] = sources
+    places[order_after] = order_before
     return places
+
+
+def _signed_logs(means: Float32) -> Float64:
+    """Return sign(x) log(1 + abs(x)) of centres [K,3], the coordinates that SOG quantizes."""
+    coordinates = means.astype(np.float64)
+    logs: Float64 = np.sign(coordinates) * np.log1p(np.abs(coordinates))
+    return logs
 
 
 def curve_order(means: Float64) -> Indices:
     """Return the rows of `means` [K,3], finite, along the Morton curve of PlayCanvas' splat-transform.
 
-    Its cells span the bounding box. Rows of one cell that fill more than a `CHUNK` are sorted again, within their own
-    box, so that far rows do not spoil the chunks of the others, which share a value range.
+    Its cells divide the bounding box. If a cell has more rows than a `CHUNK`, these are sorted again within their own
+    bounding box. So a few far rows do not widen the value ranges of all chunks.
     """
-    low, high = means.min(axis=0), means.max(axis=0)
+    low = means.min(axis=0)
+    high = means.max(axis=0)
     if (high - low).max() <= np.finfo(np.float32).tiny:  # one cell
         return np.arange(len(means))
     codes = morton_codes(means, low, high)

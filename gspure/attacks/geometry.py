@@ -53,13 +53,14 @@ def rigid_transform(
 ) -> Attacked:
     """Rotate the model about an axis through the world's origin, in degrees, then scale and translate it.
 
-    `axis` are three numbers separated by commas, of any length but zero; so is `translation`, in radii of the model,
-    none beyond `FARTHEST`.
+    `axis` and `translation` are three numbers, separated by commas. The axis may have any length but zero; the
+    translation is in radii of the model, at most `FARTHEST` along each coordinate.
 
-    The model looks the same from views that move along (`gspure.model.rotations`). Anchors cannot be rotated:
-    their networks read the viewing direction in world coordinates.
+    The model looks the same from views that move with it (`gspure.model.rotations`). Anchors cannot be rotated: their
+    networks read the viewing direction in world coordinates.
     """
-    direction, shift = _vector("axis", axis), _vector("translation", translation)
+    direction = _vector("axis", axis)
+    shift = _vector("translation", translation)
     length = float(np.linalg.norm(direction))
     require("rigid_transform", "axis", axis, "an axis", fits=length > 0)
     near = bool((np.abs(shift) <= FARTHEST).all())

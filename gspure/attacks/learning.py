@@ -40,7 +40,8 @@ def prune_repair(
     learn: str = "all",
 ) -> Attacked:
     """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
-    return _repaired(teacher, pruning.plain_prune_mask(weights, tau), rng, iterations, learn)
+    prune_mask = pruning.plain_prune_mask(weights, tau)
+    return _repaired(teacher, prune_mask, rng, iterations, learn)
 
 
 def gspure_repair(
@@ -57,7 +58,8 @@ def gspure_repair(
     learn: str = "all",
 ) -> Attacked:
     """Remove the rows that `gspure_scaled` removes, then train the rest as `prune_repair`."""
-    return _repaired(teacher, pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n), rng, iterations, learn)
+    prune_mask = pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n)
+    return _repaired(teacher, prune_mask, rng, iterations, learn)
 
 
 def _repaired(teacher: Teacher, prune_mask: Bools, rng: Rng, iterations: int, learn: str) -> Attacked:
@@ -82,17 +84,21 @@ def distil(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = 
     (docs/limits.md).
     """
     is_vanilla = type(teacher.public).attributes is PublicModel.attributes
-    each = max(1, len(model.columns_named("f_offset_")) // 3)  # Gaussians of an anchor
-    cameras, images, size = teacher.cameras, teacher.images, extent(teacher.cameras)
-    points, colours = consistent_points(cameras, images, size, rng)
+    per_row = max(1, len(model.columns_named("f_offset_")) // 3)  # Gaussians of an anchor
+    cameras = teacher.cameras
+    images = teacher.images
+    scene_extent = extent(cameras)
+    points, colours = consistent_points(cameras, images, scene_extent, rng)
     if len(points) < LEAST_POINTS:
         raise NotApplicable("distil", f"views share {len(points)} points, and training starts from {LEAST_POINTS}")
     start = beginning(gaussians_at(points, colours), int(rng.integers(2**31)))
     distilled = train(
-        *(cameras, images, start),
+        cameras,
+        images,
+        start,
         iterations=iterations,
-        extent=size,
-        max_gaussians=each * len(model),
+        extent=scene_extent,
+        max_gaussians=per_row * len(model),
         device=teacher.device,
         background=model.background,
     ).with_comment("vanilla 3DGS distilled from a public model")
@@ -100,4 +106,12 @@ def distil(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = 
     return Attacked(distilled, np.full(len(distilled), -1), len(model), removed=removed)
 
 
-ATTACKS = named(dict.fromkeys((finetune, prune_repair, gspure_repair, reestimate, distil)))
+ATTACKS = named(
+    {
+        finetune: None,
+        prune_repair: None,
+        gspure_repair: None,
+        reestimate: None,
+        distil: None,
+    }
+)

@@ -1,8 +1,8 @@
 """Attacks on renders of the scene, for marks that are read from images; the model itself is published unchanged.
 
-Each is a function of one image [H,W,3], 0 to 1, and returns one of the same size, clipped later. Strengths are those of
-WAVES (An et al. 2024, arXiv 2401.08573) for images of 512x512 pixels: JPEG of quality 90 to 10, blurs of up to 20
-pixels, crops to half of the area, noise of up to 0.1, brightness of up to 2. `resize` is ours.
+Each is a function from an image [H,W,3], 0 to 1, to an image of the same size, which is clipped later. Strengths are
+those of WAVES (An et al. 2024, arXiv 2401.08573) for images of 512x512 pixels: JPEG of quality 90 to 10, blurs of up to
+20 pixels, crops to half of the area, noise of up to 0.1, brightness of up to 2. `resize` is ours.
 """
 
 import io
@@ -44,8 +44,9 @@ def blur(image: Float32, _rng: Rng, *, radius: Annotated[float, Range(0.0, 1000.
 def resized_crop(image: Float32, rng: Rng, *, area: Part = 0.7) -> Float32:
     """Enlarge a random window with a share `area` of the pixels to the size of the render."""
     height, width = image.shape[:2]
-    left, top = rng.random(2) * (1 - np.sqrt(area)) * (width, height)
-    box = (left, top, left + width * np.sqrt(area), top + height * np.sqrt(area))
+    side = np.sqrt(area)  # of the window, relative to the render
+    left, top = rng.random(2) * (1 - side) * np.array([width, height])
+    box = (left, top, left + width * side, top + height * side)
     picture = _picture(image)
     return _array(_resized(picture, picture.size, box))
 
@@ -91,4 +92,6 @@ _STRENGTHS: Final[dict[Callable[..., Float32], Strength]] = {
     pixel_noise: Strength("sigma", 1e-3, 1.0, "log"),
     brightness: Strength("factor", 1.01, 10.0, "log"),
 }
-ATTACKS = tuple(Attack(f.__name__, f, strength=strength, of_renders=True) for f, strength in _STRENGTHS.items())
+ATTACKS = tuple(
+    Attack(function.__name__, function, strength=strength, of_renders=True) for function, strength in _STRENGTHS.items()
+)

@@ -1,4 +1,4 @@
-"""The strength of an attack, and the search for the one that does a certain damage to the scene."""
+"""The strength of an attack, and the search for the strength that does a given damage to the scene."""
 
 from __future__ import annotations
 
@@ -61,12 +61,14 @@ class Match(NamedTuple):
 def search(strength: Strength, damage_at: Callable[[float], float], wanted: float) -> Match:
     """Return the value whose damage is nearest to `wanted` dB, by bisection.
 
-    `damage_at` maps a value to the drop of the scene's PSNR. It is called at most `EVALUATIONS` times, and at the weak
-    end if all others do more. A value that it refuses by `InputError` is too strong; only the refusal of the weak end
-    is raised. A damage above `wanted` + `DAMAGE_TOLERANCE` is the last choice.
+    `damage_at` maps a value to the drop of the scene's PSNR. It is called at most `EVALUATIONS` times, and once more at
+    the weak end if all these values do too much damage. A value that it refuses with `InputError` is too strong; at the
+    weak end, the refusal is raised. A damage above `wanted` + `DAMAGE_TOLERANCE` is the last choice.
     """
     matches: list[Match] = []
-    low, high, position = 0.0, 1.0, 1.0
+    low = 0.0
+    high = 1.0
+    position = 1.0
     while len(matches) < EVALUATIONS:
         value = strength.at(position)
         try:
@@ -74,13 +76,18 @@ def search(strength: Strength, damage_at: Callable[[float], float], wanted: floa
         except InputError:
             damage = np.inf
         matches.append(Match(strength.setting, value, damage))
-        if (position == 1 and matches[-1].damage < wanted) or abs(matches[-1].damage - wanted) < DAMAGE_TOLERANCE / 2:
+        strongest_is_too_weak = position == 1 and damage < wanted
+        if strongest_is_too_weak or abs(damage - wanted) < DAMAGE_TOLERANCE / 2:
             break
-        low, high = (position, high) if matches[-1].damage < wanted else (low, position)
+        if damage < wanted:
+            low = position
+        else:
+            high = position
         position = (low + high) / 2
-    if all(m.damage > wanted + DAMAGE_TOLERANCE for m in matches):
-        matches.append(Match(strength.setting, value := strength.at(0.0), damage_at(value)))
-    return min(matches, key=lambda m: (m.damage > wanted + DAMAGE_TOLERANCE, abs(m.damage - wanted)))
+    if all(match.damage > wanted + DAMAGE_TOLERANCE for match in matches):
+        weakest = strength.at(0.0)
+        matches.append(Match(strength.setting, weakest, damage_at(weakest)))
+    return min(matches, key=lambda match: (match.damage > wanted + DAMAGE_TOLERANCE, abs(match.damage - wanted)))
 
 
 def scene_damage(
@@ -88,11 +95,11 @@ def scene_damage(
 ) -> Damage:
     r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
 
-    With photographs, it is the drop of the mean PSNR, as in the tables: over the views that differ from their
-    photograph both before and after the attack. Without, it is the mean `nominal_drop` against the unattacked renders.
+    With photographs, the damage is the drop of the mean PSNR, as in the tables; views that equal their photograph
+    before or after the attack do not count. Without, it is the mean `nominal_drop` against the unattacked renders.
 
     Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
-    unattacked render, so there is no PSNR to drop from.
+    unattacked render, so that no PSNR can drop.
     """
 
     def renders(
@@ -106,18 +113,22 @@ def scene_damage(
 
     references = renders(public) if photographs is None else photographs
 
-    def psnrs(*shown: Any) -> Float64:
-        return np.array([psnr(a, b) for a, b in zip(references, renders(*shown), strict=True)])
+    def psnrs(*attacked: Any) -> Float64:
+        pairs = zip(references, renders(*attacked), strict=True)
+        return np.array([psnr(reference, render) for reference, render in pairs])
+
+    def mean_nominal_drop(*attacked: Any) -> float:
+        return float(np.mean([nominal_drop(value) for value in psnrs(*attacked)]))
 
     if photographs is None:
-        return lambda *shown: float(np.mean([*map(nominal_drop, psnrs(*shown))]))
+        return mean_nominal_drop
     before = psnrs(public)
     if not np.isfinite(before).any():
         raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")
 
-    def drop(*shown: Any) -> float:
-        after = psnrs(*shown)
+    def drop_of_mean(*attacked: Any) -> float:
+        after = psnrs(*attacked)
         compared = np.isfinite(before) & np.isfinite(after)
         return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
 
-    return drop
+    return drop_of_mean

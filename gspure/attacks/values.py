@@ -33,8 +33,12 @@ def gaussian_noise(
     features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
     """
     names = select_columns("gaussian_noise", columns, attributes, COLOURS)
-    noisy = {name: (model.table[name] + sigma * rng.standard_normal(len(model))).astype(np.float32) for name in names}
-    return Attacked.changed(model, noisy)
+
+    def noisy(column: Float32) -> Float32:
+        changed: Float32 = (column + sigma * rng.standard_normal(len(model))).astype(np.float32)
+        return changed
+
+    return Attacked.changed(model, {name: noisy(model.table[name]) for name in names})
 
 
 def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = OPACITY_SIGMA) -> Attacked:
@@ -75,8 +79,8 @@ def quantize(
 ) -> Attacked:
     """Round stored values of some `ATTRIBUTES` to few bits, as files for the web do.
 
-    16 `bits` are half precision; greater numbers become its largest. 1 to 8 are 2^bits equally spaced
-    levels between a column's extremes, so one extreme value coarsens all others.
+    16 `bits` are half precision; larger values become its largest number. 1 to 8 bits are 2^bits equally spaced levels
+    between a column's extremes, so one extreme value coarsens all others.
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
     names = select_columns("quantize", columns, attributes, ATTRIBUTES)
@@ -90,7 +94,7 @@ def quantize(
 def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0, MAX_SH_DEGREE)] = 0) -> Attacked:
     """Set the spherical harmonics above `degree` to zero; the columns stay, so that the model reads as before.
 
-    Refused for models without harmonics above `degree`.
+    Models without harmonics above `degree` are refused.
     """
     most = model.sh_degree - 1
     if degree > most:
@@ -106,7 +110,8 @@ def _to_levels(values: Float32, levels: int) -> Float32:
     finite = values[np.isfinite(values)]
     if not len(finite) or finite.min() == finite.max():
         return values
-    least, greatest = float(finite.min()), float(finite.max())
+    least = float(finite.min())
+    greatest = float(finite.max())
     step = (greatest - least) / (levels - 1)
     rounded: Float32 = (least + step * np.rint((values.astype(np.float64) - least) / step)).astype(np.float32)
     return rounded

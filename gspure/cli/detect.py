@@ -8,7 +8,7 @@ import numpy as np
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.metrics.csv_tables import write_table
-from gspure.metrics.detection import Reading, read_marks
+from gspure.metrics.readings import Reading, read_marks
 from gspure.provenance import run_of
 from gspure.schemes.registry import made_by
 from gspure.settings import SECONDS

@@ -9,7 +9,7 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import file_digest, filling, write_json
 from gspure.metrics.targets import BITS
-from gspure.model.inria import is_model
+from gspure.model import is_trained_model
 from gspure.progress import say
 from gspure.provenance import write_provenance
 from gspure.scenes.procedural import scene_builder
@@ -87,7 +87,7 @@ def run(args: Arguments) -> None:
 
 def _made_pair(args: Arguments, folder: Path) -> Path:
     """Make a pair in a folder as `gspure pair` does; photographs of the message keep their poses."""
-    has_poses = not (scene_builder(args.message) or is_model(args.message))
+    has_poses = not (scene_builder(args.message) or is_trained_model(args.message))
     words = [args.scene, args.message, "--protocol", "own" if has_poses else "shared", "--out", str(folder)]
     words += ["--resolution", args.resolution, "--seed", str(args.seed)]
     making = parser_of("pair").parse_args(words)

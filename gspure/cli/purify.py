@@ -197,7 +197,7 @@ def _draw(
 
     folder = args.out / "figures"
     model = Purified(public, purification.labels, purification.weights, tau_c=args.tau_c, tau_n=args.tau_n)
-    captions = draw_model(folder, model, cameras, device, viewer=False)
+    captions = draw_model(folder, model, cameras, device)
     if public.visible:
         path = folder / "before_after.png"
         try:

@@ -142,9 +142,9 @@ def _compare(folder: Path, args: Arguments, data: Dataset, model: Path, device: 
     from gspure.model import read_model
     from gspure.renderer import Renderer
     from gspure.training.dataset import read_photographs
-    from gspure.training.output import comparison
+    from gspure.training.output import comparison_folders
 
-    truth, renders = comparison(folder, args.iterations)
+    truth, renders = comparison_folders(folder, args.iterations)
     renderer = Renderer(read_model(model), device)
     photographs = read_photographs(data.test, args.background)
     rows = []

@@ -22,9 +22,9 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Write the page."""
     from gspure.cameras.reading import place_in
-    from gspure.figures.viewer import view_of
-    from gspure.report.page import write_view
     from gspure.schemes.registry import read_public_model
+    from gspure.viewer.data import view_of
+    from gspure.viewer.page import write_view
 
     files = [file for file in (args.model, args.other) if file]
     folder = args.model if args.model.is_dir() else args.model.parent

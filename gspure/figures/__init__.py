@@ -1,1 +1,1 @@
-"""Figures and the report: numpy in, files out. Only here are pyvista and matplotlib known."""
+"""Figures: numpy in, files out. Only here are pyvista and matplotlib known."""

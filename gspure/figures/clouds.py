@@ -17,10 +17,10 @@ from gspure.model import Gaussians
 from gspure.public_model import PublicModel, Rows
 from gspure.text import percent
 
-_STEPS = 256  # of a scale
+_STEPS = 256  # colours of a scale
 _PALE = 0.55  # share of white in the colours of kept clusters
 _NOISE = style.tint(style.NOISE, 0.7)
-_LEGEND = 6  # entries in a row
+_LEGEND = 6  # entries in a row of the legend
 
 Legend = tuple[tuple[tuple[str, str], ...], ...]
 
@@ -29,15 +29,15 @@ Legend = tuple[tuple[tuple[str, str], ...], ...]
 class Colouring:
     """The sRGB colours of points, uint8 [K,3].
 
-    The rows of the legend are labels with their colours, ``none`` for words alone. Continuous colours have a scale
-    instead: uint8 [S,3] from lowest to highest, with the labels of its low end, middle and high end. `named` are the
-    rows of points to name in a picture.
+    The legend has rows of labels with their colours; the colour of plain text is ``none``. Continuous colours have a
+    scale instead: uint8 [S,3] from lowest to highest, with the labels of its low end, middle and high end. `named`
+    holds the rows of the points that a picture names, by name.
     """
 
     colours: UInt8
     legend: Legend = ()
     scale: UInt8 | None = None
-    words: tuple[str, str, str] = ("", "", "")
+    scale_labels: tuple[str, str, str] = ("", "", "")
     named: Mapping[str, Indices] = field(default_factory=dict)
 
 
@@ -45,9 +45,9 @@ class Colouring:
 class Purified:
     """A model with K >= 1 rows, Gaussians or anchors, and the decision about each.
 
-    `labels` and `weights` are [K]; so is `hidden`, the weights in views of the message, if there is one. Then `message`
-    is `Key.gaussians` for the public model, and `extracted` a picture [H,W,3] of what the key extracts from a model.
-    Rows are pruned by the factors `tau_c` and `tau_n`.
+    `labels` and `weights` are [K]; `tau_c` and `tau_n` are the pruning factors. With the owner's key, `hidden` [K] are
+    the weights in views of the message, `message` is `Key.gaussians` for the public model, and `extracted` returns a
+    picture [H,W,3] of what the key extracts from a model.
     """
 
     public: PublicModel
@@ -70,16 +70,16 @@ class Purified:
         return prune_mask(self.labels, self.weights, self.tau_c, self.tau_n)
 
     @property
-    def rows(self) -> str:
-        """What a row is: Gaussians or anchors."""
+    def row_kind(self) -> str:
+        """What the rows are: Gaussians or anchors."""
         return "anchors" if self.public.model.has_anchors else "Gaussians"
 
     @cached_property
     def ranks(self) -> Float64:
-        """The rank [K] of the weight that decides about each row, times its factor: GSPure prunes low ranks.
+        """The ranks [K] of the deciding weights times the pruning factors: GSPure prunes the lowest ranks.
 
-        The weight is that of `gspure.method.pruning.deciding_weights`, the factor `tau_c` in clusters and `tau_n`
-        outside. The rank is the share of rows with a lower product, from 0 to 1; equal ones share their mean rank.
+        The weights are those of `gspure.method.pruning.deciding_weights`; the factor is `tau_c` in clusters and `tau_n`
+        outside. A rank is the share of rows with a lower product, from 0 to 1. Equal products share their mean rank.
         """
         factors = np.where(self.labels != NOISE_LABEL, self.tau_c, self.tau_n)
         deciding = deciding_weights(self.labels, self.weights) * factors
@@ -89,20 +89,22 @@ class Purified:
 
     @cached_property
     def colourings(self) -> dict[str, Colouring]:
-        """The colours of the rows by what they show; the message only if it is known."""
+        """The colours of the rows by what they show: cluster, rank, prune mask, and the message if it is known."""
         colourings = {
             "cluster": by_cluster(self.labels, self.pruned),
             "rank": by_rank(self.ranks),
             "pruned": by_decision(self.pruned),
         }
-        return colourings if self.hidden is None else {**colourings, "message": by_share(self.weights, self.hidden)}
+        if self.hidden is not None:
+            colourings["message"] = by_share(self.weights, self.hidden)
+        return colourings
 
 
 def by_cluster(labels: Int32, pruned: Bools) -> Colouring:
     """Colour rows by their cluster, pale if the cluster is kept; noise is light grey.
 
-    The largest clusters have a number and a colour each; smaller ones use these colours again. `pruned` [K] is true
-    for all of a cluster or for none of it.
+    The largest clusters have a number and a colour each; smaller ones use these colours again. `pruned` [K] is the
+    prune mask, equal for all rows of a cluster.
     """
     hues = len(style.CLUSTERS)
     pale = [style.tint(colour, _PALE) for colour in style.CLUSTERS]
@@ -120,68 +122,83 @@ def by_cluster(labels: Int32, pruned: Bools) -> Colouring:
 
 
 def _cluster_legend(sizes: Indices, kept: Bools, total: int) -> Legend:
-    """Return rows of pruned and of kept clusters, from the largest, and of noise."""
+    """Return legend rows for pruned clusters, kept clusters and noise.
+
+    `sizes` and `kept` are of clusters, the largest first; `total` is the number of rows of the model.
+    """
     hues = len(style.CLUSTERS)
     rows: list[tuple[tuple[str, str], ...]] = []
-    for fate, share, chosen in (("pruned", 0.0, ~kept), ("kept (pale)", _PALE, kept)):
-        entries = [(f"{fate}:", "none")] * bool(chosen.any())
-        largest = np.flatnonzero(chosen[:hues])
-        entries += [(f"{i + 1}: {percent(sizes[i] / total)}", style.tint(style.CLUSTERS[i], share)) for i in largest]
-        if rest := np.count_nonzero(chosen[hues:]):
-            entries.append((f"{rest} smaller: {percent(sizes[hues:][chosen[hues:]].sum() / total)}", "none"))
+    for fate, paleness, mask in (("pruned", 0.0, ~kept), ("kept (pale)", _PALE, kept)):
+        if not mask.any():
+            continue
+        entries = [(f"{fate}:", "none")]
+        numbered = np.flatnonzero(mask[:hues])
+        entries += [
+            (f"{i + 1}: {percent(sizes[i] / total)}", style.tint(style.CLUSTERS[i], paleness)) for i in numbered
+        ]
+        smaller = sizes[hues:][mask[hues:]]
+        if len(smaller):
+            entries.append((f"{len(smaller)} smaller: {percent(smaller.sum() / total)}", "none"))
         rows += [tuple(entries[i : i + _LEGEND]) for i in range(0, len(entries), _LEGEND)]
-    return (*rows, ((f"noise: {percent((total - sizes.sum()) / total)}", _NOISE),))
+    noise = (total - sizes.sum()) / total
+    return (*rows, ((f"noise: {percent(noise)}", _NOISE),))
 
 
 def by_decision(pruned: Bools) -> Colouring:
     """Colour rows by the prune mask [K]."""
     share = float(pruned.mean())
-    row = ((f"kept: {percent(1 - share)}", style.KEPT), (f"pruned: {percent(share)}", style.PRUNED))
-    return Colouring(np.array([style.rgb(colour) for _, colour in row])[pruned.astype(np.intp)], (row,))
+    legend_row = ((f"kept: {percent(1 - share)}", style.KEPT), (f"pruned: {percent(share)}", style.PRUNED))
+    palette = np.array([style.rgb(style.KEPT), style.rgb(style.PRUNED)])
+    return Colouring(palette[pruned.astype(np.intp)], (legend_row,))
 
 
 def by_reason(masks: Mapping[str, Bools]) -> Colouring:
-    """Colour rows by the last of these masks [K] in which they are, with its name; the others are pale."""
+    """Colour rows by the last of these masks [K] that is true for them; rows in no mask are pale.
+
+    The legend names the masks.
+    """
     hues = (style.PRUNED, style.MESSAGE, style.SCENE)
     entry = np.zeros(len(next(iter(masks.values()))), np.intp)
     for i, mask in enumerate(masks.values(), 1):
         entry[mask] = i
-    legend = [(f"{name}: {percent(mask.mean())}", hue) for (name, mask), hue in zip(masks.items(), hues, strict=False)]
+    labels = [f"{name}: {percent(mask.mean())}" for name, mask in masks.items()]
     palette = np.array([style.rgb(colour) for colour in (_NOISE, *hues)])
-    return Colouring(palette[entry], tuple((row,) for row in legend))
+    return Colouring(palette[entry], tuple(((label, hue),) for label, hue in zip(labels, hues, strict=False)))
 
 
-def by_rank(rank: Float64) -> Colouring:
-    """Colour rows by their `ranks` [K]."""
-    return _on_scale(rank, ("lowest", "rank", "highest"), _colour_map)
+def by_rank(ranks: Float64) -> Colouring:
+    """Colour rows by their ranks [K] (`Purified.ranks`)."""
+    return _on_scale(ranks, ("lowest", "rank", "highest"), _rank_colours)
 
 
 def by_share(weights: Float32, hidden: Float32) -> Colouring:
     """Colour rows by the message's share of their weight, h / (h + ω); grey if both are 0.
 
-    `hidden` holds the weight h in views of the message (`gspure.schemes.hidden_weight.hidden_weights`), `weights` ω in
-    views of the scene.
+    `weights` [K] are ω, in views of the scene; `hidden` [K] are h, in views of the message
+    (`gspure.schemes.hidden_weight.hidden_weights`).
     """
     total = weights.astype(np.float64) + hidden
-    share = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
-    return _on_scale(share, ("0%", "message's share", "100%"), _between)
+    shares = np.divide(hidden, total, where=total > 0, out=np.full(len(total), np.nan))
+    return _on_scale(shares, ("0%", "message's share", "100%"), _share_colours)
 
 
-def _on_scale(place: Float64, words: tuple[str, str, str], colour: Callable[[Float64], UInt8]) -> Colouring:
-    """Colour places [K] from 0 to 1; NaN is grey."""
-    known = colour(np.nan_to_num(place))
-    colours = np.where(np.isnan(place)[:, None], style.rgb(style.NOISE), known)
-    return Colouring(colours, scale=colour(np.linspace(0, 1, _STEPS)), words=words)
+def _on_scale(values: Float64, labels: tuple[str, str, str], colour_map: Callable[[Float64], UInt8]) -> Colouring:
+    """Colour values [K] from 0 to 1; NaN is grey."""
+    known = colour_map(np.nan_to_num(values))
+    colours = np.where(np.isnan(values)[:, None], style.rgb(style.NOISE), known)
+    return Colouring(colours, scale=colour_map(np.linspace(0, 1, _STEPS)), scale_labels=labels)
 
 
-def _colour_map(values: Float64) -> UInt8:
+def _rank_colours(ranks: Float64) -> UInt8:
+    """Return the colours [S,3] of ranks."""
     from matplotlib import colormaps
 
-    colours: UInt8 = colormaps[style.RANKS](values, bytes=True)[:, :3]
+    colours: UInt8 = colormaps[style.RANKS](ranks, bytes=True)[:, :3]
     return colours
 
 
-def _between(share: Float64) -> UInt8:
-    """Return colours [S,3] between those of the scene (0) and of the message (1)."""
-    ends = [style.rgb(colour).astype(np.float64) for colour in (style.KEPT, style.MESSAGE)]
-    return np.rint(ends[0] + share[:, None] * (ends[1] - ends[0])).astype(np.uint8)
+def _share_colours(shares: Float64) -> UInt8:
+    """Return the colours [S,3] of the message's shares: from that of kept rows (0) to that of the message (1)."""
+    kept = style.rgb(style.KEPT).astype(np.float64)
+    message = style.rgb(style.MESSAGE).astype(np.float64)
+    return np.rint(kept + shares[:, None] * (message - kept)).astype(np.uint8)

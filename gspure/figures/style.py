@@ -82,7 +82,8 @@ def page(
     with mpl.rc_context(_RC):
         figure = Figure(figsize=(width, height), dpi=DPI, layout=layout, facecolor="none")
         yield figure
-        if figure.axes and (engine := figure.get_layout_engine()):
+        engine = figure.get_layout_engine()
+        if figure.axes and engine:
             engine.execute(figure)
             figure.set_layout_engine(None)  # with one, savefig would draw all pictures twice
         canvas = FigureCanvasAgg(figure)

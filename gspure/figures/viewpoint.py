@@ -13,12 +13,13 @@ from gspure.cameras.orbit import guessed_up
 _BULK = (0.02, 0.98)  # quantiles that bound the points without floaters
 _NEAREST = 0.1  # least distance of an overview from the framed points, times their extent
 _MARGIN = 1.04  # of an overview, times the extent of the framed points
-_TALLEST, _FLATTEST = 0.8, 0.45  # height over width of an overview
+_TALLEST = 0.8  # greatest height over width of an overview
+_FLATTEST = 0.45  # least height over width of an overview
 _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
-_CELLS = 100  # of the grid of foremost points, across the picture
-_AGREEMENT = 0.25  # least length of the mean over mean length for which directions agree
+_CELLS = 100  # across the picture, in the grid of foremost points
+_AGREEMENT = 0.25  # directions agree if the length of their mean is more than this share of their mean length
 
 
 def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float64:
@@ -44,11 +45,11 @@ def _agreed(vectors: Float64, otherwise: Float64) -> Float64:
     return np.asarray(total / np.linalg.norm(total))
 
 
-def choose(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
+def choose_camera(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Camera:
     """Return a view of the whole cloud: from outside if the cameras surround it, else one of them.
 
-    If most cameras are inside the cloud (a room, an open landscape), it is the one that sees the most points, the first
-    by name if there are several.
+    If most cameras are inside the cloud (a room, an open landscape), return the one that sees the most points; of
+    equals, the first by name.
     """
     centres = np.array([camera.centre for camera in cameras]).reshape(-1, 3)
     low, high = np.quantile(means, _BULK, axis=0)
@@ -77,7 +78,8 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
 
     # The image is 1000 pixels wide and filled by the slopes x / z and y / z.
     slopes = (local[:, :2] - eye[:2]) / (local[:, 2:] - eye[2])
-    low, high = slopes.min(axis=0), slopes.max(axis=0)
+    low = slopes.min(axis=0)
+    high = slopes.max(axis=0)
     width, height = np.maximum((high - low) * _MARGIN, 1e-3)
     width = max(width, height / _TALLEST)
     focal = 1000 / width

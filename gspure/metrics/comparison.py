@@ -56,35 +56,39 @@ def pair_images(
 ) -> tuple[list[ImagePair], int]:
     """Pair the PNG files below two folders by their relative paths, sorted by target and view.
 
-    Targets (subfolders) of `images` in `against` are compared with a differently named target of `reference`. If there
-    are `targets`, all others are left out. Also return the number of images of `reference` without a counterpart. Raise
-    `InputError` if a folder holds no PNG file, or `images` lacks a target or has a file that `reference` lacks.
+    A target is a subfolder. `against` maps a target of `images` to the target of `reference` that it is compared with,
+    if that has another name. `targets` select targets of `images`; without any, all are compared. Also return the
+    number of images of `reference` without a counterpart. Raise `InputError` if a folder holds no PNG file, or `images`
+    lacks a target or has a file that `reference` lacks.
     """
-    renamed, chosen = against or {}, frozenset(targets)
-    available, compared = _png_files(reference), _png_files(images, chosen)
-    shown = {path.parent.as_posix() for path in compared}
-    for target in sorted((renamed.keys() | chosen) - shown):
-        raise InputError(images, "target", expected=f"one of {', '.join(sorted(shown))}", found=repr(target))
-    counterparts = {p: Path(renamed.get(p.parent.as_posix(), p.parent)) / p.name for p in compared}
+    renamed = against or {}
+    chosen = frozenset(targets)
+    available = _png_files(reference)
+    compared = _png_files(images, chosen)
+    present = {path.parent.as_posix() for path in compared}
+    for target in sorted((renamed.keys() | chosen) - present):
+        raise InputError(images, "target", expected=f"one of {', '.join(sorted(present))}", found=repr(target))
+    counterparts = {path: Path(renamed.get(path.parent.as_posix(), path.parent)) / path.name for path in compared}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
             expected = f"a counterpart of {images / path}"
             raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
     pairs = [
-        ImagePair(p.parent.as_posix(), p.stem, reference / q, images / p, tuple(background))
-        for p, q in counterparts.items()
+        ImagePair(path.parent.as_posix(), path.stem, reference / counterpart, images / path, tuple(background))
+        for path, counterpart in counterparts.items()
     ]
     return sorted(pairs), len(available - {*counterparts.values()})
 
 
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
-    """Compare two images; one of `gspure.metrics.names.BASELINES` replaces the second one if `baseline` names it.
+    """Compare two images; `baseline`, one of `gspure.metrics.names.BASELINES`, replaces the second one.
 
     A photograph larger than the image is reduced, as for training. Raise `InputError` if an image cannot be read, or is
     larger than its photograph, or of another size than its render.
     """
     b = read_image(pair.image, background=pair.background)
-    a = read_image(pair.reference, (b.shape[1], b.shape[0]) if reference == TRUTH else None, pair.background)
+    size = (b.shape[1], b.shape[0]) if reference == TRUTH else None
+    a = read_image(pair.reference, size, pair.background)
     if a.shape != b.shape:
         expected = f"{a.shape[1]}x{a.shape[0]}, as {pair.reference}"
         raise InputError(pair.image, "size", expected=expected, found=f"{b.shape[1]}x{b.shape[0]}")
@@ -100,21 +104,24 @@ def means(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     hide all damage to the rest.
     """
     averages = []
-    for target, views in grouped(sorted(rows, key=lambda row: (row.target, row.view)), lambda row: row.target).items():
-        finite = {name: [row.values[name] for row in views if np.isfinite(row.values[name])] for name in METRICS}
-        values = {name: float(np.mean(known or [np.inf])) for name, known in finite.items()}
+    in_order = sorted(rows, key=lambda row: (row.target, row.view))
+    for target, views in grouped(in_order, lambda row: row.target).items():
+        values = {}
+        for name in METRICS:
+            finite = [row.values[name] for row in views if np.isfinite(row.values[name])]
+            values[name] = float(np.mean(finite or [np.inf]))
         averages.append(ViewMetrics(target, "mean", views[0].reference, values))
     return averages
 
 
 def worst(rows: Iterable[ViewMetrics]) -> list[ViewMetrics]:
     """Return one row per target: the view of lowest PSNR."""
-    by_target = grouped(sorted(rows, key=lambda row: (row.target, row.psnr, row.view)), lambda row: row.target)
-    return [views[0] for views in by_target.values()]
+    by_psnr = sorted(rows, key=lambda row: (row.target, row.psnr, row.view))
+    return [views[0] for views in grouped(by_psnr, lambda row: row.target).values()]
 
 
 def far_below(rows: Sequence[ViewMetrics]) -> list[str]:
-    """Return one sentence per target whose worst view is far below the mean, which hides it."""
+    """Return one sentence per target whose worst view is far below the mean PSNR, which hides that view."""
     return [
         f"{_named(low)} has {decimal(low.psnr, 1)} dB, {decimal(mean.psnr - low.psnr, 1)} dB less than the mean PSNR: "
         "do the other views show the same surfaces?"
@@ -142,22 +149,23 @@ def read_metrics(path: Path) -> list[ViewMetrics]:
 
 
 def as_text(rows: Sequence[ViewMetrics], *, per_view: bool = False) -> list[str]:
-    """Return aligned lines: perhaps all views, then mean and worst view of every target, then remarks."""
+    """Return aligned lines: mean and worst view of every target, then remarks; `per_view` puts all views first."""
     views = Counter(row.target for row in rows)
-    remarks = [
-        f"{'' if target == '.' else f'{target}: '}{same} of {views[target]} views are identical; mean PSNR: the others"
-        for target, same in identical(rows).items()
-        if same < views[target]
-    ]
+    remarks = []
+    for target, count in identical(rows).items():
+        if count < views[target]:
+            prefix = "" if target == "." else f"{target}: "
+            remarks.append(f"{prefix}{count} of {views[target]} views are identical; mean PSNR: the others")
     remarks += [f"warning: {sentence}" for sentence in far_below(rows)]
-    rows = [
-        *(rows if per_view else ()),
-        *means(rows),
-        *(row._replace(view=f"worst: {row.view}") for row in worst(rows)),
-    ]
-    width = max(len(_named(row)) for row in rows)
-    lines = [f"{'view':<{width}}" + "".join(f"{metric.title:>12}" for metric in METRICS.values())]
-    lines += [f"{_named(row):<{width}}" + "".join(f"{decimal(row.values[m], 4):>12}" for m in METRICS) for row in rows]
+    listed = [*rows] if per_view else []
+    listed += means(rows)
+    listed += [row._replace(view=f"worst: {row.view}") for row in worst(rows)]
+    width = max(len(_named(row)) for row in listed)
+    titles = "".join(f"{metric.title:>12}" for metric in METRICS.values())
+    lines = [f"{'view':<{width}}{titles}"]
+    for row in listed:
+        numbers = "".join(f"{decimal(row.values[name], 4):>12}" for name in METRICS)
+        lines.append(f"{_named(row):<{width}}{numbers}")
     return lines + remarks
 
 
@@ -170,7 +178,7 @@ def _png_files(folder: Path, targets: Container[str] = ()) -> set[Path]:
     if any(path.name.startswith(("orbit_", "shell_")) for path in files):  # generated views, perhaps with candidates
         files.discard(Path(UP_SHEET))
     files = {path for path in files if not targets or path.parent.as_posix() in targets}
-    files = {path for path in files if not path.parts[0].startswith(".")}  # what a killed process left
+    files = {path for path in files if not path.parts[0].startswith(".")}  # left by a killed process
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
     return files

@@ -1,9 +1,9 @@
 """Typed tables as CSV: the one codec of all result files.
 
 The rows of a table are of one kind, a NamedTuple, whose annotations name and type the columns. A nested NamedTuple
-takes one column per field (``drop_mean``, ``drop_low``, ...; if it is `UNPREFIXED`, ``mean``, ...), a mapping of
-metrics one per metric of `gspure.metrics.image_metrics.METRICS`. Numbers have every digit, so that they are read back
-unchanged; NaN and None are empty cells.
+takes one column per field (``drop_mean``, ``drop_low``, ...; if it is `UNPREFIXED`, ``mean``, ...), and a mapping of
+metrics one column per metric of `gspure.metrics.image_metrics.METRICS`. Numbers are written with every digit and read
+back unchanged; NaN and None are empty cells.
 """
 
 import csv
@@ -19,9 +19,7 @@ from gspure.errors import InputError, reading
 from gspure.files import write_text
 from gspure.metrics.image_metrics import METRICS
 
-Row = TypeVar("Row")
-Key = TypeVar("Key")
-
+RowType = TypeVar("RowType")
 
 Values = Annotated[Mapping[str, float], "{}"]  # metrics by name: one column each, where the metric replaces the braces
 Drops = Annotated[Mapping[str, float], "{}_drop"]
@@ -33,8 +31,8 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
     write_text(path, csv_text(header(kind), ([_text(value) for _, value in _cells(kind, row)] for row in rows)))
 
 
-def read_table(path: Path, kind: type[Row]) -> list[Row]:
-    """Read what `write_table` has written.
+def read_table(path: Path, kind: type[RowType]) -> list[RowType]:
+    """Read a table of `write_table`.
 
     Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
@@ -69,11 +67,14 @@ def _hints(kind: type) -> dict[str, Any]:
 
 
 def _cells(kind: type, row: Any = None, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield columns and values of a row, or of nothing."""
+    """Yield columns and values of a row; without a row, the values are None."""
     for name, hint in _hints(kind).items():
-        value, inner, annotation = getattr(row, name, None), *_parts(hint)
+        value = getattr(row, name, None)
+        inner, annotation = _parts(hint)
         if get_origin(inner) is Mapping:
-            yield from ((annotation.format(metric), (value or {}).get(metric)) for metric in METRICS)
+            metrics = value or {}
+            for metric in METRICS:
+                yield annotation.format(metric), metrics.get(metric)
         elif hasattr(inner, "_fields"):
             yield from _cells(inner, value, prefix if annotation == UNPREFIXED else f"{prefix}{name}_")
         else:
@@ -100,7 +101,8 @@ def _read(kind: type, cells: Iterator[str]) -> Any:
 def _parts(hint: Any) -> tuple[Any, Any]:
     """Return the type of a hint without None, and its annotation."""
     inner = next((argument for argument in get_args(hint) if argument is not NoneType), hint)
-    return inner, hint.__metadata__[0] if get_origin(hint) is Annotated else None
+    annotation = hint.__metadata__[0] if get_origin(hint) is Annotated else None
+    return inner, annotation
 
 
 def _value(hint: Any, inner: Any, text: str) -> Any:

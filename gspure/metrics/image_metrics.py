@@ -20,7 +20,7 @@ DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
 
 NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of an unattacked model without photographs, dB; ours
 _STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself
-_ROWS: Final = 16  # that are blurred at a time, in the cache of a core
+_ROWS: Final = 16  # rows blurred at a time: they fit into the cache of a core
 
 
 def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -53,9 +53,9 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     .. math:: \prod_{j<M} \max(0, \overline{cs}_j)^{w_j} \cdot \max(0, \overline{l_M cs_M})^{w_M}
 
-    (Wang, Simoncelli and Bovik 2003), mean over channels, with the means of luminance l and of contrast and structure
-    cs over those pixels whose window lies in the image. Each scale halves the last by means of 2 x 2 pixels. An image
-    has the first M of `MS_SSIM_WEIGHTS` that its shorter side allows, divided by their sum; M is at least 1.
+    (Wang, Simoncelli and Bovik 2003), mean over channels, with luminance l and contrast and structure cs averaged over
+    the pixels whose window lies in the image. Each scale averages 2 x 2 pixels of the previous one. The shorter side
+    limits the number M of scales, at least 1; the first M of `MS_SSIM_WEIGHTS` are divided by their sum.
     """
     return ssims(a, b)[1]
 
@@ -68,16 +68,18 @@ def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
     index = np.ones(a.shape[2])
     for scale, weight in enumerate(weights, start=1):
         if scale > 1:
-            a, b = _halved(a), _halved(b)
+            a = _halved(a)
+            b = _halved(b)
         everywhere, whole, contrast = _mean_similarities(a, b)
         if scale == 1:
             single = float(np.mean(everywhere))
-        index *= np.maximum(0.0, whole if scale == len(weights) else contrast) ** (weight / sum(weights))
+        similarity = whole if scale == len(weights) else contrast
+        index *= np.maximum(0.0, similarity) ** (weight / sum(weights))
     return single, float(np.mean(index))
 
 
 def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
-    """Return the PSNR in dB over the pixels in which the reference does not have its most frequent colour, in 8 bits.
+    """Return the PSNR in dB without the background: the pixels of the reference's most frequent colour, in 8 bits.
 
     If the reference has one colour only, all pixels count.
     """
@@ -115,7 +117,7 @@ def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
-    r"""Return the root-mean-square damage to the message, relative to that of the scene.
+    r"""Return the root-mean-square damage to the message, divided by that to the scene.
 
     .. math:: \sqrt{\frac{\sum \Delta \mathrm{MSE}_{message}}{\sum \Delta \mathrm{MSE}_{scene}}}, \quad
         \mathrm{MSE} = 10^{-\mathrm{PSNR} / 10}
@@ -124,18 +126,17 @@ def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
 
     `message` and `scene` [N,2] are PSNR before and after an attack in the same N scenes, dB.
     """
-    rises = [float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene)]
-    return float(np.sqrt(max(rises[0], 0.0) / rises[1])) if rises[1] > 0 else math.nan
+    message_rise, scene_rise = (float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene))
+    return float(np.sqrt(max(message_rise, 0.0) / scene_rise)) if scene_rise > 0 else math.nan
 
 
 def nominal_drop(level: float) -> float:
     r"""Return the drop of the PSNR, dB, of a view without a photograph, from its PSNR against the unattacked render.
 
-    It is that of a model that has `NOMINAL_PSNR` and whose errors are independent of the attack's,
-
     .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
 
-    so 0 dB in a view that the attack leaves as it is.
+    This assumes that the unattacked view has `NOMINAL_PSNR`, and that its errors are independent of the attack's. It is
+    0 dB for a view that the attack leaves as it is.
     """
     return 10 * math.log10(1 + 10 ** ((NOMINAL_PSNR - level) / 10))
 
@@ -156,42 +157,52 @@ def _rows_of_strips(image: NDArray[Any]) -> Iterator[slice]:
 
 
 def _mean_similarities(a: NDArray[Any], b: NDArray[Any]) -> tuple[Float64, Float64, Float64]:
-    """Return the means [C] of SSIM over all pixels; and inside, of SSIM and of its factor contrast and structure.
+    """Return three means [C]: of SSIM over all pixels, of SSIM inside, and of contrast and structure inside.
 
-    Inside are those pixels whose window lies in the image; along a side that is too short for one, all.
+    Inside are the pixels whose window lies in the image; along a side shorter than the window, all pixels.
     """
     reach = SSIM_WINDOW // 2
-    top, left = (reach if side >= SSIM_WINDOW else 0 for side in a.shape[:2])
-    bottom, right = a.shape[0] - top, a.shape[1] - left
+    height, width = a.shape[:2]
+    top, left = (reach if side >= SSIM_WINDOW else 0 for side in (height, width))
+    bottom = height - top
+    right = width - left
     total = np.zeros((3, a.shape[2]))
     for rows in _rows_of_strips(a):
-        seen = slice(max(rows.start - reach, 0), rows.stop + reach)  # by the windows of these rows
-        luminance, contrast = _similarity(*(np.asarray(image[seen], np.float64) for image in (a, b)))
+        first = max(rows.start - reach, 0)
+        block = slice(first, rows.stop + reach)  # the strip, and the rows that its windows reach
+        luminance, contrast = _similarity(np.asarray(a[block], np.float64), np.asarray(b[block], np.float64))
         similarity = luminance * contrast
-        own = slice(rows.start - seen.start, rows.stop - seen.start)
-        inner = slice(max(rows.start, top) - seen.start, min(rows.stop, bottom) - seen.start), slice(left, right)
-        total += [np.sum(terms, axis=(0, 1)) for terms in (similarity[own], similarity[inner], contrast[inner])]
-    everywhere, *inside = total
-    return everywhere / (a.shape[0] * a.shape[1]), *(np.array(inside) / ((bottom - top) * (right - left)))
+        strip = slice(rows.start - first, rows.stop - first)
+        inside = (slice(max(rows.start, top) - first, min(rows.stop, bottom) - first), slice(left, right))
+        total += [np.sum(terms, axis=(0, 1)) for terms in (similarity[strip], similarity[inside], contrast[inside])]
+    area = height * width
+    area_inside = (bottom - top) * (right - left)
+    return total[0] / area, total[1] / area_inside, total[2] / area_inside
 
 
 def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
     """Return the two factors of SSIM of every pixel and channel: luminance, and contrast with structure."""
-    mean_a, mean_b = _blur(a), _blur(b)
-    var_a, var_b = _blur(a * a) - mean_a**2, _blur(b * b) - mean_b**2
+    mean_a = _blur(a)
+    mean_b = _blur(b)
+    var_a = _blur(a * a) - mean_a**2
+    var_b = _blur(b * b) - mean_b**2
     covariance = _blur(a * b) - mean_a * mean_b
     luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
     return luminance, (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
 
 
 def _blur(image: Float64) -> Float64:
-    """Return the means under a Gaussian window around each pixel, summed as `scipy.ndimage`, whose import is slow."""
+    """Return the mean under a Gaussian window around each pixel.
+
+    The terms are summed in the order of `scipy.ndimage`, whose import is slow.
+    """
     reach = SSIM_WINDOW // 2
     window = np.exp(-((np.arange(SSIM_WINDOW) - reach) ** 2) / (2 * SSIM_SIGMA**2))
     window /= window.sum()
     padded = np.pad(image, [(reach, reach), (0, 0), (0, 0)])
     width = image.shape[1]
-    blurred, spare = np.empty_like(image), np.empty_like(image[:_ROWS])
+    blurred = np.empty_like(image)
+    spare = np.empty_like(image[:_ROWS])
     wide = np.pad(spare, [(0, 0), (reach, reach), (0, 0)])
     for first in range(0, len(image), _ROWS):
         block = blurred[first : first + _ROWS]
@@ -214,7 +225,7 @@ def _add_under(window: Float64, shifted: Sequence[Float64], total: Float64, spar
 
 
 def _halved(image: NDArray[Any]) -> Float64:
-    """Return the means of 2 x 2 pixels; an odd last row or column is left out."""
+    """Return the means of 2 x 2 pixels, without an odd last row or column."""
     height, width = (side // 2 for side in image.shape[:2])
     squares = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1)
     return np.asarray(squares.mean(axis=(1, 3), dtype=np.float64))
@@ -233,7 +244,8 @@ def _gradients(image: NDArray[Any]) -> Iterator[Float64]:
     """Yield the forward differences of an image [H,W,C], down and across, of each strip."""
     for rows in _rows_of_strips(image):
         down = np.diff(np.asarray(image[rows.start : rows.stop + 1], np.float64), axis=0)
-        yield np.concatenate([down.ravel(), np.diff(np.asarray(image[rows], np.float64), axis=1).ravel()])
+        across = np.diff(np.asarray(image[rows], np.float64), axis=1)
+        yield np.concatenate([down.ravel(), across.ravel()])
 
 
 def _colours(reference: Float64) -> NDArray[np.uint32]:
@@ -260,9 +272,8 @@ class Metric(NamedTuple):
 
 def measured(a: NDArray[Any], b: NDArray[Any]) -> dict[str, float]:
     """Return all `METRICS` of a reference and another image."""
-    single, multiple = ssims(a, b)
-    shared = {"ssim": single, "ms_ssim": multiple}
-    return {name: shared[name] if name in shared else metric.compute(a, b) for name, metric in METRICS.items()}
+    computed = dict(zip(("ssim", "ms_ssim"), ssims(a, b), strict=True))
+    return {name: computed[name] if name in computed else metric.compute(a, b) for name, metric in METRICS.items()}
 
 
 METRICS: Final[Mapping[str, Metric]] = {

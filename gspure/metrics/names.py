@@ -6,20 +6,23 @@ from typing import Final
 UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
 GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
-CLEAN, WRONG_KEY, OTHER_SCENE = "clean", "wrong_key", "other_scene"
-CLEAN_GSPURE: Final = "clean_gspure"  # the clean model after GSPure: what it costs where there is nothing to remove
-BLACK, MEAN_COLOUR = "black", "mean_colour"
+CLEAN: Final = "clean"
+WRONG_KEY: Final = "wrong_key"
+OTHER_SCENE: Final = "other_scene"
+CLEAN_GSPURE: Final = "clean_gspure"  # control: GSPure applied to the clean model
+BLACK: Final = "black"
+MEAN_COLOUR: Final = "mean_colour"
 MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)  # models that never held the message: trained without it, or with another
 BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
 
 LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
-"""Controls whose highest PSNR is the control level of a scene: a message is present only above it. Without the wrong
-key, which is applied to a model with the message."""
+"""Controls whose highest PSNR is the control level of a scene: a message is present only above it. The wrong key is
+none of them, since it is applied to a model with the message."""
 
 CONTROLS: Final = (CLEAN, CLEAN_GSPURE, WRONG_KEY, OTHER_SCENE, *BASELINES)
 """Negative controls: extractions without the message or without the right key."""
 
-SCHEMES: Final = {  # the built-in ones
+SCHEMES: Final = {  # display names of the built-in schemes and of the examples
     "splats_in_splats": "Splats in Splats",
     "splats_in_splats_hardened": "Splats in Splats (hardened)",
     "gs_hider": "GS-Hider",
@@ -51,29 +54,30 @@ _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
 
 
 def variant_at(variant: str, damage: float) -> str:
-    """Return the name of a variant whose strength is searched for a damage to the scene, in dB."""
+    """Return the name of a variant whose strength is searched for this damage to the scene, in dB."""
     return f"{variant}@{damage:g}dB"
 
 
 def wanted_damage(variant: str) -> float | None:
-    """Return the damage, in dB, in a name from `variant_at`; None for other names."""
+    """Return the damage, in dB, that a name of `variant_at` holds; None for other names."""
     match = _WANTED.search(variant)
     return float(match[1]) if match else None
 
 
 def display_name(name: str) -> str:
     """Return the name of a scheme, a variant or a target as people write it."""
-    name, _, damage = name.partition("@")
-    shown = _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
-    return f"{shown}, {damage.removesuffix('dB')} dB" if damage else shown
+    stem, _, damage = name.partition("@")
+    text = _NAMES.get(stem) or " ".join(_WORDS.get(word, word) for word in stem.split("_"))
+    return f"{text}, {damage.removesuffix('dB')} dB" if damage else text
 
 
 def extraction_name(extraction: str) -> str:
-    """Return the display name of an extraction of the message, or of what a detector reads: ``mark (spread)``."""
+    """Return the display name of an extraction of the message, or of the mark of a detector: ``mark (spread)``."""
     return display_name(extraction) if extraction.startswith("message") else f"mark ({display_name(extraction)})"
 
 
 def model_name(scheme: str, folder: str) -> str:
     """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
     scene, _, repetition = folder.partition("@")
-    return f"{display_name(scheme)}, {scene}" + (f", repetition {repetition}" if repetition else "")
+    name = f"{display_name(scheme)}, {scene}"
+    return f"{name}, repetition {repetition}" if repetition else name

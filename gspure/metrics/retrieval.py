@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.arrays import Float64
 from gspure.errors import InputError
-from gspure.images import levels, read_image
+from gspure.images import levels, png_files, read_image
 from gspure.metrics.comparison import ImagePair
 from gspure.metrics.image_metrics import gradient_correlation
 from gspure.metrics.statistics import detectability
@@ -20,15 +20,15 @@ FALSE_POSITIVES: Final = 0.01  # rate of false candidates above the threshold of
 class Retrieval(NamedTuple):
     """How well one extraction retrieves its message, over the views on the camera path."""
 
-    top1: float  # share of the views in which no false candidate is as near as the message
+    top1: float  # share of the views in which the message is more similar than every false candidate
     auc: float  # area under the ROC curve of true against false candidates, of all views together
     tpr: float  # share of the true candidates above the threshold that `FALSE_POSITIVES` of the false ones exceed
     views: int
-    candidates: int  # of a view, the true one included; the smallest number over the views
+    candidates: int  # number of candidates of a view, with the true one; the smallest over the views
 
     @property
     def succeeds(self) -> bool:
-        """Whether candidates drawn at random hit as many views, or more, with a probability of at most `CHANCE`."""
+        """Whether random guesses would hit as many views, or more, with a probability of at most `CHANCE`."""
         from scipy.stats import binom
 
         hits = round(self.top1 * self.views)
@@ -36,7 +36,7 @@ class Retrieval(NamedTuple):
 
     @property
     def decides(self) -> bool:
-        """Whether a message that is nearest in all views would be retrieved; otherwise, there are too few views."""
+        """Whether there are enough views: a message that is nearest in all of them would be retrieved."""
         return self._replace(top1=1.0).succeeds
 
 
@@ -51,49 +51,47 @@ class Retrieved(NamedTuple):
 def retrieval(similarities: Sequence[Float64]) -> Retrieval:
     """Return how well a message is retrieved.
 
-    `similarities` [N] of every view are those of the extraction to each candidate, the true one first. Views without a
-    false candidate do not count. Raise `InputError` if no view has one.
+    `similarities` hold an array [N] per view: the similarity of the extraction to each candidate, the true one first.
+    Views without a false candidate do not count. Raise `InputError` if no view has one.
     """
-    similarities = [view for view in similarities if len(view) > 1]
-    if not similarities:
-        hint = "--decoys takes folders of further pictures of the size of the photographs"
-        raise InputError("retrieval", "candidates", expected="pictures other than the message", found="none", hint=hint)
-    true, false = np.array([view[0] for view in similarities]), np.concatenate([view[1:] for view in similarities])
+    views = [view for view in similarities if len(view) > 1]
+    if not views:
+        raise InputError("retrieval", "candidates", expected="pictures other than the message", found="none")
+    true = np.array([view[0] for view in views])
+    false = np.concatenate([view[1:] for view in views])
     threshold = np.quantile(false, 1 - FALSE_POSITIVES, method="higher")
     return Retrieval(
-        float(np.mean([view[0] > view[1:].max() for view in similarities])),
-        detectability(true, false).auc,
-        float(np.mean(true > threshold)),
-        len(similarities),
-        min(map(len, similarities)),
+        top1=float(np.mean([view[0] > view[1:].max() for view in views])),
+        auc=detectability(true, false).auc,
+        tpr=float(np.mean(true > threshold)),
+        views=len(views),
+        candidates=min(map(len, views)),
     )
 
 
-def png_files(folder: Path) -> list[Path]:
-    """Return the PNG files of a folder, sorted; raise `InputError` if there is none."""
-    if files := sorted(folder.glob("*.png")):
-        return files
-    raise InputError(folder, "folder", expected="PNG files", found="none")
-
-
 def false_candidates(pair: ImagePair, index: int, decoys: Sequence[Path]) -> list[Path]:
-    """Return a picture of every folder of decoys.
+    """Return one picture of every folder of decoys: the view of the pair.
 
-    It shows the pair's view; in a folder without a view of this name, `index`, the number of the view, selects one.
-    Raise `InputError` if a folder holds no picture.
+    In a folder without a view of this name, `index`, the number of the view, selects a picture. Raise `InputError` if a
+    folder holds no picture.
     """
-    listed = map(png_files, decoys)
-    return [next((file for file in files if file.stem == pair.view), files[index % len(files)]) for files in listed]
+    candidates = []
+    for folder in decoys:
+        files = png_files(folder)
+        same_view = [file for file in files if file.stem == pair.view]
+        candidates.append(same_view[0] if same_view else files[index % len(files)])
+    return candidates
 
 
 def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
     """Return the gradient correlation [N] of an extraction with the candidates of its view, the true one first.
 
     `pair` holds photograph and extraction of the message. The false candidates are the photograph mirrored, upside down
-    and turned by 180 degrees, and the pictures of the same size among `files`. Copies of candidates do not count. Raise
-    `InputError` if an image cannot be read, or the extraction has another size than the photograph.
+    and turned by 180 degrees, and those of `files` that have its size. Equal candidates count once. Raise `InputError`
+    if an image cannot be read, or the extraction has another size than the photograph.
     """
-    truth, extraction = _levels(pair.reference), _levels(pair.image)
+    truth = _levels(pair.reference)
+    extraction = _levels(pair.image)
     candidates = [truth]
     for picture in (truth[:, ::-1], truth[::-1], truth[::-1, ::-1], *map(_levels, files)):
         if picture.shape == truth.shape and not any(np.array_equal(picture, candidate) for candidate in candidates):
@@ -102,13 +100,13 @@ def compare_candidates(pair: ImagePair, files: Sequence[Path]) -> Float64:
 
 
 def retrieved(variant: str, pairs_of: Mapping[str, Sequence[ImagePair]], decoys: Sequence[Path]) -> Iterator[Retrieved]:
-    """Yield how well each extraction of a variant, in pairs with the photographs, is retrieved among candidates."""
+    """Yield the retrieval of each extraction of a variant; `pairs_of` holds extraction and photograph of its views."""
     for target, pairs in pairs_of.items():
         candidates = [false_candidates(pair, index, decoys) for index, pair in enumerate(pairs)]
-        found = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
-        yield Retrieved(variant, target, retrieval(found))
+        similarities = [compare_candidates(pair, files) for pair, files in zip(pairs, candidates, strict=True)]
+        yield Retrieved(variant, target, retrieval(similarities))
 
 
 def _levels(image: Path) -> Float64:
-    """Return an image as whole numbers from 0 to 255: their sums are exact, so equal correlations tie."""
+    """Return an image as whole numbers from 0 to 255: sums of these are exact, so equal correlations tie."""
     return levels(read_image(image)).astype(np.float64)

@@ -10,10 +10,12 @@ Hinkley 1997, §3.8). The tails are those of the expanded percentile interval (H
 which for normal data is close to Student's interval.
 
 The smallest and the largest of :math:`n` independent scenes enclose the median of all scenes with probability
-:math:`1 - 2^{1-n}`, whatever the distribution. Below six scenes, the range is returned with that probability.
+:math:`1 - 2^{1-n}`, whatever the distribution. With fewer than six scenes, the interval is this range, and this
+probability its level.
 
-Under the null hypothesis of the paired test, that two attacks are exchangeable, the difference in each scene has either
-sign with equal probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of a scene change their sign together.
+The null hypothesis of the paired test is that two attacks are exchangeable: the difference in each scene then has
+either sign with equal probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of a scene change their sign
+together.
 
 Detectability is how well a statistic, such as the PSNR of the message, separates attacked models from negative
 controls: the area under its ROC curve (AUC) is
@@ -36,9 +38,9 @@ from gspure.grouping import grouped
 LEVEL: Final = 0.95  # nominal coverage of an interval
 ROUNDING: Final = 1e-9  # relative error of sums and differences, far below what images of 8 bits distinguish
 RESAMPLES: Final = 10_000  # the tails of six scenes then hold some 20 resamples
-DRAWS: Final = 2**16  # up to 16 scenes this is every combination of signs; for more, as many are drawn
+DRAWS: Final = 2**16  # combinations of signs: up to 16 scenes all of them, for more scenes as many random ones
 SEED: Final = 0
-DIGITS: Final = 10  # decimal digits of the largest difference that are compared: the rest may be rounding error
+DIGITS: Final = 10  # significant digits compared of the largest difference: further ones may be rounding error
 
 Cells = Mapping[tuple[str, int], float]  # a number for every (scene, seed)
 Groups = list[Float64]
@@ -50,14 +52,14 @@ class Interval(NamedTuple):
     mean: float  # the mean of the scenes' means: every scene counts the same, whatever its number of seeds
     low: float
     high: float
-    level: float  # `LEVEL` for a bootstrap interval; lower for a range of few scenes, and 0 for a single one
+    level: float  # `LEVEL` for a bootstrap interval; lower for the range of a few scenes, and 0 for a single scene
     scenes: int
 
 
 def by_scene(cells: Mapping[tuple[str, int], ArrayLike]) -> Groups:
     """Return one array per scene with the values of its seeds; scenes and seeds in sorted order."""
-    scenes = grouped(sorted(cells), lambda cell: cell[0])
-    return [np.array([cells[cell] for cell in of_scene], np.float64) for of_scene in scenes.values()]
+    cells_of_scenes = grouped(sorted(cells), lambda cell: cell[0])
+    return [np.array([cells[cell] for cell in alike], np.float64) for alike in cells_of_scenes.values()]
 
 
 def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:
@@ -68,12 +70,12 @@ def scene_means(cells: Mapping[tuple[str, int], ArrayLike]) -> dict[str, Any]:
 
 
 def differences(a: Cells, b: Cells) -> Cells:
-    """Return ``a - b`` for the cells of both, the `difference` of each."""
+    """Return the `difference` ``a - b`` of every cell that both have."""
     return {cell: difference(a[cell], b[cell]) for cell in a.keys() & b.keys()}
 
 
 def difference(a: float, b: float) -> float:
-    """Return ``a - b``, but 0 if rounding alone may distinguish them."""
+    """Return ``a - b``, but 0 if the difference may be rounding error alone."""
     return _without_noise(a - b, a)
 
 
@@ -93,27 +95,26 @@ def mean_interval(values: Sequence[ArrayLike]) -> Interval:
     groups = in_order(values)
     means = means_of(groups)
     level_of_range = 1 - 2.0 ** (1 - len(groups))
-    if level_of_range < LEVEL:
-        low, high, level = means.min(), means.max(), level_of_range
-    else:
-        (low, high), level = np.quantile(_resampled_means(groups), _tails(len(groups))), LEVEL
     mean = _without_noise(float(means.mean()), float(np.abs(means).max()))
-    return Interval(mean, float(low), float(high), level, len(groups))
+    if level_of_range < LEVEL:
+        return Interval(mean, float(means.min()), float(means.max()), level_of_range, len(groups))
+    low, high = np.quantile(_resampled_means(groups), _tails(len(groups)))
+    return Interval(mean, float(low), float(high), LEVEL, len(groups))
 
 
 def _without_noise(total: float, magnitude: float) -> float:
-    """Return a sum, but 0 if it is small enough to be the rounding error of terms of this magnitude."""
+    """Return a sum, but 0 if it may be the rounding error of terms of this magnitude."""
     return 0.0 if abs(total) <= ROUNDING * abs(magnitude) < math.inf else total
 
 
 def known_interval(cells: Cells) -> Interval | None:
-    """Return the mean over scenes of the finite values with its interval; None if there are none."""
+    """Return the mean over scenes of the finite values, with its interval; None without a finite value."""
     known = by_scene({cell: value for cell, value in cells.items() if math.isfinite(value)})
     return mean_interval(known) if known else None
 
 
 def _resampled_means(groups: Groups) -> np.ndarray:
-    """Return `RESAMPLES` means of scenes drawn with replacement, and seeds drawn with replacement within them."""
+    """Return `RESAMPLES` means: scenes are drawn with replacement, and so are the seeds within each drawn scene."""
     rng = np.random.default_rng(SEED)
     counts = np.array([len(group) for group in groups])
     starts = np.cumsum(counts) - counts
@@ -121,8 +122,9 @@ def _resampled_means(groups: Groups) -> np.ndarray:
     scenes = rng.integers(len(groups), size=(RESAMPLES, len(groups)))
     total = np.zeros(scenes.shape)
     for seed in range(counts.max()):
-        drawn = flat[starts[scenes] + (rng.random(scenes.shape) * counts[scenes]).astype(np.intp)]
-        total += np.where(seed < counts[scenes], drawn, 0.0)
+        seeds = (rng.random(scenes.shape) * counts[scenes]).astype(np.intp)
+        values = flat[starts[scenes] + seeds]
+        total += np.where(seed < counts[scenes], values, 0.0)
     return np.asarray((total / counts[scenes]).mean(axis=1))
 
 
@@ -137,7 +139,7 @@ class PairedTest(NamedTuple):
     """The outcome of a paired comparison."""
 
     p: float  # two-sided: share of random signs whose mean is at least as far from 0
-    smallest_p: float  # the smallest `p` possible: with few scenes no difference is significant, however large
+    smallest_p: float  # the smallest possible `p`: with few scenes, even a large difference is not significant
 
 
 def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
@@ -150,22 +152,24 @@ def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
 
     means = means_of(in_order(differences))
     smallest = max(2.0 ** (1 - len(means)), 2 / (DRAWS + 1))
-    if len(means) == 1 or not means.any():  # scipy requires two; a single one is as far from 0 with either sign
+    if len(means) == 1 or not means.any():  # scipy requires two means; one is as far from 0 with either sign
         return PairedTest(1.0, smallest)
-    # Whole numbers of DIGITS decimal digits: their sums are exact, so signs that tie on a decimal grid tie here, too.
+    # Whole numbers of DIGITS decimal digits have exact sums, so means that tie on a decimal grid tie here, too.
     exponent = max(math.floor(math.log10(np.abs(means).max())), -200)
     whole = np.rint(means * 10.0 ** (DIGITS - 1 - exponent))
-    flips = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": np.random.default_rng(SEED)}
-    return PairedTest(float(permutation_test((whole,), np.mean, vectorized=True, batch=4096, **flips).pvalue), smallest)
+    rng = np.random.default_rng(SEED)
+    settings = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": rng}
+    test = permutation_test((whole,), np.mean, vectorized=True, batch=4096, **settings)
+    return PairedTest(float(test.pvalue), smallest)
 
 
 def holm(p: ArrayLike) -> Float64:
-    r"""Return p-values corrected for a family of tests, so that the level bounds the chance of any false rejection.
+    r"""Return p-values [m], in the order of `p`, corrected for a family of tests.
 
     .. math:: \tilde p_{(i)} = \max_{j \le i} \min\left(1, (m - j + 1)\, p_{(j)}\right)
 
-    (Holm 1979.) It assumes nothing about the dependence of the tests.
-    The order of `p` [m] is kept.
+    (Holm 1979.) The significance level bounds the probability of any false rejection, however the tests depend on each
+    other.
     """
     values = np.asarray(p, np.float64)
     order = np.argsort(values, kind="stable")
@@ -200,11 +204,14 @@ def detectability(attacked: ArrayLike, controls: ArrayLike) -> Detectability:
 
     (Newcombe 2006, method 5). It does not shrink to a point if every model exceeds every control.
     """
-    x, y = np.ravel(attacked), np.ravel(controls)
+    x = np.ravel(attacked)
+    y = np.ravel(controls)
     wins = np.count_nonzero(x[:, None] > y)
     ties = np.count_nonzero(x[:, None] == y)
     auc = float(wins + ties / 2) / (len(x) * len(y))
-    return Detectability(auc, _low(auc, len(x), len(y)), 1 - _low(1 - auc, len(x), len(y)), len(x), len(y))
+    low = _low(auc, len(x), len(y))
+    high = 1 - _low(1 - auc, len(x), len(y))
+    return Detectability(auc, low, high, len(x), len(y))
 
 
 def _low(auc: float, m: int, n: int) -> float:
@@ -212,10 +219,11 @@ def _low(auc: float, m: int, n: int) -> float:
     from scipy.optimize import brentq
     from scipy.special import ndtri
 
-    z, pairs = float(ndtri((1 + LEVEL) / 2)), (m + n) / 2 - 1
+    z = float(ndtri((1 + LEVEL) / 2))
+    mean_count = (m + n) / 2 - 1  # N of `detectability`
 
     def excess(theta: float) -> float:
-        spread = 1 + pairs * (1 - theta) / (2 - theta) + pairs * theta / (1 + theta)
+        spread = 1 + mean_count * (1 - theta) / (2 - theta) + mean_count * theta / (1 + theta)
         return auc - theta - z * math.sqrt(theta * (1 - theta) * spread / (m * n))
 
     highest = min(auc, 1 - 1e-12)  # at 1 the variance is 0: a spurious root

@@ -11,15 +11,30 @@ from gspure.errors import InputError
 from gspure.model.compressed import PACKED_PLY, package, read_splat, write_packed
 from gspure.model.finite import drawable, require_finite
 from gspure.model.gaussians import Gaussians
-from gspure.model.inria import STREAMED, UNPACKED_SOG, point_cloud, trained_background
+from gspure.model.inria import (
+    POINT_CLOUD,
+    STREAMED,
+    UNPACKED_SOG,
+    point_cloud,
+    saved_iterations,
+    trained_background,
+)
 from gspure.model.ply import read_ply, write_ply
 from gspure.model.sog import read_sog, read_streamed
 from gspure.model.spz import read_spz, write_spz
 
-__all__ = ["Gaussians", "model_file", "read_model", "require_finite", "require_writable", "write_model"]
+__all__ = [
+    "Gaussians",
+    "is_trained_model",
+    "model_file",
+    "read_model",
+    "require_finite",
+    "require_writable",
+    "write_model",
+]
 
 _READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog, STREAMED: read_streamed}
-"""By suffix, or by name; all others are PLY files, of which compressed ones are recognized by their header."""
+"""Readers by suffix or by name. All other files are PLY; the header of a compressed one tells that it is."""
 
 _UNPACK: Final = "unpack it, and name the model's file"
 _EXPORT: Final = "export a .ply with the trainer, as by `ns-export gaussian-splat`"
@@ -45,7 +60,7 @@ _KINDS: Final = (
     (rb"\s*[\[{]", "JSON", "name the model's file", ".json"),
     (rb"[^\x00-\x08\x0b\x0c\x0e-\x1f]+\Z", "text", _AGAIN, None),
 )
-"""Files of other kinds: pattern of the first bytes, what it is, a remedy, and the suffix of files that may begin so."""
+"""Files of other kinds: pattern of the first bytes, kind, remedy, and the suffix of models that begin in this way."""
 
 
 def read_model(path: str | Path) -> Gaussians:
@@ -67,17 +82,18 @@ def read_model(path: str | Path) -> Gaussians:
 
 
 def _recognized(path: Path, error: InputError) -> InputError:
-    """Return the error of reading a model; if the file is of another kind, one that names it and a remedy."""
+    """Return an error that names the kind of the file and a remedy; for a file of no known kind, the error itself."""
     if not path.is_file():
         return error
     with path.open("rb") as stream:
         head = stream.read(512)
-    kinds = (kind for kind in _KINDS if re.match(kind[0], head, re.DOTALL))
-    _, what, hint, suffix = next(kinds, (b"", "", "", ""))
-    if not what or suffix == path.suffix.lower():
+    matching = (row for row in _KINDS if re.match(row[0], head, re.DOTALL))
+    _, kind, hint, suffix = next(matching, (b"", "", "", ""))
+    if not kind or suffix == path.suffix.lower():
         return error
-    found = f"text, {head[:60].decode(errors='replace').strip()!r}" if what == "text" else what
-    return InputError(path, "file", expected=error.expected, found=found, hint=hint)
+    if kind == "text":
+        kind = f"text, {head[:60].decode(errors='replace').strip()!r}"
+    return InputError(path, "file", expected=error.expected, found=kind, hint=hint)
 
 
 def model_file(path: Path) -> Path:
@@ -85,13 +101,19 @@ def model_file(path: Path) -> Path:
     return point_cloud(path) if path.is_dir() else path
 
 
+def is_trained_model(source: str) -> bool:
+    """Return whether a path is a trained model, a ``.ply`` or a folder with one, rather than photographs."""
+    path = Path(source)
+    return path.suffix == ".ply" or bool(saved_iterations(path)) or (path / POINT_CLOUD).is_file()
+
+
 def write_model(path: str | Path, model: Gaussians) -> None:
     """Write a model as a binary little-endian 3DGS ``.ply``, whole or not at all.
 
-    A name that ends with ``.compressed.ply`` or ``.spz`` selects that format. It rounds values and clips them to its
-    range, and rows that are not finite become invisible, with a warning. In a compressed ``.ply``, 256 successive rows
-    share one range of values: sort them along a space-filling curve before. Raise `InputError` for the name of a format
-    that is only read.
+    The suffix ``.compressed.ply`` or ``.spz`` selects that format, which rounds values and clips them to its range;
+    rows that are not finite become invisible, with a warning. In a compressed ``.ply``, 256 successive rows share one
+    range of values: sort them along a space-filling curve before. Raise `InputError` for a format that can only be
+    read.
     """
     path = Path(path)
     if _is_plain(path):
@@ -105,19 +127,19 @@ def write_model(path: str | Path, model: Gaussians) -> None:
 
 
 def require_writable(path: Path) -> None:
-    """Refuse a file to which `write_model` cannot write a model, before any work is done."""
+    """Refuse a path to which `write_model` cannot write, before any work is done."""
     if not _is_plain(path):
         _writer(path)
     files.require_writable(path.parent)
 
 
 def _is_plain(path: Path) -> bool:
-    """Return whether a name is that of a ``.ply`` that is not compressed."""
+    """Return whether the suffix is that of an uncompressed ``.ply``."""
     return path.suffix.lower() == ".ply" and not path.name.endswith(PACKED_PLY)
 
 
 def _writer(path: Path) -> Callable[[Path, Gaussians], None]:
-    """Return the function that writes the compressed format of a name; refuse other names, and a missing package."""
+    """Return the writer of a compressed format, selected by suffix; refuse other suffixes, and a missing package."""
     is_spz = path.suffix.lower() == ".spz"
     if not (is_spz or path.name.endswith(PACKED_PLY)):
         raise InputError(path, "format", expected=f".ply, {PACKED_PLY} or .spz", found=path.suffix or "no suffix")

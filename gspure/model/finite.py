@@ -1,7 +1,7 @@
-"""What is drawn of a model: rows whose numbers are finite, with the 3-D filter of Mip-Splatting and GOF.
+"""The drawable rows of a model: those with finite numbers, and with the 3-D filter of Mip-Splatting and GOF applied.
 
-Some infinities have a meaning: a logit of opacity 0 or 1, and the logarithm of a size of 0. They are drawn. The filter,
-a smoothing of each Gaussian, is stored beside its scales and opacity (Yu et al., Mip-Splatting: Alias-free 3D Gaussian
+Some infinities have a meaning: a logit of opacity 0 or 1, and the logarithm of a size of 0. They are drawn. The filter
+smooths each Gaussian, and is stored beside its scales and opacity (Yu et al., Mip-Splatting: Alias-free 3D Gaussian
 Splatting, CVPR 2024, equation 9).
 """
 
@@ -25,11 +25,12 @@ _LISTED: Final = 10
 
 
 def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices]:
-    """Return the rows with a not-a-number or an infinity without a meaning, for each of the named columns with any."""
+    """Return the rows with a not-a-number or a meaningless infinity, for each of the named columns that has any."""
     parts_by_name: dict[str, list[Indices]] = {name: [] for name in names}
     for rows, block in model.blocks():
         for name, parts in parts_by_name.items():
-            if not (finite := np.isfinite(block[name])).all():
+            finite = np.isfinite(block[name])
+            if not finite.all():
                 finite |= np.isin(block[name], _MEANINGFUL.get(name, ()))
                 parts.append(rows.start + np.flatnonzero(~finite))
     rows_by_name = {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
@@ -37,21 +38,24 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices
 
 
 def undrawable_rows(model: Gaussians) -> Indices:
-    """Return the rows that cannot be drawn, sorted: a number in them has no meaning, or a scale overflows float32."""
+    """Return the rows that cannot be drawn, sorted: with a meaningless number, or a scale that overflows float32."""
     return np.unique(np.concatenate([np.empty(0, np.intp), *_undrawable(model).values()]))
 
 
 def drawable(model: Gaussians, source: str | Path) -> Gaussians:
-    """Return a model as it is drawn: with the 3-D filter in its scales and opacities, and no row that cannot be drawn.
+    """Return a model as it is drawn: with the 3-D filter in its scales and opacities, and undrawable rows invisible.
 
-    Such rows become invisible, with a warning, so that a planted one cannot stop an audit: numbers without a meaning
-    are replaced by the median of their column, and the opacity by 0. Other models are returned unchanged.
+    A planted row must not stop an audit, so undrawable rows only give a warning: the median of the column replaces
+    their meaningless numbers, and their opacity becomes 0. A model without them and without a filter is returned
+    unchanged.
 
-    Raise `InputError` if no row can be drawn, or rows are anchors, whose opacity a network computes.
+    Raise `InputError` if no row can be drawn, or if the undrawable rows are anchors, whose opacity a network computes.
     """
-    if not model.has_anchors and len(unturned := np.flatnonzero(~model.quats.any(axis=1))):
-        count = f"{len(unturned)} of {len(model)} rows"
-        warn(f"{source}: {count} have a zero quaternion and are not drawn: {listed(unturned)}")
+    if not model.has_anchors:
+        unturned = np.flatnonzero(~model.quats.any(axis=1))
+        if len(unturned):
+            count = f"{len(unturned)} of {len(model)} rows"
+            warn(f"{source}: {count} have a zero quaternion and are not drawn: {listed(unturned)}")
     undrawable = _undrawable(model)
     if not undrawable:
         return filtered(model)
@@ -67,21 +71,23 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
 
 
 def filtered(model: Gaussians) -> Gaussians:
-    """Return a model whose scales and opacities include its filter, which becomes 0; without one, the model itself.
+    """Return a model whose scales and opacities include its filter, which becomes 0, or the model without one.
 
     The filter adds its variance to that of each axis, and lowers the opacity by the ratio of the volumes. Programs that
-    apply filters draw both models in the same way.
+    apply filters draw both models alike.
     """
     if FILTER not in model.names or not model.table[FILTER].any():
         return model
     sizes = model.columns(FILTER)[:, 0]
     rows = np.flatnonzero((sizes != 0) & (model.opacities > 0))
-    scales, opacity = model.log_scales, model.columns("opacity")[:, 0]
-    wider = widened(scales[rows], sizes[rows])
-    shares = np.exp((scales[rows] - wider).sum(axis=1))
-    scales[rows], opacity[rows] = wider, logit(model.opacities[rows] * shares, LEAST_OPACITY)
-    values = dict(zip(SCALES, scales.T, strict=True)) | {"opacity": opacity, FILTER: np.zeros(len(model))}
-    return model.with_columns(values)
+    log_scales = model.log_scales
+    wider = widened(log_scales[rows], sizes[rows])
+    volume_ratios = np.exp((log_scales[rows] - wider).sum(axis=1))
+    log_scales[rows] = wider
+    opacity_logits = model.columns("opacity")[:, 0]
+    opacity_logits[rows] = logit(model.opacities[rows] * volume_ratios, LEAST_OPACITY)
+    columns = {"opacity": opacity_logits, FILTER: np.zeros(len(model))}
+    return model.with_columns(dict(zip(SCALES, log_scales.T, strict=True)) | columns)
 
 
 def widened(log_scales: Float32, sizes: NDArray[Any]) -> Float64:
@@ -91,23 +97,27 @@ def widened(log_scales: Float32, sizes: NDArray[Any]) -> Float64:
 
 
 def require_finite(model: Gaussians, source: str | Path) -> None:
-    """Refuse a model unless geometry, opacity and colour are finite, as stored, or infinities with a meaning."""
+    """Refuse a model with a meaningless number in its stored geometry, opacity or colour."""
     for name, rows in non_finite_rows(model, _drawn_columns(model)).items():
         _refuse(model, source, name, rows)
 
 
-def require_computed(results: Gaussians | Float32, source: str | Path, network: str) -> None:
-    """Refuse the numbers that a network computed if any is not finite, or Gaussians if most cannot be drawn.
+def require_computed(outputs: Gaussians | Float32, source: str | Path, network: str) -> None:
+    """Refuse the outputs of a network: numbers if any is not finite, Gaussians if more than half cannot be drawn.
 
-    A few Gaussians may overflow because of rows that an attack added, which must not stop an audit: none is drawn.
+    A few Gaussians may overflow because of rows that an attack added. These must not stop an audit: they are not drawn.
     """
-    if isinstance(results, Gaussians):
-        bad, total, unit, most = len(undrawable_rows(results)), len(results), "Gaussians", len(results) // 2
+    if isinstance(outputs, Gaussians):
+        bad = len(undrawable_rows(outputs))
+        most = len(outputs) // 2
+        total = f"{len(outputs)} Gaussians"
     else:
-        bad, total, unit, most = int(np.count_nonzero(~np.isfinite(results))), results.size, "numbers", 0
+        bad = int(np.count_nonzero(~np.isfinite(outputs)))
+        most = 0
+        total = f"{outputs.size} numbers"
     if bad > most:
-        found = f"infinity or not-a-number in {bad} of {total} {unit}"
-        raise InputError(source, network, expected="finite results", found=found, hint="network parameters too large?")
+        defect = f"infinity or not-a-number in {bad} of {total}"
+        raise InputError(source, network, expected="finite results", found=defect, hint="network parameters too large?")
 
 
 def _drawn_columns(model: Gaussians) -> list[str]:
@@ -120,17 +130,18 @@ def _undrawable(model: Gaussians) -> dict[str, Indices]:
     """Return the rows that cannot be drawn, for each column that prevents it."""
     undrawable = non_finite_rows(model, _drawn_columns(model))
     for name in SCALES:
-        column = model.columns(name)[:, 0]
-        if len(rows := np.flatnonzero(~(column <= _LARGEST_LOG_SCALE))):
+        rows = np.flatnonzero(~(model.columns(name)[:, 0] <= _LARGEST_LOG_SCALE))
+        if len(rows):
             undrawable[name] = rows
     return undrawable
 
 
 def _refuse(model: Gaussians, source: str | Path, name: str, rows: Indices) -> None:
-    found = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
-    raise InputError(source, name, expected="finite numbers", found=found, hint="`gspure info` counts them all")
+    defect = f"infinity or not-a-number in {len(rows)} of {len(model)} rows, first in row {rows[0]}"
+    raise InputError(source, name, expected="finite numbers", found=defect, hint="`gspure info` counts them all")
 
 
 def listed(rows: Sequence[int | str] | Indices) -> str:
     """Return the first rows, or names, as text."""
-    return ", ".join(map(str, rows[:_LISTED])) + ", ..." * (len(rows) > _LISTED)
+    text = ", ".join(map(str, rows[:_LISTED]))
+    return f"{text}, ..." if len(rows) > _LISTED else text

@@ -21,10 +21,10 @@ Values = NDArray[Any]
 
 SCALES = ("scale_0", "scale_1", "scale_2")
 CORE = ("x", "y", "z", "opacity", *SCALES, "rot_0", "rot_1", "rot_2", "rot_3")  # of every model
-COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")  # the zeroth spherical harmonic; not where a network computes colours
+COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")  # the zeroth spherical harmonic; absent where a network computes colours
 NORMALS = ("nx", "ny", "nz")  # zeros that trainers write and nobody uses
-COEFFICIENTS = (0, 3, 8, 15)  # spherical harmonics beyond the zeroth, by degree
-_COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of the columns that colours or features to decode are stored in
+REST_COEFFICIENTS = (0, 3, 8, 15)  # number of spherical harmonics beyond the zeroth, by degree
+_COLOURS = ("f_dc_", "f_rest_", "semantic_")  # prefixes of columns of colours, or of features that are decoded to them
 
 _BACKGROUND = re.compile("gspure background" + 3 * r" (0\.\d+|1\.0+)")  # comment on the colour behind a model
 RENDER_MODE = "SplatRenderMode: "
@@ -35,7 +35,7 @@ _BLOCK_ROWS = 4096
 
 CERTAIN: Final = 20.0  # a logit whose opacity is 1 in float32
 NOTHING: Final = -200.0  # a logit whose opacity is 0, and the logarithm of a size that is 0, in float32
-LEAST_OPACITY: Final = 1e-6  # changed opacities are clipped to this and one minus this, so that their logits are finite
+LEAST_OPACITY: Final = 1e-6  # changed opacities are clipped to this .. 1 - this, so that their logits are finite
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,8 +136,8 @@ class Gaussians(Described):
     def columns_named(self, prefix: str) -> tuple[str, ...]:
         """Return the columns ``<prefix><number>``, ordered by number."""
         pattern = re.compile(re.escape(prefix) + r"(0|[1-9][0-9]{0,8})")
-        numbered = [(int(m[1]), name) for name in self.names if (m := pattern.fullmatch(name))]
-        return tuple(name for _, name in sorted(numbered))
+        matching = filter(None, map(pattern.fullmatch, self.names))
+        return tuple(match[0] for match in sorted(matching, key=lambda match: int(match[1])))
 
     def columns(self, *names: str) -> Float32:
         """Return the named columns as one float32 array [K, len(names)]."""
@@ -153,7 +153,7 @@ class Gaussians(Described):
         return digest(*names, *(self.table[name] for name in names))
 
     def blocks(self) -> Iterator[tuple[slice, Table]]:
-        """Yield slices of rows that fit a CPU cache, with these rows: all columns of a row are fetched at once."""
+        """Yield slices and their rows, as many as fit a CPU cache, since memory holds all columns of a row together."""
         for start in range(0, len(self), _BLOCK_ROWS):
             rows = slice(start, start + _BLOCK_ROWS)
             yield rows, self.table[rows]
@@ -174,7 +174,7 @@ class Gaussians(Described):
         return Gaussians(table, self.comments)
 
     def with_appearance(self, opacity_logits: Values, sh_coeffs: Values) -> Gaussians:
-        """Return a copy with other opacities, raw [K], and colours [K,S,3], S as stored."""
+        """Return a copy with these logits [K] of opacity and colours [K,S,3], S as stored."""
         return self.with_columns({"opacity": opacity_logits} | _colour_columns(sh_coeffs))
 
     def with_comment(self, comment: str) -> Gaussians:
@@ -190,9 +190,11 @@ class Gaussians(Described):
     @property
     def render_mode(self) -> str:
         """The render mode that comments name: mip (antialiased), 2dgs, or none; the last comment applies."""
-        named = (comment.strip().lower() for comment in reversed(self.comments))
-        last = next(filter(_RENDER_MODE.fullmatch, named), "")
-        return "2dgs" if last.endswith("2dgs") else "mip" if last.endswith(("mip", "1")) else ""
+        newest_first = (comment.strip().lower() for comment in reversed(self.comments))
+        last = next(filter(_RENDER_MODE.fullmatch, newest_first), "")
+        if last.endswith("2dgs"):
+            return "2dgs"
+        return "mip" if last.endswith(("mip", "1")) else ""
 
     def with_background(self, background: Sequence[float]) -> Gaussians:
         """Return the same rows with a comment that names the background, unless it is black or a comment names one."""
@@ -202,16 +204,16 @@ class Gaussians(Described):
 
     @staticmethod
     def from_parameters(*, scales: Values, opacities: Values, **parameters: Values) -> Gaussians:
-        """Build a vanilla table like `from_stored`, but from scales above 0 and opacities between 0 and 1."""
+        """Build a vanilla table like `from_stored`, from scales above 0 and opacities between 0 and 1."""
         return Gaussians.from_stored(log_scales=np.log(scales), opacity_logits=logit(opacities), **parameters)
 
     @staticmethod
     def from_stored(
         *, means: Values, quats: Values, log_scales: Values, opacity_logits: Values, sh_coeffs: Values
     ) -> Gaussians:
-        """Build a vanilla table from parameters [K,...] of the shapes and units of the properties above.
+        """Build a vanilla table from parameters [K,...], with the shapes and units of the properties of the same names.
 
-        `sh_coeffs` [K,S,3] have 1, 4, 9 or 16 bands S.
+        `sh_coeffs` [K,S,3] have S = 1, 4, 9 or 16.
         """
         columns: dict[str, Values] = dict(zip("xyz", np.asarray(means).T, strict=True))
         columns |= {name: np.zeros(len(means)) for name in NORMALS}
@@ -227,8 +229,9 @@ class Gaussians(Described):
 
 def _colour_columns(sh_coeffs: Values) -> dict[str, Values]:
     """Return the columns of coefficients [K,S,3] by name, channel-major."""
+    columns = dict(zip(COLOUR, sh_coeffs[:, 0].T, strict=True))
     rest = sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(len(sh_coeffs), 3 * (sh_coeffs.shape[1] - 1))
-    return dict(zip(COLOUR, sh_coeffs[:, 0].T, strict=True)) | {f"f_rest_{i}": rest[:, i] for i in range(rest.shape[1])}
+    return columns | {f"f_rest_{i}": column for i, column in enumerate(rest.T)}
 
 
 def sigmoid(logits: Float32) -> Float32:
@@ -244,5 +247,5 @@ def logit(opacities: Any, least: float = 0.0) -> Float32:
 
 
 def finite(stored: Float32) -> Float32:
-    """Return logits or logarithms with finite numbers of the same meaning in place of infinities."""
+    """Return logits or logarithms in which finite numbers of the same meaning replace infinities."""
     return np.asarray(np.nan_to_num(stored, nan=np.nan, posinf=CERTAIN, neginf=NOTHING))

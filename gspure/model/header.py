@@ -1,4 +1,4 @@
-"""PLY headers, read more leniently than the standard asks, and their comments: free text of any encoding."""
+"""PLY headers, read more leniently than the standard asks, and their comments, free text of any encoding."""
 
 import io
 import re
@@ -19,7 +19,7 @@ _COMMENT: Final = re.compile(rb"\s*(?:comment|obj_info)(?:[ \t](.*))?", re.DOTAL
 
 
 class Header(NamedTuple):
-    """A header, its size in bytes, and its comments."""
+    """A parsed header, its size in bytes, and its comments."""
 
     content: PlyData
     size: int
@@ -27,18 +27,21 @@ class Header(NamedTuple):
 
 
 def read_header(path: Path, content: str) -> Header:
-    """Return the header of a PLY that should hold `content`; warn of blanks and empty lines between its words."""
+    """Return the header of a PLY that should hold `content`; warn of superfluous blanks and empty lines."""
     with reading(path, content), path.open("rb") as stream:
         head = stream.read(_LIMIT)
-        if not (magic := _MAGIC.match(head)):
+        magic = _MAGIC.match(head)
+        if not magic:
             raise ValueError("no PLY")
         newline = magic[1]
-        end = re.compile(rb"[\r\n][ \t]*end_header[ \t]*" + (b"\r" if newline == b"\r" else b"\r?\n")).search(head)
+        is_old_mac = newline == b"\r"
+        end = re.compile(rb"[\r\n][ \t]*end_header[ \t]*" + (b"\r" if is_old_mac else b"\r?\n")).search(head)
         if not end:
             raise ValueError("no end of the header")
-        lines = head[magic.end() : end.start()].split(b"\r" if newline == b"\r" else b"\n")
-        lines = [line.removesuffix(b"\r") for line in lines] if newline == b"\r\n" else lines
-        comments = tuple(decoded(comment[1] or b"") for line in lines if (comment := _COMMENT.fullmatch(line)))
+        lines = head[magic.end() : end.start()].split(b"\r" if is_old_mac else b"\n")
+        if newline == b"\r\n":
+            lines = [line.removesuffix(b"\r") for line in lines]
+        comments = tuple(decoded(match[1] or b"") for match in map(_COMMENT.fullmatch, lines) if match)
         lines = [line.removesuffix(b"\r") for line in lines if not _COMMENT.fullmatch(line)]
         plain = [b" ".join(line.split()) for line in lines if line.strip()]
         # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
@@ -49,8 +52,9 @@ def read_header(path: Path, content: str) -> Header:
 
 
 def require_size(path: Path, header: Header, size: int) -> None:
-    """Refuse a file whose elements have not the `size` in bytes that the header says; warn of bytes after them."""
-    stored, expected = path.stat().st_size, header.size + size
+    """Refuse a file with fewer bytes than its header and `size` bytes of elements; warn of bytes after these."""
+    stored = path.stat().st_size
+    expected = header.size + size
     if stored < expected:
         hint = "cut short: copy or download it again"
         raise InputError(path, "file", expected=f"{expected} bytes", found=f"{stored} bytes", hint=hint)
@@ -71,7 +75,7 @@ def with_comments(ply: bytes, comments: Iterable[str]) -> bytes:
 
 
 def decoded(comment: bytes) -> str:
-    """Return a comment as text: UTF-8, with other bytes as what `encoded` turns into them again."""
+    """Return a comment as text, read as UTF-8; `encoded` restores bytes of any other encoding."""
     return comment.decode("utf-8", "surrogateescape")
 
 

@@ -14,9 +14,9 @@ from gspure.errors import InputError, reading
 
 Argument = str | float | bool | int | None
 
-_POINT_CLOUD = "point_cloud.ply"
+POINT_CLOUD = "point_cloud.ply"
 UNPACKED_SOG = "meta.json"
-STREAMED = "lod-meta.json"  # the index of a streamed model: several levels of detail, each of which is a model
+STREAMED = "lod-meta.json"  # the index of a streamed model: one model per level of detail
 
 
 def point_cloud(folder: Path) -> Path:
@@ -24,21 +24,22 @@ def point_cloud(folder: Path) -> Path:
 
     For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
-    if saved := saved_iterations(folder):
+    saved = saved_iterations(folder)
+    if saved:
         return saved[max(saved)]
-    for name in (_POINT_CLOUD, UNPACKED_SOG, STREAMED):
+    for name in (POINT_CLOUD, UNPACKED_SOG, STREAMED):
         if (folder / name).is_file():
             return folder / name
     expected = "an INRIA output folder with point_cloud/iteration_*/point_cloud.ply"
-    found = "no such file" if folder.is_dir() else "no such folder"
+    problem = "no such file" if folder.is_dir() else "no such folder"
     models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
     hint = f"name one of {', '.join(models)}" if models else "or name the .ply itself"
-    raise InputError(folder, "point_cloud", expected=expected, found=found, hint=hint)
+    raise InputError(folder, "point_cloud", expected=expected, found=problem, hint=hint)
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:
     """Return the saved model files by iteration, in ascending order."""
-    files = folder.glob(f"point_cloud/iteration_*/{_POINT_CLOUD}")
+    files = folder.glob(f"point_cloud/iteration_*/{POINT_CLOUD}")
     numbered = ((file.parent.name.removeprefix("iteration_"), file) for file in files)
     return dict(sorted((int(number), file) for number, file in numbered if number.isdecimal()))
 
@@ -46,8 +47,8 @@ def saved_iterations(folder: Path) -> dict[int, Path]:
 def training_arguments(folder: Path) -> dict[str, Argument]:
     """Return the trainer's arguments from cfg_args; empty without that file.
 
-    The file is a Python expression that the trainer evaluates; here it is only parsed. Values other than strings,
-    numbers, truth values and None, such as ``PosixPath('data')``, are returned as their source text.
+    The trainer evaluates this Python expression; here it is only parsed. Strings, numbers, truth values and None are
+    returned as such, all else, such as ``PosixPath('data')``, as source text.
     """
     file = Path(folder) / "cfg_args"
     if not file.is_file():
@@ -72,7 +73,8 @@ def trained_background(source: Path) -> tuple[float, float, float]:
     white = training_arguments(folder).get("white_background", False)
     if white not in (False, True):  # 0 and 1 are equal to these
         raise InputError(folder / "cfg_args", "white_background", expected="True or False", found=repr(white))
-    return (float(white),) * 3
+    channel = float(white)
+    return channel, channel, channel
 
 
 def _argument(node: ast.expr) -> Argument:
@@ -81,9 +83,3 @@ def _argument(node: ast.expr) -> Argument:
     except (ValueError, TypeError, RecursionError, MemoryError):
         value = ...
     return value if isinstance(value, Argument) else ast.unparse(node)
-
-
-def is_model(source: str) -> bool:
-    """Return whether a message is a trained model, or the folder of one, rather than photographs."""
-    path = Path(source)
-    return path.suffix == ".ply" or bool(saved_iterations(path)) or (path / "point_cloud.ply").is_file()

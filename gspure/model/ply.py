@@ -20,7 +20,7 @@ from gspure.constants import LARGEST, SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import replacing
 from gspure.model.compressed import is_packed, read_packed
-from gspure.model.gaussians import COEFFICIENTS, COLOUR, CORE, NORMALS, SCALES, Gaussians
+from gspure.model.gaussians import COLOUR, CORE, NORMALS, REST_COEFFICIENTS, SCALES, Gaussians
 from gspure.model.header import Header, header_of, read_header, require_size
 from gspure.progress import warn
 
@@ -32,11 +32,12 @@ _FINE: Final = 1 / 200  # largest step of coordinates in float32, as a share of 
 
 
 def read_ply(path: Path) -> Gaussians:
-    """Read a 3DGS PLY: binary of either byte order or ASCII, spherical harmonics of degree 0 to 3 or no colour at all.
+    """Read a 3DGS PLY: binary of either byte order or ASCII, with spherical harmonics of degree 0 to 3 or no colour.
 
     Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. A
-    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Other properties
-    are `converted` to those of 3DGS, with a warning. Values are not checked; see `gspure.model.finite`.
+    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Properties that
+    are named or stored in another way are `converted` to those of 3DGS, with a warning. Values are not checked; see
+    `gspure.model.finite`.
     """
     header = read_header(path, "a 3DGS .ply")
     if is_packed(header):
@@ -54,7 +55,7 @@ def read_ply(path: Path) -> Gaussians:
 def write_ply(path: Path, model: Gaussians) -> None:
     """Write a binary little-endian PLY with the table's columns as they are, whole or not at all.
 
-    A vanilla model comes out byte for byte as its trainer wrote it. A model without rows is refused, as in `read_ply`.
+    A vanilla model is written byte for byte as its trainer wrote it. A model without rows is refused, as in `read_ply`.
     """
     _require_rows(path, len(model))
     _write(path, np.ascontiguousarray(model.table), model.comments)
@@ -64,31 +65,36 @@ def read_point_ply(path: Path) -> tuple[Float64, UInt8]:
     """Read positions [P,3] and 8-bit colours [P,3]; points without colour are grey."""
     header = read_header(path, "a PLY of points")
     dtype = _row_type(path, header)
-    is_coloured = {*_RGB} <= {*(dtype.names or ())}
-    for name in (*_POSITION, *(_RGB if is_coloured else ())):
-        if name not in (dtype.names or ()) or (name in _RGB and dtype[name] != np.uint8):
-            expected = "8 bits" if name in _RGB else "a coordinate of every point"
-            raise InputError(path, name, expected=expected, found="another property")
+    names = dtype.names or ()
+    is_coloured = {*_RGB} <= {*names}
+    for name in _POSITION:
+        if name not in names:
+            raise InputError(path, name, expected="a coordinate of every point", found="another property")
+    for name in _RGB if is_coloured else ():
+        if dtype[name] != np.uint8:
+            raise InputError(path, name, expected="8 bits", found="another property")
     rows = _rows(path, header, dtype)
     with np.errstate(invalid="ignore"):  # signalling not-a-numbers
         xyz = np.column_stack([rows[name].astype(np.float64) for name in _POSITION])
     require_coordinates(path, xyz)
-    return xyz, np.column_stack([rows[name] for name in _RGB]) if is_coloured else np.full(xyz.shape, _GREY, np.uint8)
+    rgb = np.column_stack([rows[name] for name in _RGB]) if is_coloured else np.full(xyz.shape, _GREY, np.uint8)
+    return xyz, rgb
 
 
 def require_coordinates(path: Path, xyz: Float64) -> None:
-    """Refuse positions [P,3] that are not finite, or above `LARGEST`."""
-    if bad := np.flatnonzero(~(np.abs(xyz) <= LARGEST).all(axis=1)).tolist():
-        expected = f"coordinates within ±{LARGEST:g}"
-        raise InputError(path, f"point {bad[0]}", expected=expected, found=" ".join(map(str, xyz[bad[0]].tolist())))
+    """Refuse positions [P,3] that are not finite, or larger than `LARGEST`."""
+    bad = np.flatnonzero(~(np.abs(xyz) <= LARGEST).all(axis=1)).tolist()
+    if bad:
+        position = " ".join(map(str, xyz[bad[0]].tolist()))
+        raise InputError(path, f"point {bad[0]}", expected=f"coordinates within ±{LARGEST:g}", found=position)
 
 
 def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
     """Write points as 3DGS's input.ply (float32 positions, zero normals, 8-bit colours), whole or not at all."""
+    columns = dict(zip(_POSITION, xyz.T, strict=True)) | dict(zip(_RGB, rgb.T, strict=True))
     table = np.zeros(len(xyz), [(name, "<f4") for name in _POSITION + NORMALS] + [(name, "u1") for name in _RGB])
-    for names, values in ((_POSITION, xyz), (_RGB, rgb)):
-        for name, column in zip(names, values.T, strict=True):
-            table[name] = column
+    for name, column in columns.items():
+        table[name] = column
     _write(path, table)
 
 
@@ -99,13 +105,13 @@ def _write(path: Path, table: NDArray[np.void], comments: tuple[str, ...] = ()) 
 
 
 def _row_type(path: Path, header: Header) -> np.dtype[np.void]:
-    """Return the little-endian type of the rows of ``vertex``, which comes first and has no lists."""
+    """Return the little-endian type of the rows of ``vertex``, which must come first and have no lists."""
     names = [element.name for element in header.content.elements]
     if names[:1] != ["vertex"]:
         raise InputError(path, "element vertex", expected="to come first", found=", ".join(names) or "no element")
-    for stored in header.content["vertex"].properties:
-        if isinstance(stored, PlyListProperty):
-            raise InputError(path, stored.name, expected="one value per row", found="a list property")
+    for ply_property in header.content["vertex"].properties:
+        if isinstance(ply_property, PlyListProperty):
+            raise InputError(path, ply_property.name, expected="one value per row", found="a list property")
     dtype: np.dtype[np.void] = np.dtype(header.content["vertex"].dtype("<"))
     return dtype
 
@@ -115,44 +121,56 @@ def _require_rows(path: Path, count: int) -> None:
         raise InputError(path, "element vertex", expected="at least one row", found=f"{count} rows")
 
 
-def _require_columns(path: Path, dtype: np.dtype[np.void], other: str) -> None:
-    """Refuse rows that lack a property of 3DGS: the core, and all colour columns if there are any."""
-    names = Gaussians(np.empty(0, dtype)).columns_named("f_rest_")
-    if len(names) not in [3 * count for count in COEFFICIENTS]:
-        found = f"{len(names)} properties"
-        raise InputError(path, "f_rest_*", expected="0, 9, 24 or 45 properties (SH degree 0 to 3)", found=found)
-    rest = [f"f_rest_{i}" for i in range(len(names))]
-    has_colour = rest or not {*COLOUR}.isdisjoint(dtype.names or ())
-    for name in (*CORE, *(COLOUR if has_colour else ()), *rest):
-        if name not in (stored := dtype.names or ()):
-            unknown = " ".join(known for known in stored if known not in {*CORE, *COLOUR, *NORMALS, *rest})
-            is_other = {*CORE[3:]}.isdisjoint(stored) and len(stored) < len(CORE)
-            hint = f"{other}: `gspure train` makes a model" if is_other else unknown and f"renamed? It has {unknown}"
-            raise InputError(path, name, expected="a property of 3DGS", found="no such property", hint=hint)
+def _require_columns(path: Path, dtype: np.dtype[np.void], lookalike: str) -> None:
+    """Refuse rows that lack a property of 3DGS: the core, and all colour columns if there are any.
+
+    `lookalike` is the kind of file that a PLY without the core may be.
+    """
+    stored = dtype.names or ()
+    rest_count = len(Gaussians(np.empty(0, dtype)).columns_named("f_rest_"))
+    if rest_count not in [3 * count for count in REST_COEFFICIENTS]:
+        expected = "0, 9, 24 or 45 properties (SH degree 0 to 3)"
+        raise InputError(path, "f_rest_*", expected=expected, found=f"{rest_count} properties")
+    rest = [f"f_rest_{i}" for i in range(rest_count)]
+    required = [*CORE]
+    if rest or not {*COLOUR}.isdisjoint(stored):
+        required += [*COLOUR, *rest]
+    missing = next((name for name in required if name not in stored), None)
+    if missing is None:
+        return
+    unknown = " ".join(name for name in stored if name not in {*CORE, *COLOUR, *NORMALS, *rest})
+    hint = f"renamed? It has {unknown}" if unknown else None
+    if {*CORE[3:]}.isdisjoint(stored) and len(stored) < len(CORE):
+        hint = f"{lookalike}: `gspure train` makes a model"
+    raise InputError(path, missing, expected="a property of 3DGS", found="no such property", hint=hint)
 
 
 def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the rows, as many as the header names; those of a little-endian binary file are mapped and read-only."""
-    header, offset = file.content, file.size
-    count, rest = header["vertex"].count, path.stat().st_size - offset
-    row_bytes = dtype.itemsize
+    """Return the rows that the header counts; those of a little-endian binary file are mapped and read-only."""
+    header = file.content
+    count = header["vertex"].count
+    size = path.stat().st_size - file.size
     if header.text:
-        row_bytes = 2 * len(dtype.names or ())  # a digit and a separator each, the last of which may lack
-    if not 0 <= count <= (room := (rest + header.text) // row_bytes):
+        row_bytes = 2 * len(dtype.names or ())  # a digit and a separator per number
+        room = (size + 1) // row_bytes  # the last separator may be missing
+    else:
+        room = size // dtype.itemsize
+    if not 0 <= count <= room:
         hint = "cut short: copy or download it again"
         raise InputError(path, "element vertex", expected=f"{count} rows", found=f"room for {room}", hint=hint)
     if header.text:
         return _parsed(path, file, dtype)
-    stored = [(element.count, np.dtype(element.dtype(header.byte_order))) for element in header.elements]
-    if not any(each.hasobject for _, each in stored):  # lists make the size of an element unknown
-        require_size(path, file, sum(rows * each.itemsize for rows, each in stored))
+    stored_dtypes = [np.dtype(element.dtype(header.byte_order)) for element in header.elements]
+    if not any(stored.hasobject for stored in stored_dtypes):  # lists make the size of an element unknown
+        sizes = (e.count * stored.itemsize for e, stored in zip(header.elements, stored_dtypes, strict=True))
+        require_size(path, file, sum(sizes))
     if not count:
         return np.empty(0, dtype)
-    return np.memmap(path, stored[0][1], "r", offset, count).view(np.ndarray).astype(dtype, copy=False)
+    return np.memmap(path, stored_dtypes[0], "r", file.size, count).view(np.ndarray).astype(dtype, copy=False)
 
 
 def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the rows of an ASCII file; numpy's parser is several times faster than plyfile's."""
+    """Return the rows of an ASCII file, by numpy's parser, which is several times faster than plyfile's."""
     count = file.content["vertex"].count
     with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
         stream.seek(file.size)
@@ -169,16 +187,17 @@ def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.vo
 
 
 def offset_comment(offset: Float64) -> str:
-    """Return the comment of a model that lies around `offset` [3]."""
+    """Return the comment that names the `offset` [3] around which a model lies."""
     return "gspure offset " + " ".join(map(str, offset.tolist()))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # infinities are found where models are made drawable
+@np.errstate(over="ignore", invalid="ignore")  # `gspure.model.finite` handles infinities
 def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str], tuple[str, ...]]:
-    """Return rows [K] with 3DGS's properties, float32 as far as images depend on them; what was changed; a comment.
+    """Return rows [K] with 3DGS's properties, the changes to them as text, and at most one comment.
 
-    Rows that have these are returned as they are. Those without scales or opacity are no Gaussians, and stay so. If
-    float32 would round coordinates of more digits, they become relative to an offset, which the comment names.
+    Properties that images depend on become float32. Rows that need no change are returned as they are. Nothing is
+    invented for rows without scales or opacity, which are no Gaussians. If float32 would round coordinates of more
+    digits, they become relative to an offset, which the comment names.
     """
     columns: dict[str, NDArray[Any]] = {name: rows[name] for name in rows.dtype.names or ()}
     changes: list[str] = []
@@ -192,22 +211,25 @@ def converted(rows: NDArray[np.void]) -> tuple[NDArray[np.void], list[str], tupl
         changes.append(f"flat Gaussians (2DGS) get scale_2, {_THIN:g} of their shorter axis")
     numbered = Gaussians(rows[:0]).columns_named("f_rest_")
     drawn = [name for name in (*CORE, *COLOUR, *numbered) if name in columns]
-    if others := sorted({str(columns[name].dtype) for name in drawn} - {"float32"}):
-        changes.append(f"properties of type {', '.join(others)} become float32")
+    wrong_types = sorted({str(columns[name].dtype) for name in drawn} - {"float32"})
+    if wrong_types:
+        changes.append(f"properties of type {', '.join(wrong_types)} become float32")
     if not changes:
         return rows, [], ()
-    if (offset := _offset(columns)).any():
+    offset = _offset(columns)
+    if offset.any():
         columns |= {name: columns[name] - start for name, start in zip("xyz", offset, strict=True)}
         comments = (offset_comment(offset),)
         changes.append(f"coordinates become relative to {' '.join(map(str, offset.tolist()))}, and cameras too")
-    table = np.empty(len(rows), [(name, "<f4" if name in drawn else column.dtype) for name, column in columns.items()])
+    types = [(name, "<f4" if name in drawn else column.dtype) for name, column in columns.items()]
+    table = np.empty(len(rows), types)
     for name, column in columns.items():
         table[name] = column
     return table, changes, comments
 
 
 def _offset(columns: Mapping[str, NDArray[Any]]) -> Float64:
-    """Return the median centre, rounded, if float32 is too coarse for coordinates there that are float64, else 0."""
+    """Return the median centre, rounded, if coordinates are float64 and float32 is too coarse there; else zeros."""
     scales = [columns[name] for name in SCALES if name in columns]
     if not scales or not {*"xyz"} <= columns.keys() or np.float64 not in [columns[name].dtype for name in "xyz"]:
         return np.zeros(3)
@@ -215,12 +237,14 @@ def _offset(columns: Mapping[str, NDArray[Any]]) -> Float64:
     rows = np.isfinite(means).all(axis=1)
     if not rows.any():
         return np.zeros(3)
-    centre, size = np.round(np.median(means[rows], axis=0)), np.exp(np.median(np.max(scales, axis=0)[rows]))
-    return centre if np.spacing(np.abs(centre).max().astype(np.float32)) > _FINE * size else np.zeros(3)
+    centre = np.round(np.median(means[rows], axis=0))
+    size = np.exp(np.median(np.max(scales, axis=0)[rows]))
+    step = np.spacing(np.abs(centre).max().astype(np.float32))
+    return centre if step > _FINE * size else np.zeros(3)
 
 
 def _unit(shades: NDArray[Any]) -> NDArray[np.float32]:
-    """Return colours from 0 to 1 of stored ones: in the range of an unsigned type, else to 255 if any is above 1."""
+    """Return stored colours as 0 to 1; white is the largest number of an unsigned type, else 255 if any is above 1."""
     if shades.dtype.kind == "u":
         return np.asarray(shades / np.float32(np.iinfo(shades.dtype).max), np.float32)
     return np.asarray(shades / np.float32(255 if (shades > 1).any() else 1), np.float32)

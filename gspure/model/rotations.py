@@ -1,4 +1,4 @@
-r"""Rotations: matrices and principal axes of Gaussians, models that are moved as a whole, and spherical harmonics.
+r"""Rotations: matrices and principal axes of Gaussians, similarity transforms of models, and spherical harmonics.
 
 A function on the sphere, :math:`f(d) = \sum_m c_m Y_m(d)`, rotated by R is :math:`f(R^{-1} d)`. Its coefficients of
 degree l are those of f times an orthogonal matrix. For a rotation by :math:`\theta` about the axis n this matrix is
@@ -20,7 +20,7 @@ from gspure.model.gaussians import Gaussians
 
 
 def rotation_matrices(quats: NDArray[Any]) -> Float64:
-    """Return the rotations [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
+    """Return the rotation matrices [K,3,3] of quaternions (w, x, y, z) [K,4] of any norm but zero."""
     quats = np.asarray(quats, np.float64)
     w, x, y, z = (quats / np.linalg.norm(quats, axis=1, keepdims=True)).T
     rows = [
@@ -37,15 +37,16 @@ def principal_axes(model: Gaussians) -> Float64:
     with np.errstate(invalid="ignore"):
         w, xyz = np.split(quats / np.linalg.norm(quats, axis=1, keepdims=True), [1], axis=1)
         axes = model.scales[:, :, None] * np.eye(3)
-        turned = 2 * np.cross(xyz[:, None], axes)  # a unit quaternion (w, u) turns v into v + w t + u x t, t = 2 u x v
-        return np.asarray(axes + w[:, None] * turned + np.cross(xyz[:, None], turned))
+        # A unit quaternion (w, u) turns v into v + w t + u x t, where t = 2 u x v.
+        t = 2 * np.cross(xyz[:, None], axes)
+        return np.asarray(axes + w[:, None] * t + np.cross(xyz[:, None], t))
 
 
 def moved(model: Gaussians, rotvec: Float64, translation: Float64, scale: float = 1.0) -> Gaussians:
     """Return the model rotated about `rotvec` by its length in radians, then scaled, then translated.
 
-    Centres, scales, rotations and spherical harmonics change, so that the model looks the same from views that move
-    along. Features without direction, as GS-Hider's, stay.
+    Centres, scales, rotations and spherical harmonics change, so that the model looks the same from views moved in the
+    same way. Features without direction, such as GS-Hider's, stay.
     """
     angle = float(np.linalg.norm(rotvec))
     if angle:
@@ -73,14 +74,15 @@ def rotation(rotvec: Float64) -> Float64:
 
 def rotate_sh(sh_coeffs: NDArray[Any], rotvec: Float64) -> NDArray[Any]:
     """Return coefficients [K,S,3], S = 1, 4, 9 or 16, of colours rotated about `rotvec` by its length in radians."""
-    result = sh_coeffs.copy()
-    for degree in range(1, int(np.sqrt(result.shape[1]))):
+    rotated = sh_coeffs.copy()
+    for degree in range(1, int(np.sqrt(sh_coeffs.shape[1]))):
         phases, states = np.linalg.eigh(np.tensordot(rotvec, _angular_momentum(degree), 1))
-        turn, to_real = (states * np.exp(-1j * phases)) @ states.conj().T, _to_real(degree)
-        matrix = np.ascontiguousarray((to_real @ turn @ to_real.conj().T).real)  # D_l, for the order m = -l .. l
+        exponential = (states * np.exp(-1j * phases)) @ states.conj().T
+        to_real = _to_real(degree)
+        matrix = np.ascontiguousarray((to_real @ exponential @ to_real.conj().T).real)  # D_l, for m = -l .. l
         band = slice(degree**2, (degree + 1) ** 2)
-        result[:, band] = np.einsum("ij,kjc->kic", matrix, result[:, band])
-    return result
+        rotated[:, band] = np.einsum("ij,kjc->kic", matrix, rotated[:, band])
+    return rotated
 
 
 def _angular_momentum(degree: int) -> NDArray[np.complex128]:
@@ -93,7 +95,7 @@ def _angular_momentum(degree: int) -> NDArray[np.complex128]:
 
 
 def _to_real(degree: int) -> NDArray[np.complex128]:
-    """Return U [2l+1,2l+1]: coefficients of the real harmonics, given those of the complex ones."""
+    """Return U [2l+1,2l+1], which maps coefficients of the complex harmonics to those of the real ones."""
     to_real = np.zeros((2 * degree + 1, 2 * degree + 1), np.complex128)
     to_real[degree, degree] = 1
     for m in range(1, degree + 1):

@@ -1,4 +1,4 @@
-"""Statistics of a model, and what is suspicious: rows that could mislead an audit, values stored in another way."""
+"""Statistics of a model, rows that could mislead an audit, and values that seem to be stored in another way."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from gspure.arrays import Float32, Float64, Indices
 from gspure.model.finite import FILTER, filtered, listed, non_finite_rows, undrawable_rows
 from gspure.model.gaussians import COLOUR, CORE, NORMALS, Gaussians
 
-LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # quantile levels: extremes, the middle 90 %, quartiles and median
+QUANTILE_LEVELS = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)  # extremes, the middle 90 %, quartiles and median
 
 NEEDLE_ASPECT: Final = 1e4  # largest ratio of the longest to the second longest axis; the shortest may be shorter
 FAR: Final = 1e3  # largest distance of a centre from the median centre, as a multiple of the extent
-PILE: Final = 10  # least number of rows with the same centre that are a pile
+PILE: Final = 10  # a pile is at least so many rows with the same centre
 BULK: Final = (0.05, 0.95)  # the extent is the diagonal of the box between these quantiles of the centres
 
 REASONS: Final = {  # why rows are suspicious
@@ -27,15 +27,17 @@ REASONS: Final = {  # why rows are suspicious
     "pile": f"{PILE} or more rows with the same centre",
 }
 
-_KINDS: Final = {  # by the first of these columns that is present
+_KINDS: Final = {  # by column; the first that is present counts
     "f_anchor_feat_0": "Scaffold-GS or SecureGS (rows are anchors)",
     "semantic_0": "GS-Hider",
     FILTER: "GOF or Mip-Splatting (3-D filter)",
     "f_dc_0": "vanilla 3DGS (Splats in Splats looks the same)",
 }
-_NEAR_ZERO: Final = 1 / 7  # of the median scale, or of 1, is above the smallest scale, if these are linear; ours
-_LARGE: Final = 1 / 10  # of the extent is below the median Gaussian, if scales are linear; ours
-_COARSE: Final = (1 / 20, 1 / 5000)  # largest step of coordinates: of the median Gaussian, and of the extent; ours
+# Thresholds of ours. Scales, none of them negative, seem to be linear, not logarithms, in either of two cases:
+_NEAR_ZERO: Final = 1 / 7  # the smallest is below this share of the median and below this number
+_LARGE: Final = 1 / 10  # taken as logarithms, they make the median Gaussian larger than this share of the extent
+
+_COARSE: Final = (1 / 20, 1 / 5000)  # largest step of coordinates: share of the median Gaussian, of the extent; ours
 
 
 @dataclass(frozen=True)
@@ -43,12 +45,12 @@ class Summary:
     """Statistics of a model."""
 
     kind: str
-    further_columns: tuple[str, ...]  # that vanilla models do not have
-    quantiles: dict[str, tuple[float, ...]]  # of finite values at `LEVELS`, world units; empty without one
-    non_finite_rows: int  # with a not-a-number, or an infinity without a meaning, in any column
-    non_finite_columns: dict[str, tuple[int, int]]  # the number of such rows, and the first of them
+    further_columns: tuple[str, ...]  # columns that vanilla models do not have
+    quantiles: dict[str, tuple[float, ...]]  # of finite values at `QUANTILE_LEVELS`, world units; empty without one
+    non_finite_rows: int  # rows with a not-a-number or a meaningless infinity in any column
+    non_finite_columns: dict[str, tuple[int, int]]  # number of these rows in a column, and the first
     zero_quaternion_rows: int
-    repeated_position_rows: int  # with exactly the centre of an earlier row
+    repeated_position_rows: int  # rows with exactly the centre of an earlier row
     suspicious: dict[str, Indices]  # `suspicious_rows`
 
 
@@ -73,13 +75,13 @@ def summarize(model: Gaussians) -> Summary:
 
 
 def kind(model: Gaussians) -> str:
-    """Return which program's model it is, by its columns."""
+    """Return the kind of a model, by its columns: the scheme or trainer that writes them."""
     return next((name for column, name in _KINDS.items() if column in model.names), "unknown")
 
 
 def _quantiles(values: Float32) -> tuple[float, ...]:
     finite = values[np.isfinite(values)]
-    return tuple(np.quantile(finite, LEVELS).tolist()) if len(finite) else ()
+    return tuple(np.quantile(finite, QUANTILE_LEVELS).tolist()) if len(finite) else ()
 
 
 def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
@@ -92,18 +94,18 @@ def suspicious_rows(model: Gaussians) -> dict[str, Indices]:
     scales = np.sort(filtered(model).scales[rows].astype(np.float64), axis=1)
     extent, distances = extent_and_distances(model.means[rows].astype(np.float64))
     _, place, sizes = np.unique(_bits(model.means[rows]), return_inverse=True, return_counts=True)
-    sharing = sizes[place]
-    twins = rows[sharing > 1]
-    _, first = np.unique(np.array([model.table[row].tobytes() for row in twins], object), return_index=True)
+    rows_at_centre = sizes[place]
+    stacked = rows[rows_at_centre > 1]
+    _, originals = np.unique(np.array([model.table[row].tobytes() for row in stacked], object), return_index=True)
     by_reason = {
         "undrawable": undrawable,
         "needle": rows[scales[:, 2] > NEEDLE_ASPECT * scales[:, 1]],
         "oversized": rows[(scales[:, 2] > extent) & (extent > 0)],
         "far": rows[distances > FAR],
-        "duplicate": np.delete(twins, first),
-        "pile": rows[sharing >= PILE],
+        "duplicate": np.delete(stacked, originals),
+        "pile": rows[rows_at_centre >= PILE],
     }
-    return {reason: at for reason, at in by_reason.items() if len(at)}
+    return {reason: matching for reason, matching in by_reason.items() if len(matching)}
 
 
 def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]:
@@ -112,17 +114,18 @@ def suspicious_lines(suspicious: Mapping[str, Indices], total: int) -> list[str]
         return []
     lines = [f"suspicious rows   {len(np.unique(np.concatenate([*suspicious.values()]))):,} of {total:,}"]
     for reason, rows in suspicious.items():
-        lines.append(f"  {reason:<12}{len(rows):>9,}   {REASONS[reason]}: row{'s' * (len(rows) > 1)} {listed(rows)}")
+        noun = "rows" if len(rows) > 1 else "row"
+        lines.append(f"  {reason:<12}{len(rows):>9,}   {REASONS[reason]}: {noun} {listed(rows)}")
     return lines
 
 
 def _bits(means: Float32) -> NDArray[np.void]:
-    """Return finite centres [K,3] as one value each [K], equal where they are."""
+    """Return one value [K] for each finite centre [K,3], equal for equal centres."""
     return (means + np.float32(0)).view("V12").ravel()  # -0 becomes 0
 
 
 def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tuple[float, Float64]:
-    """Return the extent of finite centres [K,3], and their distances [K] from the median, in extents."""
+    """Return the extent of finite centres [K,3], and their distances [K] from the median as multiples of it."""
     if not len(means):
         return 0.0, np.zeros(0)
     low, high = np.quantile(means, bulk, axis=0)
@@ -131,26 +134,36 @@ def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tu
 
 
 def doubts(model: Gaussians) -> list[str]:
-    """Return what is doubtful about the stored values of Gaussians, and what to do: a line of text for each doubt."""
+    """Return a line of text for each doubt about the stored values of Gaussians, with a remedy."""
     rows = np.isfinite(model.means).all(axis=1) & (model.log_scales < np.inf).all(axis=1)
     if model.has_anchors or not rows.any():
         return []
-    means, stored, opacities = model.means[rows], model.log_scales[rows], model.table["opacity"][rows]
+    means = model.means[rows]
+    log_scales = model.log_scales[rows]
     extent, _ = extent_and_distances(means.astype(np.float64))
-    least, median = float(stored.min()), float(np.median(stored))
-    size = float(np.exp(min(float(np.median(stored.max(axis=1))), 80)))
-    activated = []
-    if least >= 0 and (least < _NEAR_ZERO * min(median, 1) or size > _LARGE * extent):
-        activated.append(f"scales of {least:.3g} to {stored.max():.3g}, where 3DGS has ln(scale)")
-    if opacities.min() >= 0 and 0 < opacities.max() <= 1:
-        inverse = "ln(opacity / (1 - opacity))"
-        activated.append(f"opacities of {opacities.min():.3g} to {opacities.max():.3g}, where 3DGS has {inverse}")
-    remedy = "apply these with gspure.read_model, with_columns and write_model"
-    lines = [f"values seem to be stored activated: {'; '.join(activated)}; {remedy}"] if activated else []
+    size = float(np.exp(min(float(np.median(log_scales.max(axis=1))), 80)))
+    lines = []
+    activated = _activated(log_scales, model.table["opacity"][rows], size, extent)
+    if activated:
+        remedy = "apply these with gspure.read_model, with_columns and write_model"
+        lines.append(f"values seem to be stored activated: {'; '.join(activated)}; {remedy}")
     farthest = np.abs(np.median(means, axis=0)).max()
     step = float(np.spacing(farthest))
     if step > min(_COARSE[0] * size, _COARSE[1] * extent or np.inf) > 0:
-        found = f"float32 steps of {step:.2g}, and the median Gaussian is {size:.2g} large: detail is lost"
+        loss = f"float32 steps of {step:.2g}, and the median Gaussian is {size:.2g} large: detail is lost"
         remedy = "subtract an offset from the coordinates of model and cameras before training or export"
-        lines.append(f"coordinates around {farthest:.6g} have {found}; {remedy}")
+        lines.append(f"coordinates around {farthest:.6g} have {loss}; {remedy}")
     return lines
+
+
+def _activated(log_scales: Float32, opacity_logits: Float32, size: float, extent: float) -> list[str]:
+    """Return the columns whose stored values look activated; `size` is that of the median Gaussian."""
+    activated = []
+    least = float(log_scales.min())
+    if least >= 0 and (least < _NEAR_ZERO * min(float(np.median(log_scales)), 1) or size > _LARGE * extent):
+        activated.append(f"scales of {least:.3g} to {log_scales.max():.3g}, where 3DGS has ln(scale)")
+    low = opacity_logits.min()
+    high = opacity_logits.max()
+    if low >= 0 and 0 < high <= 1:
+        activated.append(f"opacities of {low:.3g} to {high:.3g}, where 3DGS has ln(opacity / (1 - opacity))")
+    return activated

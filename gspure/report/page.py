@@ -21,7 +21,8 @@ from gspure.metrics.names import UNATTACKED, display_name, extraction_name, mode
 from gspure.report.answer import Answer
 from gspure.report.audit import ALLOWED, BROKEN
 from gspure.report.table import Table
-from gspure.text import decimal, percent
+from gspure.text import decimal
+from gspure.viewer.page import template_environment
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -46,7 +47,7 @@ class Picture:
 class Model:
     """One model as the page shows it.
 
-    `viewer` and `diagnosis` hold what `gspure.figures.viewer.write_viewer` and the diagnosis of the clustering wrote.
+    `viewer` and `diagnosis` hold what `gspure.viewer.data.write_viewer` and the diagnosis of the clustering wrote.
     """
 
     scheme: str
@@ -80,13 +81,8 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
     linked = [os.path.relpath(file.resolve(), results.resolve()) for file in links]
     page = environment().get_template("page.html.j2")
     thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
-    text = page.render(version=__version__, alone=False, comparisons=comparisons, links=linked, **thresholds)
+    text = page.render(version=__version__, comparisons=comparisons, links=linked, **thresholds)
     write_text(results / "report.html", text)
-
-
-def write_view(path: Path, data: Mapping[str, Any]) -> None:
-    """Write a page with the view of `gspure.figures.viewer.view_of` alone, whole or not at all."""
-    write_text(path, environment().get_template("page.html.j2").render(version=__version__, alone=True, data=data))
 
 
 def picture(file: Path, caption: str, results: Path) -> Picture:
@@ -119,19 +115,13 @@ def _embedded(image: Any, widest: int) -> str:
 
 @cache
 def environment() -> Environment:
-    """Return the templates, with the filters that write names and numbers."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    loader = FileSystemLoader(_TEMPLATES)
-    environment = Environment(
-        autoescape=True, loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    """Return the templates of the report and the viewer, with the filters that write names and numbers."""
+    environment = template_environment(_TEMPLATES)
     environment.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
         "model_name": lambda model: model_name(*model),
         "decimal": partial(decimal, decimals=1),
-        "percent": percent,
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }
     return environment

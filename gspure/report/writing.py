@@ -14,7 +14,7 @@ from gspure.evaluation.summary import Specificity, Summary, specificity, summari
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
 from gspure.figures.gallery import CAPTIONS, PLATES
-from gspure.figures.panels import chosen, draw_attacks
+from gspure.figures.panels import draw_attacks, shown_variants
 from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import read_json, write_text
@@ -120,7 +120,7 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
     attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
     caption, views = attacks or ("", {})
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
-    shown = [o.variant for o in chosen(variants, plan.sweeps) if o.targets]
+    shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
     return Model(
         *key,

@@ -25,8 +25,9 @@ from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.cameras.colmap import write_colmap
 from gspure.errors import InputError, reading
+from gspure.external import files_of, output_of, words_of
 from gspure.images import read_image
-from gspure.metrics.detection import Reading, files_of, output_of, read_marks, words_of
+from gspure.metrics.readings import Reading, read_marks
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE
 from gspure.model import write_model
 from gspure.opencl.device import Device

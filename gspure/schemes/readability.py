@@ -56,7 +56,7 @@ def bit_readability(
 ) -> Readability:
     """Compare the bits in renders of a few training views, and negative controls."""
     scene = public.scene(device)
-    threshold = Threshold.of(len(key.bits), [], FALSE_POSITIVES)
+    threshold = Threshold.at_rate(FALSE_POSITIVES, len(key.bits))
     chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
     with TemporaryDirectory() as folder:
         for number, camera in enumerate(views[:VIEWS]):

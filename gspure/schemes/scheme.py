@@ -15,7 +15,7 @@ from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.metrics.detection import Reading, read_bits
+from gspure.metrics.readings import Reading, read_bits
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows

@@ -51,8 +51,8 @@ _NERFSTUDIO_HELD_OUT: Final = ("test_filenames", "val_filenames")  # the first o
 class Dataset:
     """Views at training size, split into training and held-out ones, and initial points.
 
-    Each view has a photograph. Points [P,3] are in world units, their colours 8-bit. `source` is the file or folder
-    that it was read from, `offset` [3] the point of its world that is the origin here.
+    Each view has a photograph. Points [P,3] are in world units, their colours 8-bit. `source` is the file or folder of
+    the capture, `offset` [3] the point of its world that is the origin here.
     """
 
     source: Path
@@ -83,15 +83,17 @@ def read_dataset(
 
     `source` is a Blender scene's folder with its splits, or any source of `gspure.cameras.read_cameras`; without
     splits, `gspure.cameras.split` makes them. `resolution` is a rule of `gspure.cameras.scaled`. The folder
-    `photographs`, whose files are named after the views, replaces those that the source names. `skip_missing` leaves
-    out views whose photograph is missing. `seed` is that of the random points that replace missing ones. A capture far
-    from the origin, such as one in UTM coordinates, is moved to it, as float32 would round it.
+    `photographs` replaces the photographs that the source names; its files are named after the views. `skip_missing`
+    leaves out views without a photograph. `seed` is that of the random points that replace missing ones. A capture far
+    from the origin, such as one in UTM coordinates, is moved to it, because float32 would round its coordinates.
     """
-    views = read_views(source := Path(source))
+    source = Path(source)
+    views = read_views(source)
     cameras = _with_photographs(views.cameras, photographs, source)
-    cameras = _present(cameras, source) if skip_missing else cameras
-    some = len(missing_photographs(cameras)) < len(cameras)
-    require_present(cameras, source, hint=_SKIP if some else _NAME)
+    if skip_missing:
+        cameras = _present(cameras, source)
+    some_are_present = len(missing_photographs(cameras)) < len(cameras)
+    require_present(cameras, source, hint=_SKIP if some_are_present else _NAME)
     shown = scaled(cameras, resolution)
     require_images(shown, source)
     _require_shapes(cameras, source)
@@ -101,8 +103,8 @@ def read_dataset(
         shown = shifted(shown, -offset)
     train, test = views.split(shown)
     if not (train and extent(train) > 0):
-        found = f"{len(train)} in one place" if train else "none"
-        raise InputError(source, "training views", expected="several, from different places", found=found)
+        places = f"{len(train)} in one place" if train else "none"
+        raise InputError(source, "training views", expected="several, from different places", found=places)
     xyz, rgb = _points(source, train, seed, offset)
     if not view_counts(xyz, train).any():
         raise InputError(source, "training views", expected="some that see points", found="all look away from them")
@@ -112,7 +114,7 @@ def read_dataset(
 class Views(NamedTuple):
     """All views of a capture, in the order of their file.
 
-    `held_out` names the held-out ones; None if the capture does not define them and `gspure.cameras.split` decides.
+    `held_out` names the held-out ones; None if the capture has no splits, so that `gspure.cameras.split` decides.
     """
 
     cameras: list[Camera]
@@ -129,7 +131,8 @@ class Views(NamedTuple):
 
 def read_views(source: Path) -> Views:
     """Read the views of a source of `gspure.cameras.read_cameras`, with the splits of a Blender or nerfstudio scene."""
-    cameras, scene = read_cameras(source), camera_object(source)
+    cameras = read_cameras(source)
+    scene = camera_object(source)
     if scene and any(name in scene for name in _NERFSTUDIO_HELD_OUT):
         return _nerfstudio_views(scene, cameras)
     file = next((source / name for name in BLENDER_HELD_OUT if (source / name).is_file()), None)
@@ -147,14 +150,17 @@ def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     files = (frame["file_path"] for frame in entry.values["frames"])
     views = dict(zip(files, (camera.name for camera in cameras), strict=True))
     held_out = _names(entry, key, views)
-    train = _names(entry, "train_filenames", views) if "train_filenames" in entry else {*views.values()} - held_out
-    if missing := (train | held_out) - {camera.name for camera in cameras}:
+    train = {*views.values()} - held_out
+    if "train_filenames" in entry:
+        train = _names(entry, "train_filenames", views)
+    missing = (train | held_out) - {camera.name for camera in cameras}
+    if missing:
         raise entry.refusal(key, expected="views of the file", found=min(missing))
     return Views([camera for camera in cameras if camera.name in train | held_out], frozenset(held_out))
 
 
 def _names(entry: Entry, key: str, views: Mapping[str, str]) -> set[str]:
-    """Return the names of the views that a list of files names; `views` are these by file."""
+    """Return the names of the views in a list of files; `views` maps files to names."""
 
     def is_names(value: object) -> bool:
         return isinstance(value, list) and all(isinstance(file, str) for file in value)
@@ -178,7 +184,7 @@ def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
 
 
 def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
-    """Return the views whose photograph exists, and report the others; all if none has one, to be refused."""
+    """Return the views with a photograph, and report the others; all if none has one, which are refused later."""
     present = [camera for camera in cameras if not missing_photographs([camera])]
     if len(present) < len(cameras):
         missing = ", ".join(missing_photographs(cameras))
@@ -187,9 +193,9 @@ def _present(cameras: Sequence[Camera], source: Path) -> list[Camera]:
 
 
 def _with_photographs(cameras: list[Camera], photographs: Path | None, source: Path) -> list[Camera]:
-    """Return the cameras of `source` with the photographs of their names in the folder `photographs`.
+    """Return the cameras of `source` with the photographs of the same names in the folder `photographs`.
 
-    If it is None, views that name no photograph get those in the capture.
+    Without a folder, the photographs are located in the capture.
     """
     if photographs is None:
         folder = source if source.is_dir() else source.parent
@@ -201,9 +207,12 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None, source: P
     below = [file.relative_to(photographs).as_posix() for file in files]
     names = [safe_name(path) for path in below]
     apart = names if views <= {*names} else kept_apart(names, below, photographs)
-    for file, shared, own in zip(files, names, apart, strict=True):
-        name = shared if shared in views else own
-        if name in views and (first := named.setdefault(name, file)) != file:
+    for file, shared_name, distinct_name in zip(files, names, apart, strict=True):
+        name = shared_name if shared_name in views else distinct_name
+        if name not in views:
+            continue
+        first = named.setdefault(name, file)
+        if first != file:
             raise InputError(photographs, name, expected="one photograph", found=f"{first.name} and {file.name}")
     return [replace(c, image=named.get(c.name, photographs / c.name)) for c in cameras]
 
@@ -215,8 +224,11 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
     """
     remarks = []
     for camera in cameras:
-        width, height = photograph_size(photograph(camera))
-        remarks += [f"{camera.name}: {hint}"] if (hint := turn(photograph(camera))) else []
+        file = photograph(camera)
+        width, height = photograph_size(file)
+        hint = turn(file)
+        if hint:
+            remarks.append(f"{camera.name}: {hint}")
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
             expected = f"the shape of its camera, {camera.width}x{camera.height}"
             raise InputError(source, f"{camera.name}.image", expected=expected, found=f"{width}x{height}", hint=hint)
@@ -225,8 +237,9 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
 
 
 def _offset(cameras: Sequence[Camera]) -> Float64:
-    """Return a point amid cameras that are so far from the origin that float32 rounds their scene, else the origin."""
-    centres, size = np.array([camera.centre for camera in cameras]), spread(cameras)
+    """Return a point amid the cameras if they are so far from the origin that float32 rounds, else the origin."""
+    centres = np.array([camera.centre for camera in cameras])
+    size = spread(cameras)
     if not np.spacing(np.abs(centres).max().astype(np.float32)) > MOST_ROUNDING * size > 0:
         return np.zeros(3)
     return np.asarray(np.round(centres.mean(axis=0), max(0, -math.floor(math.log10(size)))))
@@ -246,15 +259,17 @@ def _points(source: Path, train: Sequence[Camera], seed: int, offset: Float64) -
 
 
 def stored_points(source: Path) -> tuple[Float64, UInt8]:
-    """Return the sparse points of a capture, or none: those that its transforms.json names, or that lie beside it."""
-    place, scene = camera_place(source), camera_object(source)
+    """Return the sparse points of a capture: the file that its transforms.json names, or one beside it; or none."""
+    place = camera_place(source)
+    scene = camera_object(source)
     folder = source if place.is_dir() else place.parent
     sparse = place if place.is_dir() else find_sparse(folder)
     if scene and "ply_file_path" in scene:
         return read_point_ply(Path(scene.source).parent / scene.text("ply_file_path"))
     if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
         return read_points(sparse)
-    for path in (parent / name for parent in (folder, sparse or folder) for name in POINT_FILES):
-        if path.is_file():
-            return read_point_ply(path)
+    for parent in (folder, sparse or folder):
+        for name in POINT_FILES:
+            if (parent / name).is_file():
+                return read_point_ply(parent / name)
     return np.empty((0, 3)), np.empty((0, 3), np.uint8)

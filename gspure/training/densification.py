@@ -12,7 +12,7 @@ import numpy as np
 
 from gspure.arrays import Bools, Float32, Indices
 from gspure.model.gaussians import logit, sigmoid
-from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainState
 
 GRADIENT_THRESHOLD: Final = 2e-4  # a Gaussian grows where the mean norm of dL/d(projected centre), in NDC, reaches this
 DENSE_SHARE: Final = 0.01  # of the scene's extent: growing Gaussians with no larger scale are cloned, others split
@@ -26,9 +26,9 @@ RESET_OPACITY: Final = 0.01  # upper bound of opacities after a reset
 class Growth:
     """The N Gaussians after densification: remaining ones, clones, first halves, second halves.
 
-    `rows` [N] are those before densification that each one is or comes from; `new` and `half` [N] mark new ones, and
-    those that are halves of a split Gaussian; `offsets` [halves,3] lead from the centre of a split Gaussian to those of
-    its halves.
+    `rows` [N] are their rows, or their parents' rows, before densification. `new` and `half` [N] are true for new
+    Gaussians, and for halves of a split one. `offsets` [halves,3] lead from the centre of a split Gaussian to the
+    centres of its halves.
     """
 
     rows: Indices
@@ -39,7 +39,7 @@ class Growth:
 
 def plan(
     parameters: Parameters,
-    statistics: Statistics,
+    statistics: DensificationStatistics,
     opacities: Float32 | None = None,
     *,
     extent: float,
@@ -49,26 +49,35 @@ def plan(
 ) -> Growth:
     """Decide which of K Gaussians grow and which are pruned, from `statistics` since the last densification.
 
-    `opacities` [K] are those of the pruning rule, by default of `parameters`; `extent` is that of the scene in world
+    `opacities` [K] decide about pruning, by default those of `parameters`. `extent` is that of the scene in world
     units, and `rng` places the halves. Up to `max_gaussians`, those with the largest gradients grow first.
     """
-    opacities = sigmoid(parameters.opacity_logits) if opacities is None else opacities
+    if opacities is None:
+        opacities = sigmoid(parameters.opacity_logits)
     sizes = np.exp(parameters.log_scales).max(axis=1)
     grown = _grown(statistics, max_gaussians)
     split = grown & (sizes > DENSE_SHARE * extent)
-    unsplit, clones, parents = (np.flatnonzero(mask) for mask in (~split, grown & ~split, split))
-    rows = np.concatenate([unsplit, clones, parents, parents])
-    new, half = (np.arange(len(rows)) >= first for first in (len(unsplit), len(unsplit) + len(clones)))
+    remaining = np.flatnonzero(~split)
+    clones = np.flatnonzero(grown & ~split)
+    parents = np.flatnonzero(split)
+    rows = np.concatenate([remaining, clones, parents, parents])
+    numbers = np.arange(len(rows))
+    new = numbers >= len(remaining)
+    half = numbers >= len(remaining) + len(clones)
     largest = BIG_SHARE * extent if prune_big else np.inf
     small = sizes[rows] / np.where(half, SPLIT_SHRINK, 1.0) <= largest
     stay = small & (opacities[rows] >= OPACITY_MIN)
-    rows, new, half = rows[stay], new[stay], half[stay]
-    return Growth(rows, new, half, _offsets(parameters.rows(rows[half]), rng))
+    rows = rows[stay]
+    half = half[stay]
+    offsets = _offsets(parameters.rows(rows[half]), rng)
+    return Growth(rows, new[stay], half, offsets)
 
 
 def grow(state: TrainState, growth: Growth) -> TrainState:
     """Return the state after a growth; new Gaussians start with zero moments."""
-    after, first, second = (part.rows(growth.rows) for part in (state.parameters, state.first, state.second))
+    after = state.parameters.rows(growth.rows)
+    first = state.first.rows(growth.rows)
+    second = state.second.rows(growth.rows)
     after.means[growth.half] += growth.offsets
     after.log_scales[growth.half] -= np.float32(np.log(SPLIT_SHRINK))
     for moments in (*vars(first).values(), *vars(second).values()):
@@ -78,14 +87,20 @@ def grow(state: TrainState, growth: Growth) -> TrainState:
 
 def reset_opacities(state: TrainState, rows: Bools | EllipsisType = ...) -> TrainState:
     """Clip the opacities of some rows, by default of all, to `RESET_OPACITY`, and zero their moments."""
-    parts = (state.parameters, state.first, state.second)
-    columns = logits, first, second = [part.opacity_logits.copy() for part in parts]
+    logits = state.parameters.opacity_logits.copy()
+    first = state.first.opacity_logits.copy()
+    second = state.second.opacity_logits.copy()
     logits[rows] = np.minimum(logits[rows], logit(RESET_OPACITY))
-    first[rows] = second[rows] = 0
-    return TrainState(*(replace(part, opacity_logits=column) for part, column in zip(parts, columns, strict=True)))
+    first[rows] = 0
+    second[rows] = 0
+    return TrainState(
+        replace(state.parameters, opacity_logits=logits),
+        replace(state.first, opacity_logits=first),
+        replace(state.second, opacity_logits=second),
+    )
 
 
-def _grown(statistics: Statistics, max_gaussians: int | None) -> Bools:
+def _grown(statistics: DensificationStatistics, max_gaussians: int | None) -> Bools:
     """Return the mask of the Gaussians that grow; each adds one."""
     gradients = statistics.gradient_norms / np.maximum(statistics.views, 1)
     grown: Bools = gradients >= GRADIENT_THRESHOLD
@@ -98,7 +113,8 @@ def _grown(statistics: Statistics, max_gaussians: int | None) -> Bools:
 def _offsets(parameters: Parameters, rng: np.random.Generator) -> Float32:
     """Sample one point of each Gaussian, relative to its centre."""
     quats = parameters.quats / np.linalg.norm(parameters.quats, axis=1, keepdims=True)
-    scalar, vector = quats[:, :1], quats[:, 1:]
+    scalar = quats[:, :1]
+    vector = quats[:, 1:]
     local = np.exp(parameters.log_scales) * rng.standard_normal(parameters.means.shape)
     turned = 2 * np.cross(vector, local)  # q v q* = v + w t + u x t, with t = 2 u x v
     return np.asarray(local + scalar * turned + np.cross(vector, turned), np.float32)

@@ -20,8 +20,8 @@ LEAST_POINTS: Final = NEIGHBOURS + 1
 
 RANDOM_POINTS: Final = 10_000  # number of random points, if none are stored; ours
 RANDOM_DEPTHS: Final = (0.1, 10.0)  # range of their view depths, as multiples of the scene's extent; ours
-CANDIDATES: Final = 3  # random points for each of the `consistent_points`: with 30, these crowd at plain surfaces; ours
-COMMON_SHARE: Final = 0.25  # at least this share of the views, and two, contain each of them
+CANDIDATES: Final = 3  # random points for each of the `consistent_points`; with 30, they crowd at plain surfaces; ours
+COMMON_SHARE: Final = 0.25  # at least this share of the views, and at least two, contain each random point
 _ROUNDS = 20
 
 
@@ -72,23 +72,26 @@ def random_points(cameras: Sequence[Camera], extent: float, count: int, rng: np.
 def consistent_points(
     cameras: Sequence[Camera], images: Sequence[Float32], extent: float, rng: np.random.Generator
 ) -> tuple[Float64, UInt8]:
-    """Return at most `RANDOM_POINTS` of the `random_points`, with colours: those that the images agree on.
+    """Return at most `RANDOM_POINTS` of the `random_points`, with colours: the points that the images agree on.
 
     Points on surfaces have one colour in all images [H,W,3] that show them (voxel colouring, Seitz and Dyer 1999);
     occlusion is ignored. The points with the least variance of colour stay.
     """
     points = random_points(cameras, extent, CANDIDATES * RANDOM_POINTS, rng)
-    views, total, squares = np.zeros((len(points), 1)), np.zeros((len(points), 3)), np.zeros((len(points), 3))
+    counts = np.zeros((len(points), 1))
+    sums = np.zeros((len(points), 3))
+    squares = np.zeros((len(points), 3))
     for camera, image in zip(cameras, images, strict=True):
         rows, positions = points_shown(camera, points)
-        column, line, _ = positions.astype(np.intp).T
-        colours = image[line, column].astype(np.float64)
-        views[rows] += 1
-        total[rows] += colours
+        pixel_columns, pixel_rows, _ = positions.astype(np.intp).T
+        colours = image[pixel_rows, pixel_columns].astype(np.float64)
+        counts[rows] += 1
+        sums[rows] += colours
         squares[rows] += colours**2
-    mean = total / np.maximum(views, 1)
-    variance = (squares / np.maximum(views, 1) - mean**2).sum(axis=1)
-    best = np.sort(np.argsort(variance, kind="stable")[: -(-len(points) // CANDIDATES)])
+    mean = sums / np.maximum(counts, 1)
+    variance = (squares / np.maximum(counts, 1) - mean**2).sum(axis=1)
+    most = -(-len(points) // CANDIDATES)
+    best = np.sort(np.argsort(variance, kind="stable")[:most])
     return points[best], (255 * mean[best]).astype(np.uint8)
 
 
@@ -101,13 +104,15 @@ def view_counts(points: NDArray[Any], cameras: Sequence[Camera]) -> Indices:
 
 
 def _on_rays(cameras: Sequence[Camera], extent: float, count: int, rng: np.random.Generator) -> Float64:
-    chosen, places = rng.integers(len(cameras), size=count), rng.random((count, 2))
+    chosen = rng.integers(len(cameras), size=count)
+    places = rng.random((count, 2))
     near, far = np.log(RANDOM_DEPTHS)
     depths = extent * np.exp(rng.uniform(near, far, count))
     points = np.empty((count, 3))
     for i, camera in enumerate(cameras):
         rows = chosen == i
-        pixels = np.column_stack([places[rows] * (camera.width, camera.height), np.ones(rows.sum())])
+        positions = places[rows] * np.array([camera.width, camera.height])
+        pixels = np.column_stack([positions, np.ones(rows.sum())])
         rays = np.linalg.solve(camera.K, pixels.T) * depths[rows]
         points[rows] = (camera.viewmat[:3, :3].T @ rays).T + camera.centre
     return points

@@ -34,7 +34,7 @@ def point_cloud(folder: Path, iteration: int) -> Path:
     return folder / "point_cloud" / f"iteration_{iteration}" / "point_cloud.ply"
 
 
-def comparison(folder: Path, iteration: int) -> tuple[Path, Path]:
+def comparison_folders(folder: Path, iteration: int) -> tuple[Path, Path]:
     """Return the folders of held-out photographs and of the model's images, named as by 3DGS's render script."""
     views = folder / "test" / f"ours_{iteration}"
     return views / "gt", views / "renders"
@@ -50,15 +50,17 @@ def write_output(
 ) -> Path:
     """Write model, cameras (test views first), arguments and initial points; return the model's file.
 
-    Cameras have their size in training and name their photographs; all lies around the offset of the dataset, if any,
-    which a comment of the model names. `place` is the folder that `folder` will become.
+    Cameras have the size of training and name their photographs. Coordinates are relative to the dataset's offset; if
+    it is not zero, a comment of the model gives it. `folder` is temporary, and will become `place`.
     """
     model = point_cloud(folder, iteration)
     write_point_ply(folder / "input.ply", dataset.xyz, dataset.rgb)
     write_cameras(folder / "cameras.json", [*dataset.test, *dataset.train], place)
     write_text(folder / "cfg_args", _arguments(place, dataset, parameters, background))
     rows = as_gaussians(parameters).with_background(background)
-    write_model(model, rows.with_comment(offset_comment(dataset.offset)) if dataset.offset.any() else rows)
+    if dataset.offset.any():
+        rows = rows.with_comment(offset_comment(dataset.offset))
+    write_model(model, rows)
     return model
 
 
@@ -66,8 +68,9 @@ def remove_results(folder: Path) -> None:
     """Remove models and images of earlier runs, as only the last model is read; files of other names stay."""
     for iteration, model in saved_iterations(folder).items():
         model.unlink()
-        for image in (image for images in comparison(folder, iteration) for image in images.glob("*.png")):
-            image.unlink()
+        for images in comparison_folders(folder, iteration):
+            for image in images.glob("*.png"):
+                image.unlink()
 
 
 def _arguments(model_path: Path, dataset: Dataset, parameters: Parameters, background: Sequence[float]) -> str:
@@ -101,7 +104,10 @@ class Snapshot:
 def write_checkpoint(path: Path, snapshot: Snapshot, settings: Mapping[str, Any]) -> None:
     """Write a snapshot and the settings of its run as .npz without pickle, whole or not at all."""
     run = {"iteration": snapshot.iteration, "unseen": snapshot.pending_views, "rng": snapshot.rng, "settings": settings}
-    arrays = {f"{part}.{group}": getattr(getattr(snapshot.state, part), group) for part in _PARTS for group in _SHAPES}
+    arrays: dict[str, Any] = {}
+    for part in _PARTS:
+        parameters = getattr(snapshot.state, part)
+        arrays |= {f"{part}.{group}": getattr(parameters, group) for group in _SHAPES}
     with replacing(path) as temporary:
         np.savez(temporary, run=np.array(json.dumps(run)), **arrays)
 
@@ -115,7 +121,8 @@ def read_checkpoint(path: Path, settings: Mapping[str, Any]) -> Snapshot:
     with reading(path, _CONTENT):
         run = json.loads(str(arrays["run"]))
         for name, value in json.loads(json.dumps(settings)).items():
-            if (stored := run["settings"].get(name)) != value:
+            stored = run["settings"].get(name)
+            if stored != value:
                 hint = "delete it to begin anew, since --resume continues the same run only"
                 raise InputError(path, name, expected=json.dumps(value), found=json.dumps(stored), hint=hint)
         parts = [Parameters(*(arrays[f"{part}.{group}"] for group in _SHAPES)) for part in _PARTS]

@@ -23,7 +23,8 @@ except ImportError as error:
     hint = "pip install gspure[torch]"
     raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
 
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3  # malloc.h
+_M_TRIM_THRESHOLD = -1  # malloc.h
+_M_MMAP_THRESHOLD = -3
 _GIB = 1 << 30
 
 __all__ = ["BFLOAT16", "DEVICE", "on_device", "on_host", "read_tensors", "single_threaded", "torch"]
@@ -64,13 +65,13 @@ def on_host(tensor: torch.Tensor) -> NDArray[Any]:
 def read_tensors(source: Path, content: bytes) -> dict[str, torch.Tensor]:
     """Return the state dict that a file holds, or raise `InputError`; no code in it is executed."""
     state = None
-    with suppress(Exception):  # of almost any kind, if a file is corrupt or hostile
+    with suppress(Exception):  # a corrupt or hostile file raises almost any kind
         members = zipfile.ZipFile(io.BytesIO(content)).infolist()
-        if sum(member.file_size for member in members) < len(content):  # not compressed: bounds the memory it takes
+        if sum(member.file_size for member in members) < len(content):  # not compressed, which bounds its memory
             state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     if not isinstance(state, dict) or not all(isinstance(tensor, torch.Tensor) for tensor in state.values()):
-        found = "another file; nothing in it was executed"
-        raise InputError(source, "file", expected="a state dict of PyTorch", found=found)
+        kind = "another file; nothing in it was executed"
+        raise InputError(source, "file", expected="a state dict of PyTorch", found=kind)
     return {str(name): tensor for name, tensor in state.items()}
 
 
@@ -80,12 +81,19 @@ def single_threaded() -> Iterator[None]:
 
     For small tensors this is also faster.
     """
-    if os.name == "posix" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)):
-        # By default, glibc returns freed tensors to the system: a quarter of a step would be faults of fresh pages.
-        _ = mallopt(_M_MMAP_THRESHOLD, _GIB) and mallopt(_M_TRIM_THRESHOLD, _GIB)
+    _keep_freed_memory()
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
         yield
     finally:
         torch.set_num_threads(threads)
+
+
+def _keep_freed_memory() -> None:
+    """Let glibc keep freed tensors: it returns them to the system, and page faults then take a quarter of a step."""
+    if os.name != "posix":
+        return
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt and mallopt(_M_MMAP_THRESHOLD, _GIB):
+        mallopt(_M_TRIM_THRESHOLD, _GIB)

@@ -56,8 +56,8 @@ class Schedule:
     def scaled(cls, iterations: int) -> Schedule:
         """Return 3DGS's schedule for a run of this length."""
 
-        def share(of: int, least: int) -> int:
-            return max(least, round(of * iterations / ITERATIONS))
+        def share(published: int, least: int) -> int:
+            return max(least, round(published * iterations / ITERATIONS))
 
         densify_every = share(DENSIFY_EVERY, LEAST_EVERY)
         return cls(

@@ -78,18 +78,20 @@ class TorchRenderer:
             raise ValueError("give either features or sh_coeffs")
         count = len(means)
         if features is not None:
-            channels, width = features, features.shape[-1]
+            channels = features
+            width = features.shape[-1]
             _require("features", features, (count, width))
         else:
-            channels, width = sh_coeffs, 3
+            channels = sh_coeffs
+            width = 3
             _require("sh_coeffs", channels, *((count, bands, 3) for bands in _BANDS))
-        behind = torch.zeros(width) if background is None else torch.as_tensor(background, dtype=torch.float32)
-        _require("background", behind, (width,))
+        colour = torch.zeros(width) if background is None else torch.as_tensor(background, dtype=torch.float32)
+        _require("background", colour, (width,))
         _require("means", means, (count, 3))
         _require("quats", quats, (count, 4))
         _require("scales", scales, (count, 3))
         _require("opacities", opacities, (count,))
-        image: torch.Tensor = _Image.apply(self._frames, camera, behind, means, quats, scales, opacities, channels)
+        image: torch.Tensor = _Image.apply(self._frames, camera, colour, means, quats, scales, opacities, channels)
         return image
 
 
@@ -104,7 +106,8 @@ class _Frames:
         """Render the arrays of `_Image`, and return the frame's number."""
         background, means, quats, scales, opacities, channels = arrays
         self.last += 1
-        engine, order = self._engine, storage_order(means)
+        engine = self._engine
+        order = storage_order(means)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
         traversal = Traversal("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
 
@@ -120,19 +123,20 @@ class _Frames:
 
     def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
         """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
-        engine, rendered = self._engine, self.rendered
-        storage, attributes = rendered.frame.storage, rendered.frame.traversal.channel_attributes
-        gradients: list[Float32 | None] = [None] * len(requested)
+        engine = self._engine
+        rendered = self.rendered
+        storage = rendered.frame.storage
+        gradients: list[Float32 | None] = [None for _ in requested]
         by_splat = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
         if requested[0]:
             transmittance = engine.read(rendered.canvas.transmittance, image_gradient.shape[:2], np.float32)
-            behind = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
-            gradients[0] = behind.astype(np.float32)
+            background_gradient = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
+            gradients[0] = background_gradient.astype(np.float32)
         if any(requested[1:5]):
             geometry = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES)
             gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
         if requested[5]:
-            gradients[5] = by_row(engine, storage, by_splat.channels, attributes)
+            gradients[5] = by_row(engine, storage, by_splat.channels, rendered.frame.traversal.channel_attributes)
         return gradients
 
 
@@ -145,7 +149,8 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
     @staticmethod
     def forward(ctx: Any, frames: _Frames, camera: Camera, *tensors: torch.Tensor) -> torch.Tensor:
         ctx.save_for_backward(*tensors)
-        ctx.frames, ctx.camera = frames, camera
+        ctx.frames = frames
+        ctx.camera = camera
         ctx.number = frames.draw(camera, *map(on_host, tensors))
         return torch.from_numpy(frames.rendered.image()).to(tensors[1].device)
 
@@ -157,8 +162,14 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
             ctx.number = ctx.frames.draw(ctx.camera, *map(on_host, tensors))
         gradients = ctx.frames.pull_back(on_host(image_gradient), ctx.needs_input_grad[2:])
         pairs = zip(gradients, tensors, strict=True)
-        placed = (None if g is None else torch.from_numpy(g).reshape(t.shape).to(t.device) for g, t in pairs)
-        return (None, None, *placed)
+        return (None, None, *(_placed(gradient, tensor) for gradient, tensor in pairs))
+
+
+def _placed(gradient: Float32 | None, tensor: torch.Tensor) -> torch.Tensor | None:
+    """Return the gradient of a tensor, in its shape and on its device; None if none was requested."""
+    if gradient is None:
+        return None
+    return torch.from_numpy(gradient).reshape(tensor.shape).to(tensor.device)
 
 
 def _require(name: str, tensor: torch.Tensor, *shapes: tuple[int, ...]) -> None:

@@ -11,7 +11,7 @@ from gspure.cameras import Camera
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
-from gspure.opencl.trainable import Parameters, Statistics, TrainableModel, TrainState
+from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainableModel, TrainState
 from gspure.progress import bar, say, shows_bars
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import Snapshot, as_gaussians
@@ -24,8 +24,8 @@ class Trainer:
     """A run; iterating over it trains and yields the loss of each iteration.
 
     The same snapshot, views and schedule give a bit-identical model, whether or not the run was interrupted. The model
-    was created from `snapshot`, the `beginning` or a checkpoint; its targets are the photographs of `views`. `extent`
-    is that of the scene in world units, `max_gaussians` the upper bound of growth.
+    was created from `snapshot`, which is the `beginning` or a checkpoint; its targets are the photographs of `views`.
+    `extent` is that of the scene in world units, `max_gaussians` the upper bound of growth.
     """
 
     def __init__(
@@ -39,9 +39,13 @@ class Trainer:
         background: Sequence[float] = (0.0, 0.0, 0.0),
         max_gaussians: int | None = None,
     ) -> None:
-        self.model, self.iteration = model, snapshot.iteration
-        self._views, self._schedule, self._extent = views, schedule, extent
-        self._background, self._max_gaussians = background, max_gaussians
+        self.model = model
+        self.iteration = snapshot.iteration
+        self._views = views
+        self._schedule = schedule
+        self._extent = extent
+        self._background = background
+        self._max_gaussians = max_gaussians
         self._pending_views = list(snapshot.pending_views)
         self._rng = np.random.default_rng()
         self._rng.bit_generator.state = dict(snapshot.rng)
@@ -60,7 +64,8 @@ class Trainer:
         return Snapshot(self.iteration, self.model.state(), tuple(self._pending_views), self._rng.bit_generator.state)
 
     def _iterate(self) -> float:
-        iteration = self.iteration = self.iteration + 1
+        self.iteration += 1
+        iteration = self.iteration
         self.model.sh_degree_active = self._schedule.sh_degree(iteration)
         if not self._pending_views:  # a new random order after each pass
             self._pending_views = self._rng.permutation(len(self._views)).tolist()
@@ -69,7 +74,10 @@ class Trainer:
         loss = self.model.step(self._views[view], view, rates, background=self._background)
         if self._schedule.densifies(iteration):
             after = densified(
-                *([self.model.state()], self.model.statistics(), self._schedule, iteration),
+                [self.model.state()],
+                self.model.statistics(),
+                self._schedule,
+                iteration,
                 extent=self._extent,
                 rng=self._rng,
                 max_gaussians=self._max_gaussians,
@@ -106,7 +114,7 @@ def beginning(parameters: Parameters, seed: int) -> Snapshot:
 
 def densified(
     states: Sequence[TrainState],
-    statistics: Statistics,
+    statistics: DensificationStatistics,
     schedule: Schedule,
     iteration: int,
     *,
@@ -117,10 +125,12 @@ def densified(
 ) -> list[TrainState]:
     """Return the states of the same rows after densification and, where the schedule says so, a reset of opacities.
 
-    The first one decides. `opacities` [K] are those that decide about pruning, by default its own.
+    The first state decides. `opacities` [K] decide about pruning, by default those of the first state.
     """
     growth = plan(
-        *(states[0].parameters, statistics, opacities),
+        states[0].parameters,
+        statistics,
+        opacities,
         extent=extent,
         prune_big=schedule.prunes_big(iteration),
         rng=rng,
@@ -128,17 +138,17 @@ def densified(
     )
     after = [grow(state, growth) for state in states]
     if not len(after[0].parameters):
-        found = f"none after iteration {iteration}"
+        count = f"none after iteration {iteration}"
         hint = "every one became transparent; do the views and the points belong together?"
-        raise InputError("training", "Gaussians", expected="at least one", found=found, hint=hint)
+        raise InputError("training", "Gaussians", expected="at least one", found=count, hint=hint)
     return [reset_opacities(state) for state in after] if schedule.resets_opacities(iteration) else after
 
 
 def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], done: int = 0) -> Iterator[float]:
     """Yield `losses`, one per iteration, and report their mean since the last report, `state` and speed.
 
-    `state` describes the current model, such as ``"PSNR 30.12 12000 Gaussians"``, and is called once per report; `done`
-    iterations were done before. On a terminal, a bar shows how far along the run is.
+    `state` describes the current model, such as ``"PSNR 30.12 12000 Gaussians"``, and is called once per report. The
+    run resumes after `done` iterations. On a terminal, a bar shows its progress.
     """
     if shows_bars():
         losses = bar(losses, "train", iterations - done)
@@ -151,4 +161,5 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
         if seconds > _SECONDS or iteration == iterations:
             speed = f"{len(recent) / seconds:.1f} it/s"
             say(f"train: {iteration} of {iterations}  loss {np.mean(recent):.4f}  {state()}  {speed}")
-            recent, last = [], time.monotonic()
+            recent = []
+            last = time.monotonic()

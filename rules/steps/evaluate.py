@@ -20,7 +20,8 @@ from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
 from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, compare, write_metrics
 from gspure.metrics.csv_tables import write_table
-from gspure.metrics.detection import DETECTIONS, Reading, read_marks
+from gspure.metrics.detection import DETECTIONS
+from gspure.metrics.readings import Reading, read_marks
 from gspure.metrics.retrieval import Retrieved, retrieved
 from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE, is_picture
 from gspure.opencl.device import choose_device

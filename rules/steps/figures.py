@@ -18,6 +18,7 @@ from gspure.opencl.device import choose_device
 from gspure.public_model import Rows
 from gspure.schemes.hidden_weight import hidden_weights, share_on_low
 from gspure.schemes.registry import find_scheme, read_public_model
+from gspure.viewer.data import write_viewer
 from gspure.workflow.step import run
 
 
@@ -28,7 +29,9 @@ def draw(model: Path, weights: Path, clusters: Path, cameras: Path, figures: Pat
     if "key" in how:
         known |= measured(model, omega, figures.parents[1], how)
     purified = Purified(public.drawable(model), read_labels(clusters), omega, **known)
-    draw_model(figures, purified, read_split(cameras, "all"), choose_device())
+    views = read_split(cameras, "all")
+    draw_model(figures, purified, views, choose_device())
+    write_viewer(figures / "view.json", purified, views)
 
 
 def measured(model: Path, omega: Float32, folder: Path, how: dict[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gspure.cameras.camera import Camera
 from gspure.cameras.splits import split
 from gspure.constants import ALPHA_MIN, NOISE_LABEL, SH_DC
 from gspure.figures.clouds import Purified
-from gspure.figures.viewpoint import choose, in_view, project, world_axes
+from gspure.figures.viewpoint import choose_camera, in_view, project, world_axes
 from gspure.files import write_json
 from gspure.model.finite import undrawable_rows
 from gspure.model.gaussians import COLOUR, Gaussians
@@ -53,7 +53,7 @@ def write_viewer(path: Path, model: Purified, cameras: Sequence[Camera]) -> None
     modes += [{"name": "pruned", "panes": [[0, 0]]}, {"name": "clusters", "panes": [[0, 1]], "legend": legend}]
     decision, removed = int(np.searchsorted(cuts, pruned.mean())), _removed(model, removal, cuts)
     view = _view(clouds, modes, gaussians.means, centre, cameras)
-    write_json(path, view | {"rows": model.rows, "decision": decision, "removed": removed})
+    write_json(path, view | {"rows": model.row_kind, "decision": decision, "removed": removed})
 
 
 def view_of(models: Mapping[str, PublicModel], cameras: Sequence[Camera]) -> Data:
@@ -69,7 +69,7 @@ def view_of(models: Mapping[str, PublicModel], cameras: Sequence[Camera]) -> Dat
 
 def _seen(source: Source, public: PublicModel, cameras: Sequence[Camera]) -> tuple[Gaussians, Rows]:
     """Return Gaussians that show a model from all sides; those of an anchor are as the first camera sees them."""
-    overview = choose(public.model.means, ())
+    overview = choose_camera(public.model.means, ())
     if public.rows_are_gaussians or not cameras:
         return source(overview)
     seen, parts, owners = np.zeros(len(public.model), np.bool_), [], []
@@ -176,7 +176,7 @@ def _view(
 ) -> Data:
     """Return the view, with an overview and test cameras, in coordinates from `centre`, to choose from."""
     test = split(cameras)[1]
-    views = [("overview", choose(means, cameras)), *((view.name, view) for view in test[:: len(test) // _PRESETS + 1])]
+    views = [("overview", choose_camera(means, cameras)), *((view.name, view) for view in test[:: len(test) // _PRESETS + 1])]
     presets = {
         "up": world_axes(means, cameras)[1].tolist(),
         "views": [_preset(name, view, means, centre) for name, view in views],

@@ -1,4 +1,4 @@
-"""Colours of point clouds, and the data of the 3-D viewer: its slider removes what pruning by rank would remove."""
+"""The data and the page of the 3-D view: its slider removes what pruning by rank would remove."""
 
 import base64
 import json
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from gspure.cameras import Camera, orbit_cameras, write_cameras
 from gspure.cli import main
 from gspure.constants import ALPHA_MIN
-from gspure.figures import viewer
 from gspure.figures.clouds import Purified
-from gspure.figures.viewer import view_of, write_viewer
 from gspure.model import write_model
 from gspure.public_model import PublicModel
+from gspure.viewer import data
+from gspure.viewer.data import view_of, write_viewer
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, gaussians
 
@@ -129,7 +129,7 @@ def test_a_page_shows_two_models_beside_each_other(tmp_path: Path, monkeypatch: 
 
 
 def test_large_models_are_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(viewer, "MOST", 100)
+    monkeypatch.setattr(data, "MOST", 100)
     scales = np.where(np.arange(600) < 50, 10, 0.1)[:, None] * np.ones(3)
     view = view_of({"model": PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))}, [])
     (cloud,) = view["clouds"]

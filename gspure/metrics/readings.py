@@ -1,0 +1,89 @@
+"""Readings: what a detector reads from the renders of a model, bits or a score.
+
+The detector is the key of a scheme that hides bits, or a command of the user's.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.arrays import Bools, Float32
+from gspure.errors import InputError
+from gspure.external import answer_of, words_of
+from gspure.images import png_files, read_image
+
+LARGEST: Final = 1e100  # the largest score; its square is finite
+
+
+class Reading(NamedTuple):
+    """What a detector reads from one view."""
+
+    view: str
+    level: float  # share of correct bits in percent, or the score
+    bits: int  # number of bits; 0 for a score
+
+    @property
+    def value(self) -> float:
+        """The number of correct bits, or the score."""
+        return round(self.level * self.bits / 100) if self.bits else self.level
+
+
+def read_marks(command: str, images: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
+    """Return what a command reads from each PNG file of the folder `images`, within `timeout` seconds.
+
+    The command runs in `folder` and gets `images` as its last argument. The last line that it prints is a JSON object.
+    It maps the name of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the
+    mark is present. `message` holds the embedded bits, and is empty if the command returns scores.
+
+    Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
+    """
+    views = {file.stem for file in png_files(images)}
+    words = [*words_of(command), str(images)]
+    answer = answer_of("detector", command, words, timeout, folder)
+    for view in sorted(views.symmetric_difference(answer)):
+        mismatch = "no entry" if view in views else "an entry without an image"
+        raise InputError("detector", view, expected="an entry for every image", found=mismatch)
+    return [_reading(view, answer[view], message) for view in sorted(views)]
+
+
+def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
+    """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
+    decoded = {path.stem: as_bits(read(read_image(path)), len(message)) for path in png_files(images)}
+    return [Reading(view, share_correct(bits, message), len(message)) for view, bits in decoded.items()]
+
+
+def as_bits(read: object, count: int) -> Bools:
+    """Return what a key has read from an image as bits [count]; raise `InputError` if it is anything else."""
+    bits = read if isinstance(read, np.ndarray) else np.empty(0, object)
+    if bits.shape != (count,) or bits.dtype.kind not in "biu" or not np.isin(bits, (0, 1)).all():
+        values = reprlib.repr(bits.tolist())
+        actual = f"{bits.dtype} {list(bits.shape)}: {values}" if bits is read else type(read).__name__
+        expected = f"an array of {count} bits, 0 or 1 each"
+        raise InputError("key", "bits read from an image", expected=expected, found=actual)
+    return bits.astype(np.bool_)
+
+
+def share_correct(decoded: Bools, message: Bools) -> float:
+    """Return the share of correct bits in percent."""
+    return 100.0 * float(np.mean(decoded == message))
+
+
+def _reading(view: str, value: object, message: str) -> Reading:
+    """Return the reading of a view from its entry in a command's answer."""
+    if message:
+        if not isinstance(value, str) or len(value) != len(message) or {*value} - {*"01"}:
+            raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))
+        decoded = np.array([*value]) == "1"
+        embedded = np.array([*message]) == "1"
+        return Reading(view, share_correct(decoded, embedded), len(message))
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
+        hint = "if the detector returns bits, set `message` to the embedded bits" if isinstance(value, str) else None
+        raise InputError(
+            "detector", view, expected=f"a score within ±{LARGEST:g}", found=reprlib.repr(value), hint=hint
+        )
+    return Reading(view, float(value), 0)
