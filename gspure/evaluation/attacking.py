@@ -1,8 +1,7 @@
 """One attack on one public model: measurements, the search for a strength, the attacked model, and what it changed."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,43 +11,12 @@ from gspure.attacks import Attack, Attacked, Measurements, NotApplicable, affect
 from gspure.attacks.strength import Damage, Match
 from gspure.cameras import Camera
 from gspure.evaluation.plan import AttackSpec
+from gspure.evaluation.verdict import Applied, Strength
 from gspure.metrics.targets import is_picture
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
 from gspure.schemes.scheme import Scheme
 from gspure.settings import Setting
-
-
-@dataclass(frozen=True)
-class Strength:
-    """The value of the setting that makes an attack stronger."""
-
-    setting: str
-    value: float
-
-    def __str__(self) -> str:
-        return f"{self.setting}={self.value:.4g}"
-
-
-@dataclass(frozen=True)
-class Applied:
-    """What an attack changed.
-
-    `reached` is the damage to the scene, dB, at which a search for a strength ended. `affects` tells for each extraction
-    whether the attack changed what it reads. `removed` says why no extraction can read the model; empty if one can.
-    """
-
-    strength: Strength | None = None
-    reached: float | None = None
-    affects: Mapping[str, bool] = field(default_factory=dict)
-    removed: str = ""
-
-
-@dataclass(frozen=True)
-class Refused:
-    """Why an attack cannot apply to a model."""
-
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -95,8 +63,8 @@ class AttackResult:
         for extraction, columns in (scheme.extractions if scheme else {}).items():
             reads_renders = self.attack.of_renders and not is_picture(extraction)
             affects[extraction] = reads_renders or affected(before.model, self.attacked, columns)
-        reached = self.match.damage if self.match else None
-        return Applied(self.strength, reached, affects, self.attacked.removed)
+        search_damage = self.match.damage if self.match else None
+        return Applied(self.strength, search_damage, affects, self.attacked.removed)
 
 
 def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackResult:
@@ -127,8 +95,3 @@ def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackR
 def learns(attack: Attack) -> bool:
     """Return whether an attack trains on renders of public views."""
     return "teacher" in attack.parameters
-
-
-def measurement_files(attack: Attack, files: Mapping[str, Path | None]) -> dict[str, Path]:
-    """Return those of the files that an attack needs, by measurement."""
-    return {need: file for need in sorted(attack.needs) if (file := files.get(need)) is not None}

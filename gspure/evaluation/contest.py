@@ -6,7 +6,8 @@ from itertools import product
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import Curves, Point, Sweeps, completed, curves, damages, points
-from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions
+from gspure.evaluation.identity import Condition, OfCondition
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.paper import ATTACKS as PAPER_ATTACKS
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.metrics.statistics import Cells, Interval, by_scene, differences, holm, mean_interval, means_of, paired_test

@@ -9,15 +9,16 @@ from typing import Final
 import numpy as np
 
 from gspure.arrays import Float32, Float64, save_array
-from gspure.attacks import Attacked, NotApplicable, find_attack
+from gspure.attacks import Attacked, NotApplicable
 from gspure.attacks.attacked import Retouch
 from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.cameras.splits import read_split
 from gspure.codec import plain
-from gspure.evaluation.attacking import Applied, AttackResult, Context, Refused, attacked
+from gspure.evaluation.attacking import AttackResult, Context, attacked
 from gspure.evaluation.plan import AttackSpec, Detector, Job, kind_of
+from gspure.evaluation.verdict import VERDICT, Applied, Refused, Verdict
 from gspure.files import write_json
 from gspure.images import read_back, write_image
 from gspure.method.purify import purify
@@ -98,7 +99,7 @@ def write(job: Job, evaluation: Evaluation) -> None:
     """Write the tables of an evaluation beside the images of its job."""
     folder = job.folder
     if evaluation.attack is not None:
-        write_json(folder / VERDICT, plain(evaluation.attack))
+        write_json(folder / VERDICT, plain(Verdict(evaluation.attack)))
     is_empty = isinstance(evaluation.attack, Refused)
     if evaluation.metrics or is_empty:
         write_metrics(folder / "metrics.csv", evaluation.metrics)
@@ -107,9 +108,6 @@ def write(job: Job, evaluation: Evaluation) -> None:
     write_table(folder / "retrieval.csv", Retrieved, evaluation.retrieval)
     if not is_empty:
         write_provenance(folder, "evaluate", inputs={"model": job.public}, settings=plain(job))
-
-
-VERDICT: Final = "verdict.json"  # of a variant: `Applied` or `Refused`
 
 
 def read_views(job: Job) -> dict[str, list[Camera]]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
-from gspure.evaluation.outcomes import Condition
+from gspure.evaluation.identity import Condition, ModelId
 from gspure.method.settings import MethodSettings
 from gspure.metrics.names import BASELINES, WRONG_KEY
 from gspure.metrics.targets import MESSAGE, SCENE
@@ -17,30 +17,8 @@ from gspure.settings import Setting
 
 Split = Literal["train", "test", "all"]
 
-RESULTS: Final = Path("results")
-FILE: Final = Path("plan.json")  # in the folder of results
+PLAN: Final = "plan.json"  # file in the folder of results
 METHOD: Final = "method"  # the decision with the settings of `method` in the configuration
-
-
-class ModelId(NamedTuple):
-    """A scheme's model of a scene; seeds from 1 on are repetitions with other random seeds."""
-
-    scheme: str
-    scene: str
-    seed: int = 0
-
-    @property
-    def folder_name(self) -> str:
-        """The name of its folder below that of the scheme: ``room``, or ``room@1`` for a repetition."""
-        return f"{self.scene}@{self.seed}" if self.seed else self.scene
-
-    @property
-    def folder(self) -> Path:
-        """The folder of its results."""
-        return RESULTS / self.scheme / self.folder_name
-
-    def __str__(self) -> str:
-        return f"{self.scheme}/{self.folder_name}"
 
 
 @dataclass(frozen=True)
@@ -54,9 +32,13 @@ class Detector:
 
 @dataclass(frozen=True)
 class AttackSpec:
-    """An attack with its settings; with a `damage`, dB, its strength is searched."""
+    """An attack with its settings; with a `damage`, dB, its strength is searched.
+
+    `entry` is the entry of the configuration, which variants of several damages share.
+    """
 
     name: str
+    entry: str = ""
     settings: Mapping[str, Setting] = field(default_factory=dict)
     seed: int = 0
     damage: float | None = None
@@ -245,7 +227,7 @@ class Plan:
     @cached_property
     def by_name(self) -> dict[str, ModelPlan]:
         """The models by ``SCHEME/SCENE``."""
-        return {str(model.id): model for model in self.models}
+        return {model.id.name: model for model in self.models}
 
     @property
     def schemes(self) -> dict[str, None]:

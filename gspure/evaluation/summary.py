@@ -6,7 +6,8 @@ from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
-from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, extractions, mean_of
+from gspure.evaluation.identity import OfCondition
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import TARGETS, mean_psnr, printed_scores, read_rows
 from gspure.metrics.names import CLEAN_GSPURE, GSPURE
 from gspure.metrics.statistics import Interval, known_interval

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gspure.evaluation.matched import reached_damage, reached_name
-from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, cells, extractions, mean_of
+from gspure.evaluation.identity import OfCondition
+from gspure.evaluation.outcomes import Outcome, by_condition, cells, extractions, mean_of
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import MARGIN, rms_ratio
 from gspure.metrics.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY

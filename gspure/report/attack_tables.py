@@ -8,7 +8,8 @@ from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.outcomes import Condition, ordered
+from gspure.evaluation.identity import Condition
+from gspure.evaluation.outcomes import ordered
 from gspure.evaluation.survival import Survival
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import MARGIN

@@ -6,7 +6,8 @@ from math import inf
 from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.matched import MATCHED_DAMAGES
-from gspure.evaluation.outcomes import Condition, Outcome, by_condition, extractions
+from gspure.evaluation.identity import Condition
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name

@@ -32,6 +32,7 @@ class VariantSpec(NamedTuple):
     """A variant of the configuration: an attack at one strength."""
 
     attack: Attack
+    entry: str  # of the configuration
     decision: str
     seed: int
     settings: Mapping[str, Setting]

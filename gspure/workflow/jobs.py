@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gspure.attacks import BUILT_IN
-from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detector, Job, ModelId, Owner, Views
+from gspure.evaluation.identity import ModelId
+from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detector, Job, Owner, Views
 from gspure.external import files_of
 from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.metrics.targets import SCENE
@@ -54,6 +55,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
     attack = variant.attack
     spec = AttackSpec(
         name=attack.name,
+        entry=variant.entry,
         settings=_settings(subject.decisions[variant.decision], variant),
         seed=variant.seed + subject.id.seed,
         damage=variant.damage,

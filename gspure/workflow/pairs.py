@@ -8,7 +8,8 @@ from typing import Final
 from gspure.datasets import SCENES
 from gspure.constants import TEST_EVERY
 from gspure.errors import InputError
-from gspure.evaluation.plan import RESULTS, Training
+from gspure.evaluation.identity import RESULTS
+from gspure.evaluation.plan import Training
 from gspure.files import digest
 from gspure.model.inria import is_model
 from gspure.scenes.procedural import DECOYS, NAMES, scene_builder

@@ -12,8 +12,8 @@ from gspure.cameras import GENERATED
 from gspure.codec import plain
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.evaluation.outcomes import Condition
-from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelId, ModelPlan, Owner, Plan, Training, Views
+from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Training, Views
 from gspure.external import words_of
 from gspure.metrics.names import CLEAN, CONTROLS, UNATTACKED, variant_at
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
@@ -299,7 +299,7 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
         if strength is not None:
             field = f"{place}.{attack.strength.setting}"
             raise InputError(source, field, expected="nothing beside damage", found=repr(strength))
-    return VariantSpec(attack, entry.decision or METHOD, entry.seed, entry.settings)
+    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, entry.settings)
 
 
 def _check_detectors(config: Config, source: str) -> None:
