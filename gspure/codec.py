@@ -1,6 +1,6 @@
 """Dataclasses as JSON and back, and their JSON schema: the one codec of configurations, plans and results.
 
-Fields are typed by numbers, texts, paths, literals, dataclasses, named tuples, and tuples, mappings and unions of these.
+Fields are numbers, texts, paths, literals, dataclasses, named tuples, and tuples, mappings and unions of these.
 `Annotated` adds bounds (`gspure.settings.Range`), a `Text` rule, a description for the schema, or `REST`. In a union of
 dataclasses, the entry `KIND` names the class. NaN is null.
 """
@@ -8,7 +8,7 @@ dataclasses, the entry `KIND` names the class. NaN is null.
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -44,7 +44,8 @@ def text(value: object) -> str:
 
 def parsed(kind: type[Value], content: str) -> Value:
     """Return the value of a type that `text` wrote."""
-    return read(kind, json.loads(content), "job")
+    value: Value = read(kind, json.loads(content), "text")
+    return value
 
 
 def plain(value: Any) -> Any:
@@ -67,44 +68,41 @@ def read(kind: Any, value: Any, source: str | Path, place: str = "") -> Any:
 
     Raise `InputError` for the first entry of the source that does not fit, with its place: ``pairs.room.width``.
     """
-    origin = get_origin(kind)
-    if origin is Annotated:
-        return _read_annotated(kind, value, source, place)
-    if origin in (Union, UnionType):
-        return _read_union(get_args(kind), value, source, place)
-    if origin is Literal:
-        if value not in get_args(kind) or isinstance(value, bool):
-            expected = f"one of {', '.join(map(str, get_args(kind)))}"
-            raise InputError(source, place, expected=expected, found=shown(value))
-        return value
-    if origin is tuple:
-        return _read_tuple(kind, value, source, place)
-    if origin is Mapping:
-        return _read_mapping(kind, value, source, place)
-    if is_dataclass(kind) or hasattr(kind, "_fields"):
-        return _read_object(kind, value, source, place)
-    return _read_scalar(kind, value, source, place)
+    readers: dict[Any, Callable[[Any, Any, str | Path, str], Any]] = {
+        Annotated: _read_annotated,
+        Union: _read_union,
+        UnionType: _read_union,
+        Literal: _read_literal,
+        tuple: _read_tuple,
+        Mapping: _read_mapping,
+    }
+    is_object = is_dataclass(kind) or hasattr(kind, "_fields")
+    reader = _read_object if is_object else readers.get(get_origin(kind), _read_scalar)
+    return reader(kind, value, source, place)
 
 
 def schema(kind: Any) -> dict[str, Any]:
     """Return the JSON schema of a type."""
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin is Annotated:
-        return _annotated_schema(arguments)
-    if origin in (Union, UnionType):
-        return _union_schema(arguments)
-    if origin is Literal:
-        return {"enum": [*arguments]}
-    if origin is tuple:
-        return {"type": "array", "items": schema(arguments[0])}
-    if origin is Mapping:
-        names = schema(arguments[0])
-        names.pop("type", None)
-        return {"type": "object", "propertyNames": names, "additionalProperties": schema(arguments[1])}
-    if is_dataclass(kind):
+    writers: dict[Any, Callable[[tuple[Any, ...]], dict[str, Any]]] = {
+        Annotated: _annotated_schema,
+        Union: _union_schema,
+        UnionType: _union_schema,
+        Literal: lambda choices: {"enum": [*choices]},
+        tuple: lambda items: {"type": "array", "items": schema(items[0])},
+        Mapping: _mapping_schema,
+    }
+    if isinstance(kind, type) and is_dataclass(kind):
         return _object_schema(kind)
-    names = {str: "string", Path: "string", int: "integer", float: "number", bool: "boolean", NoneType: "null"}
-    return {"type": names[kind]}
+    if get_origin(kind) in writers:
+        return writers[get_origin(kind)](get_args(kind))
+    names: dict[Any, str] = {str: "string", Path: "string", int: "integer", float: "number", bool: "boolean"}
+    return {"type": names.get(kind, "null")}
+
+
+def _mapping_schema(arguments: tuple[Any, ...]) -> dict[str, Any]:
+    names = schema(arguments[0])
+    names.pop("type", None)
+    return {"type": "object", "propertyNames": names, "additionalProperties": schema(arguments[1])}
 
 
 def shown(value: object) -> str:
@@ -117,7 +115,7 @@ def shown(value: object) -> str:
 
 
 @cache
-def hints(kind: type) -> dict[str, Any]:
+def hints(kind: Any) -> dict[str, Any]:
     """Return the types of the fields of a class, with their annotations."""
     return get_type_hints(kind, include_extras=True)
 
@@ -155,7 +153,7 @@ def _classes(kind: Any) -> list[type]:
         kind = get_args(kind)[0]
     if get_origin(kind) not in (Union, UnionType):
         return []
-    return [argument for argument in get_args(kind) if is_dataclass(argument)]
+    return [member for member in get_args(kind) if isinstance(member, type) and is_dataclass(member)]
 
 
 def _read_annotated(kind: Any, value: Any, source: str | Path, place: str) -> Any:
@@ -166,15 +164,23 @@ def _read_annotated(kind: Any, value: Any, source: str | Path, place: str) -> An
     return read(inner, value, source, place)
 
 
-def _read_union(kinds: tuple[Any, ...], value: Any, source: str | Path, place: str) -> Any:
+def _read_literal(kind: Any, value: Any, source: str | Path, place: str) -> Any:
+    choices = get_args(kind)
+    if value not in choices or isinstance(value, bool):
+        raise InputError(source, place, expected=f"one of {', '.join(map(str, choices))}", found=shown(value))
+    return value
+
+
+def _read_union(kind: Any, value: Any, source: str | Path, place: str) -> Any:
+    kinds = get_args(kind)
     if value is None and NoneType in kinds:
         return None
-    classes = {kind.__name__: kind for kind in kinds if is_dataclass(kind)}
+    classes: dict[str, Any] = {member.__name__: member for member in _classes(kind)}
     if len(classes) > 1:
         content = dict(value)
         return read(classes[content.pop(KIND)], content, source, place)
-    candidates = [kind for kind in kinds if kind is not NoneType]
-    fitting = [kind for kind in candidates if _takes(kind, value)]
+    candidates = [member for member in kinds if member is not NoneType]
+    fitting = [member for member in candidates if _takes(member, value)]
     return read((fitting or candidates)[0], value, source, place)
 
 

@@ -98,7 +98,7 @@ class Renderer:
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
 
-        The background is black unless it is given; commands take `Gaussians.background` of the model.
+        The background is black by default; commands use `Gaussians.background` of the model.
 
         Raise `InputError` if the model holds no colour (no ``f_dc`` columns).
         """
@@ -134,7 +134,9 @@ class Renderer:
         shares = self._point_rays(camera).contributions(self.model.means, positions)
         rows = np.flatnonzero(shares)
         touched = np.ones(len(rows), CONTRIBUTION)
-        touched["index"], touched["sum"], touched["max"] = rows, shares[rows], shares[rows]
+        touched["index"] = rows
+        touched["sum"] = shares[rows]
+        touched["max"] = shares[rows]
         return touched
 
     def transmittance(self, camera: Camera) -> Float32:
@@ -156,8 +158,9 @@ class Renderer:
     def opacities_at(self, camera: Camera, points: NDArray[np.floating[Any]]) -> Float32:
         """Return the opacity [P] that a view's rays have met at each of the world `points` [P,3] (GOF).
 
-        Each Gaussian counts by its energy "ray" up to the point: by its maximum if that lies before the point, else by
-        its value at the point. The opacity is 1 where the view does not show it. Raise ValueError for another energy.
+        A Gaussian counts with its energy "ray" up to the point: the maximum if that lies before the point, otherwise
+        the value at the point. The opacity is 1 if the view does not show the point. Raise ValueError for another
+        energy.
         """
         return self.rays(camera).opacities(points)
 
@@ -201,21 +204,25 @@ class Renderer:
         return rendered.image(), pullback
 
     def _pull_back(self, rendered: Rendered, image_gradient: Float32) -> Gradients:
-        engine, storage, traversal = self._engine, self._storage, rendered.frame.traversal
+        engine = self._engine
+        storage = self._storage
+        traversal = rendered.frame.traversal
         gradients = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
         geometry = by_row(engine, storage, gradients.geometry, GEOMETRY_ATTRIBUTES)
         channels = by_row(engine, storage, gradients.channels, traversal.channel_attributes)
+        if traversal.sh_degree >= 0:
+            channels = channels.reshape(-1, channels.shape[1] // 3, 3)
         return Gradients(
             means=geometry[:, 0:3],
             quats=geometry[:, 3:7],
             scales=geometry[:, 7:10],
             opacities=geometry[:, 10],
-            channels=channels if traversal.sh_degree < 0 else channels.reshape(-1, channels.shape[1] // 3, 3),
+            channels=channels,
             means2d=by_row(engine, storage, gradients.centres, 2),
         )
 
     def _channels(self, features: Float32 | None) -> tuple[Traversal, object]:
-        """Return the traversal that blends `features`, or else the model's colours, and these on the device."""
+        """Return a traversal and its channels on the device: `features`, or the model's colours if they are None."""
         if features is None:
             if self.model.sh_degree < 0:
                 raise InputError("model", "f_dc_0", expected="spherical-harmonic colour", found="none")

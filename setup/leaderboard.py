@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gspure.evaluation.survival import Survival
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name, wanted_damage
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.text import decimal
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
@@ -120,9 +120,7 @@ def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     for row in rows:
         if row.present:
             owners.setdefault((row.condition.title, extraction_name(row.extraction)), []).append(row)
-    attacks = dict.fromkeys(
-        base(row.variant) for found in owners.values() for row in found if row.variant != UNATTACKED
-    )
+    attacks = dict.fromkeys(base(row) for found in owners.values() for row in found if row.variant != UNATTACKED)
     titles = ["scheme", "extraction", "least", *map(display_name, attacks)]
     head = "".join(f"<th>{escape(title)}</th>" for title in titles)
     body = "".join(
@@ -131,10 +129,9 @@ def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     return f'<table class="leaderboard"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
-def base(variant: str) -> str:
-    """Return the attack of a variant, without the damage that was searched for."""
-    name = variant.partition("@")[0]
-    return EQUAL.get(name, name)
+def base(row: Survival) -> str:
+    """Return the attack of a row, without the damage that was searched for."""
+    return EQUAL.get(row.entry, row.entry)
 
 
 def cells(
@@ -149,7 +146,7 @@ def cells(
             if linked and rows[0].condition.scheme in sheets() and attack in SHOWN
             else ""
         )
-        yield cell([row for row in rows if base(row.variant) == attack], anchor=anchor)
+        yield cell([row for row in rows if base(row) == attack], anchor=anchor)
 
 
 def cell(rows: list[Survival], *, left: bool = True, anchor: str = "") -> str:
@@ -168,7 +165,7 @@ def cell(rows: list[Survival], *, left: bool = True, anchor: str = "") -> str:
 
 def at_1_db(row: Survival) -> bool:
     """Return whether the strength was searched for 1 dB of damage."""
-    return wanted_damage(row.variant) == 1.0
+    return row.wanted == 1.0
 
 
 if __name__ == "__main__":

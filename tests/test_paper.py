@@ -16,9 +16,9 @@ from gspure.evaluation.paper import (
     SCHEMES,
     TARGETS,
     beside,
-    by_scene,
     check_claims,
     mean_psnr,
+    psnr_by_scene,
     read_rows,
     score,
     score_interval,
@@ -42,23 +42,26 @@ def test_table_1_has_every_scheme_attack_scene_and_target_once_and_a_score_per_r
 
 
 def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scene_drop():
-    levels = {(v, t): by_scene(PRINTED, "splats_in_splats", v, t) for v in ("unattacked", "gspure") for t in TARGETS}
-    lost = {(s, t): levels["unattacked", t][s] - levels["gspure", t][s] for s in NINE for t in TARGETS}
-    by_hand = np.mean([lost[s, "message"] - lost[s, "scene"] for s in NINE])
+    drops = {}
+    for target in TARGETS:
+        before = psnr_by_scene(PRINTED, "splats_in_splats", "unattacked", target)
+        after = psnr_by_scene(PRINTED, "splats_in_splats", "gspure", target)
+        drops[target] = {scene: before[scene] - after[scene] for scene in NINE}
+    by_hand = np.mean([drops["message"][scene] - drops["scene"][scene] for scene in NINE])
     assert score(mean_psnr(PRINTED), "splats_in_splats", "gspure") == pytest.approx(by_hand)
     claims = [check for check in CHECKS if (check.claim.place, check.claim.scheme) == ("Table 1", "splats_in_splats")]
-    (found,) = (check for check in claims if check.claim.variant == "gspure")
-    assert (found.claim.value, round(found.recomputed, 2)) == (15.21, 14.87)
+    (check,) = (check for check in claims if check.claim.variant == "gspure")
+    assert (check.claim.value, round(check.recomputed, 2)) == (15.21, 14.87)
     interval = score_interval(PRINTED, "splats_in_splats", "gspure")
     assert (interval.mean, interval.scenes) == (pytest.approx(by_hand), 9)
 
 
 def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
-    own, shared = (
-        benchmark({s: {"gspure": (1.0, drop)} for s in "ab"}, scheme="gs_hider", protocol=protocol)
-        for protocol, drop in (("own", 12.0), ("shared", 3.0))
-    )
-    ours = survival([*own, *shared, *benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")])
+    outcomes = benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")
+    for protocol, drop in (("own", 12.0), ("shared", 3.0)):
+        drops = {scene: {"gspure": (1.0, drop)} for scene in "ab"}
+        outcomes += benchmark(drops, scheme="gs_hider", protocol=protocol)
+    ours = survival(outcomes)
     write_table(tmp_path / "survival.csv", Survival, ours)
     assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
     rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(PRINTED, ours)}

@@ -45,7 +45,8 @@ def written(path: Path, shown: Purified, cameras: Sequence[Camera] = ()) -> dict
 
 def unpacked(cloud: dict[str, Any]) -> dict[str, NDArray[Any]]:
     """Return the splats of a cloud as its page computes them."""
-    data, start = zlib.decompress(base64.b64decode(cloud["data"])), 0
+    data = zlib.decompress(base64.b64decode(cloud["data"]))
+    start = 0
     kinds = {"means": ("<i2", 3), "scales": ("u1", 3), "quats": ("i1", 4)}
     kinds |= {f"paint_{i}": ("u1", 4) for i in range(cloud["paints"])}
     values = {}
@@ -64,7 +65,8 @@ def unpacked(cloud: dict[str, Any]) -> dict[str, NDArray[Any]]:
 def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, factors: tuple[float, float]) -> None:
     shown = purified(600, *factors)
     data = written(tmp_path, shown)
-    decision, means = data["decision"], shown.means - np.median(shown.means, axis=0)
+    decision = data["decision"]
+    means = shown.means - np.median(shown.means, axis=0)
     first = data["clouds"][0]["starts"][decision]
     assert first == shown.pruned.sum()
     removed = unpacked(data["clouds"][0])["means"][:first]
@@ -76,6 +78,12 @@ def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, f
         assert shares[decision] == pytest.approx(values[shown.pruned].sum() / values.sum(), abs=1e-4)
         assert (shares[0], shares[-1]) == (0, 1)
         assert np.all(np.diff(shares) >= 0)
+
+
+def test_a_view_has_the_same_bytes_again(tmp_path: Path) -> None:
+    for name in ("first.json", "again.json"):
+        write_viewer(tmp_path / name, purified(600), [])
+    assert (tmp_path / "first.json").read_bytes() == (tmp_path / "again.json").read_bytes()
 
 
 def test_splats_keep_their_places_shapes_and_opacities_beside_far_floaters() -> None:

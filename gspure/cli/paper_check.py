@@ -42,8 +42,9 @@ def run(args: Arguments) -> None:
     print(f"{failed} of {len(checks)} numbers do not follow from Table 1 within {paper.ROUNDING} dB")
 
 
-def _score(check: paper.Check, printed: Sequence[paper.Row]) -> list[str]:
-    scheme, variant = check.claim.scheme, check.claim.variant
+def _score(check: paper.Check, printed: Sequence[paper.PrintedRow]) -> list[str]:
+    scheme = check.claim.scheme
+    variant = check.claim.variant
     recomputed = paper.score_interval(printed, scheme, variant)
     numbers = [decimal(check.claim.value), str(interval(recomputed, recomputed.scenes)), signed(check.difference)]
     return [display_name(scheme), display_name(variant), *numbers, "yes" if check.holds else "no"]

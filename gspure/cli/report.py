@@ -2,7 +2,6 @@
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.files import read_json
-from gspure.metrics.names import display_name, model_name
 from gspure.progress import tell
 from gspure.report.writing import write_report
 from gspure.workflow.plan import Plan
@@ -21,6 +20,5 @@ def run(args: Arguments) -> None:
     plan = report_plan(Plan(read_json(args.results / "configuration.json")))
     for outcome in write_report(args.results, plan):
         if outcome.failure:
-            name = model_name(outcome.scheme, outcome.folder)
-            tell(f"gspure: {name}, {display_name(outcome.variant)}: no results: {outcome.failure}")
+            tell(f"gspure: {outcome.model.title}, {outcome.title}: no results: {outcome.failure}")
     print(args.results / "report.html")

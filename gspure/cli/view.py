@@ -30,6 +30,6 @@ def run(args: Arguments) -> None:
     folder = args.model if args.model.is_dir() else args.model.parent
     source = args.cameras or place_in(folder)
     cameras = read_source(source, args.model, up=args.up) if source else []
-    models = [read_public_model(file).drawable(file) for file in files]
-    write_view(args.out, view_of(dict(zip(map(str, files), models, strict=True)), cameras))
+    models = {str(file): read_public_model(file).drawable(file) for file in files}
+    write_view(args.out, view_of(models, cameras))
     print(args.out)

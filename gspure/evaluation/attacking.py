@@ -78,7 +78,7 @@ def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackR
     known: dict[str, Any] = {"seed": spec.seed, "cameras": [], "device": None}
     if learns(attack):
         known |= {"cameras": context.views, "device": context.device}
-    settings = dict(spec.settings)
+    settings: dict[str, Any] = dict(spec.settings)
     match = None
     if spec.damage is not None and context.measure_damage is not None:
         damage_of = context.measure_damage(public)

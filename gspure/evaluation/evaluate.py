@@ -23,7 +23,7 @@ from gspure.files import write_json
 from gspure.images import read_back, write_image
 from gspure.method.purify import purify
 from gspure.method.weights import evenly_spread
-from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, ViewMetrics, compare, write_metrics
+from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare, write_metrics
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.detection import DETECTIONS
 from gspure.metrics.readings import Reading, read_marks
@@ -31,7 +31,7 @@ from gspure.metrics.retrieval import Retrieved, retrieved
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
 from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
-from gspure.progress import track
+from gspure.progress import tell, track
 from gspure.provenance import write_provenance
 from gspure.public_model import Lesson, PublicModel
 from gspure.schemes.matching import registered
@@ -68,7 +68,7 @@ class Exhibit:
 def evaluate(job: Job) -> Evaluation:
     """Run a job: write the attacked model and images to its folder, and return what they show.
 
-    Raise `InputError` if the model, its views, its key or a setting is invalid. An attack that cannot apply is an outcome.
+    Raise `InputError` if the model, a view, the key or a setting is invalid. An attack that cannot apply is an outcome.
     """
     renders = job.folder / "renders"
     shutil.rmtree(renders, ignore_errors=True)
@@ -140,24 +140,29 @@ def run_attack(
     context = Context(
         views=read_split(job.views.cameras, "train"),
         device=device,
-        measure_damage=damage_measure(views[SCENE], SCENE in job.views.photographed, device),
+        measure_damage=damage_measure(
+            views[SCENE], device, is_photographed=SCENE in job.views.photographed
+        ),
     )
     try:
         result = attacked(before, spec, context)
     except NotApplicable as error:
-        print(error)
+        tell(str(error))
         save_array(job.folder / "prune_mask.npy", np.zeros(len(before.model), np.bool_))
         return Refused(error.reason), None
     result.public.write(place)
     save_array(job.folder / "prune_mask.npy", result.attacked.prune_mask)
     settings = {"attack": spec.name, **result.settings, "seed": spec.seed}
     write_provenance(place.parent, "attack", inputs={"model": job.public}, settings=settings)
-    print(result.sentence)
+    tell(result.sentence)
     return result.applied(before, scheme), attacked_exhibit(job, result, place)
 
 
 def damage_measure(
-    views: Sequence[Camera], is_photographed: bool, device: Device  # noqa: FBT001
+    views: Sequence[Camera],
+    device: Device,
+    *,
+    is_photographed: bool,
 ) -> Callable[[PublicModel], Damage]:
     """Return the function from a public model to the measure of the damage to it in the views of the scene."""
 
@@ -249,9 +254,7 @@ def command_readings(detector: Detector, images: Path) -> list[Reading]:
     return read_marks(detector.command, images, detector.message, detector.timeout)
 
 
-def image_pairs(
-    job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]]
-) -> dict[str, list[ImagePair]]:
+def image_pairs(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]]) -> dict[str, list[ImagePair]]:
     """Return the renders of each compared target, with photographs of their views or renders of the unattacked model.
 
     A baseline has no renders: the unattacked ones stand in their place until `compare` replaces them.
@@ -273,6 +276,6 @@ def compared(job: Job, pairs: Mapping[str, Sequence[ImagePair]]) -> Iterator[Vie
     """Yield the metrics of every view of every compared target."""
     baseline = job.control.name if job.control and job.control.is_baseline else None
     for target, images in pairs.items():
-        reference = TRUTH if kind_of(target) in job.views.photographed else RENDER
+        reference: Reference = TRUTH if kind_of(target) in job.views.photographed else RENDER
         for pair in images:
             yield compare(pair, reference, baseline)

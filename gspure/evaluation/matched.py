@@ -91,7 +91,7 @@ def title_with_damage(title: str, wanted: float, *scene_drops: float) -> str:
 
 
 def titles_with_damage(outcomes: Iterable[Outcome]) -> dict[str, str]:
-    """Return the `title_with_damage` of every variant over its scenes, each of which counts with the mean of its seeds."""
+    """Return the `title_with_damage` of every variant, from the mean over seeds in each of its scenes."""
     titles = {}
     for variant, alike in grouped(outcomes, lambda o: o.variant).items():
         means = scene_means(cells(alike, lambda o: o.damage))

@@ -8,7 +8,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from math import nan
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,14 +23,15 @@ from gspure.metrics.targets import MESSAGE, SCENE
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
 ATTACKS: Final = ("random_pruning", "feature_scaling", "gaussian_noise", "gof", "gspure")
 TARGETS: Final = (SCENE, MESSAGE)
-PSNR, SCORE = "psnr", "score"
-ROUNDING: Final = 0.02  # dB: the error of a Score of four means that are rounded to 0.01 each
+PSNR: Final = "psnr"
+SCORE: Final = "score"
+ROUNDING: Final = 0.02  # dB: largest error of a Score, from four means rounded to 0.01 dB each
 DATA: Final = Path(__file__).parent
 
 Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
 
 
-class Row(NamedTuple):
+class PrintedRow(NamedTuple):
     """One printed row of Tables 1 to 3."""
 
     table: int
@@ -39,33 +40,33 @@ class Row(NamedTuple):
     variant: str  # an attack, `unattacked`, or a configuration of the ablation such as `opacity_weight`
     target: str  # `scene` or `message`; empty for a Score
     metric: str
-    values: Mapping[str, float]  # dB, or an SSIM, by scene, or of `mean` over all nine
+    values: Mapping[str, float]  # dB, or an SSIM, by scene; the key `mean` is the mean over all nine scenes
 
 
-def read_rows() -> list[Row]:
+def read_rows() -> list[PrintedRow]:
     """Return all rows of Tables 1 to 3."""
     with (DATA / "paper.csv").open(encoding="utf-8", newline="") as stream:
         header, *lines = csv.reader(stream)
     rows = []
-    for table, label, scheme, variant, target, metric, *numbers in lines:
-        values = {scene: float(n.removesuffix("*")) for scene, n in zip(header[6:], numbers, strict=True) if n}
-        rows.append(Row(int(table), label, scheme, variant, target, metric, values))
+    for table, label, scheme, variant, target, metric, *cells in lines:
+        values = {scene: float(cell.removesuffix("*")) for scene, cell in zip(header[6:], cells, strict=True) if cell}
+        rows.append(PrintedRow(int(table), label, scheme, variant, target, metric, values))
     return rows
 
 
-def by_scene(rows: Sequence[Row], scheme: str, variant: str, target: str) -> Mapping[str, float]:
+def psnr_by_scene(rows: Sequence[PrintedRow], scheme: str, variant: str, target: str) -> Mapping[str, float]:
     """Return the PSNR of every scene in Table 1."""
     wanted = (1, scheme, variant, target, PSNR)
     return next(r.values for r in rows if (r.table, r.scheme, r.variant, r.target, r.metric) == wanted)
 
 
-def mean_psnr(rows: Sequence[Row]) -> dict[tuple[str, str, str], float]:
-    """Return the mean PSNR over the nine scenes: of Table 1 or else, of ablations, as Tables 2 and 3 print it."""
-    psnr = [r for r in reversed(rows) if r.metric == PSNR]  # those of Table 1 last: the others repeat GSPure's
+def mean_psnr(rows: Sequence[PrintedRow]) -> dict[tuple[str, str, str], float]:
+    """Return the mean PSNR over the nine scenes, from Table 1; for ablations, as Tables 2 and 3 print it."""
+    psnr = [r for r in reversed(rows) if r.metric == PSNR]  # rows of Table 1 last: Tables 2 and 3 repeat GSPure's
     return {(r.scheme, r.variant, r.target): float(np.mean([*r.values.values()])) for r in psnr}
 
 
-def printed_scores(rows: Sequence[Row]) -> dict[tuple[str, str], float]:
+def printed_scores(rows: Sequence[PrintedRow]) -> dict[tuple[str, str], float]:
     """Return the last column of Table 1, by scheme and variant."""
     return {(r.scheme, r.variant): r.values["mean"] for r in rows if r.metric == SCORE}
 
@@ -87,8 +88,9 @@ def lead(means: Means, scheme: str, variant: str, target: str) -> float:
 
 
 def score_lead(means: Means, scheme: str, variant: str, _target: str = "") -> float:
-    """Return a Score minus the highest of the other attacks, dB."""
-    return score(means, scheme, variant) - max(score(means, scheme, attack) for attack in ATTACKS if attack != variant)
+    """Return a Score minus the highest Score of the other attacks, dB."""
+    others = [score(means, scheme, attack) for attack in ATTACKS if attack != variant]
+    return score(means, scheme, variant) - max(others)
 
 
 QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
@@ -97,16 +99,23 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
 }
 
 
-def rms_ratio_of(rows: Sequence[Row], scheme: str, variant: str) -> float:
-    """Return the damage to the message relative to that of the scene over the nine scenes of Table 1."""
-    levels = {t: [[*by_scene(rows, scheme, v, t).values()] for v in (UNATTACKED, variant)] for t in TARGETS}
-    return rms_ratio(np.transpose(levels[MESSAGE]), np.transpose(levels[SCENE]))
+def rms_ratio_of(rows: Sequence[PrintedRow], scheme: str, variant: str) -> float:
+    """Return the damage to the message, divided by that to the scene, over the nine scenes of Table 1."""
+    psnr = {}
+    for target in TARGETS:
+        before = psnr_by_scene(rows, scheme, UNATTACKED, target)
+        after = psnr_by_scene(rows, scheme, variant, target)
+        psnr[target] = np.transpose([[*before.values()], [*after.values()]])
+    return rms_ratio(psnr[MESSAGE], psnr[SCENE])
 
 
-def score_interval(rows: Sequence[Row], scheme: str, variant: str) -> Interval:
+def score_interval(rows: Sequence[PrintedRow], scheme: str, variant: str) -> Interval:
     """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
-    before, after = ({t: by_scene(rows, scheme, v, t) for t in TARGETS} for v in (UNATTACKED, variant))
-    drops = {t: {scene: before[t][scene] - after[t][scene] for scene in after[t]} for t in TARGETS}
+    drops = {}
+    for target in TARGETS:
+        before = psnr_by_scene(rows, scheme, UNATTACKED, target)
+        after = psnr_by_scene(rows, scheme, variant, target)
+        drops[target] = {scene: before[scene] - psnr for scene, psnr in after.items()}
     return mean_interval([[drops[MESSAGE][scene] - drops[SCENE][scene]] for scene in drops[SCENE]])
 
 
@@ -116,7 +125,7 @@ class Claim(NamedTuple):
     place: str  # the table or paragraph
     words: str  # the row, or words of the text
     quantity: str  # one of `QUANTITIES`
-    scheme: str  # empty if the paper refers to all schemes; then the largest value counts
+    scheme: str  # empty if the paper refers to all schemes: the largest value counts
     variant: str
     target: str
     relation: str  # `=`, or `<` if the paper gives a bound
@@ -140,7 +149,7 @@ class Check(NamedTuple):
         return self.difference > 0 if self.claim.relation == "<" else abs(self.difference) <= ROUNDING
 
 
-def check_claims(rows: Sequence[Row]) -> list[Check]:
+def check_claims(rows: Sequence[PrintedRow]) -> list[Check]:
     """Return the Scores of Table 1, GSPure's PSNR in Tables 2 and 3 and the numbers of the text, recomputed."""
     means = mean_psnr(rows)
     claims = [
@@ -148,27 +157,29 @@ def check_claims(rows: Sequence[Row]) -> list[Check]:
         for r in rows
         if r.metric == SCORE and r.variant != UNATTACKED
     ]
-    for r in (r for r in rows if r.table > 1 and r.metric == PSNR and r.variant == GSPURE):
-        column = display_name(r.scheme) if r.table == 2 else r.target.title()
-        where = (f"Table {r.table}", f"{r.label}, {column} PSNR")
-        claims.append(Claim(*where, PSNR, r.scheme, r.variant, r.target, "=", r.values["mean"]))
+    for r in rows:
+        if r.table > 1 and r.metric == PSNR and r.variant == GSPURE:
+            column = display_name(r.scheme) if r.table == 2 else r.target.title()
+            words = f"{r.label}, {column} PSNR"
+            claims.append(Claim(f"Table {r.table}", words, PSNR, r.scheme, r.variant, r.target, "=", r.values["mean"]))
     claims += read_table(DATA / "paper_claims.csv", Claim)
     checks = []
     for claim in claims:
+        recompute = QUANTITIES[claim.quantity]
         schemes = [claim.scheme] if claim.scheme else SCHEMES
-        values = [QUANTITIES[claim.quantity](means, scheme, claim.variant, claim.target) for scheme in schemes]
+        values = [recompute(means, scheme, claim.variant, claim.target) for scheme in schemes]
         checks.append(Check(claim, max(values)))
     return checks
 
 
 class Beside(NamedTuple):
-    """One attack: means over the paper's nine scenes, its Score recomputed, and over ours of one condition."""
+    """One attack: its means over the paper's nine scenes, and over our scenes of one condition."""
 
     condition: OfCondition
     variant: str
     paper_scene_drop: float  # dB, like the other drops and Scores
     paper_message_drop: float
-    paper_score: float
+    paper_score: float  # recomputed
     paper_rms_ratio: float
     scenes: int = 0  # number of our scenes
     scene_drop: float = nan
@@ -177,22 +188,38 @@ class Beside(NamedTuple):
     rms_ratio: float = nan
 
 
-def beside(rows: Sequence[Row], survivals: Sequence[Survival] = ()) -> list[Beside]:
-    """Return every attack of Table 1 beside ours, under every condition of ours for the paper's schemes.
+def beside(rows: Sequence[PrintedRow], survivals: Sequence[Survival] = ()) -> list[Beside]:
+    """Return every attack of Table 1 beside our results for the paper's schemes, for each of our conditions.
 
-    Ours count if the message was present in any scene.
+    Our results count if the message was present in any scene.
     """
     ours = {(row.condition, row.variant): row for row in survivals if row.extraction == MESSAGE}
     conditions = dict.fromkeys(condition for condition, _ in ours)
-    means, compared = mean_psnr(rows), []
+    compared = []
     for scheme in SCHEMES:
         for condition in [known for known in conditions if known.scheme == scheme] or [Condition(scheme)]:
-            for attack in ATTACKS:
-                scene, message = (drop(means, scheme, attack, target) for target in TARGETS)
-                numbers: list[Any] = [scene, message, message - scene, rms_ratio_of(rows, scheme, attack)]
-                row = ours.get((condition, attack))
-                if row and row.present and row.scene_drop and row.message_drop:
-                    scene, message = row.scene_drop.mean, row.message_drop.mean
-                    numbers += [row.message_drop.scenes, scene, message, message - scene, row.rms_ratio]
-                compared.append(Beside(condition, attack, *numbers))
+            compared += [_beside(rows, condition, attack, ours.get((condition, attack))) for attack in ATTACKS]
     return compared
+
+
+def _beside(rows: Sequence[PrintedRow], condition: Condition, attack: str, ours: Survival | None) -> Beside:
+    means = mean_psnr(rows)
+    scene_drop = drop(means, condition.scheme, attack, SCENE)
+    message_drop = drop(means, condition.scheme, attack, MESSAGE)
+    row = Beside(
+        condition=condition,
+        variant=attack,
+        paper_scene_drop=scene_drop,
+        paper_message_drop=message_drop,
+        paper_score=message_drop - scene_drop,
+        paper_rms_ratio=rms_ratio_of(rows, condition.scheme, attack),
+    )
+    if not (ours and ours.present and ours.scene_drop and ours.message_drop):
+        return row
+    return row._replace(
+        scenes=ours.message_drop.scenes,
+        scene_drop=ours.scene_drop.mean,
+        message_drop=ours.message_drop.mean,
+        score=ours.message_drop.mean - ours.scene_drop.mean,
+        rms_ratio=ours.rms_ratio,
+    )

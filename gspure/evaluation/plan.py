@@ -18,6 +18,7 @@ from gspure.settings import Setting
 Split = Literal["train", "test", "all"]
 
 PLAN: Final = "plan.json"  # file in the folder of results
+CONFIGURATION: Final = "configuration.json"  # for people
 METHOD: Final = "method"  # the decision with the settings of `method` in the configuration
 
 
@@ -150,6 +151,7 @@ class Embedding:
     initialization: str
     seed: int
     settings: Mapping[str, Setting]
+    files: tuple[Path, ...]  # of the pair, which the training reads
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class ModelPlan:
     controls: tuple[Job, ...] = ()
     owner: Owner | None = None
     embedding: Embedding | None = None
-    condition: Condition = Condition("")
+    condition: Condition = field(default_factory=lambda: Condition(""))
     targets: tuple[str, ...] = (SCENE,)
     photographs: Path | None = None  # folder with the truth of `SCENE` and `MESSAGE`
     inputs: tuple[Path, ...] = ()  # what other jobs make of it: the public model, unless it is the user's
@@ -197,7 +199,7 @@ class ModelPlan:
 
 @dataclass(frozen=True)
 class Training:
-    """A command that makes a pair, or a model of photographs: its sources, its options, and the user's files it reads."""
+    """A command that makes a pair, or a model of photographs: its sources and options, and the user's files it reads."""
 
     sources: tuple[str, ...]
     options: Mapping[str, str | int | None]

@@ -99,9 +99,7 @@ def _outcome(rows: Sequence[Result]) -> Outcome:
 
 
 def _rows(o: Outcome, attack: str) -> Iterator[Result]:
-    row = Result(
-        o.condition, o.scene, o.seed, o.variant, entry=o.entry, wanted=o.wanted, run=o.run, attack=attack
-    )
+    row = Result(o.condition, o.scene, o.seed, o.variant, entry=o.entry, wanted=o.wanted, run=o.run, attack=attack)
     if o.failure:
         yield row._replace(failure=o.failure)
     for target in ordered(o.targets):

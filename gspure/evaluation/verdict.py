@@ -21,9 +21,9 @@ class Strength(NamedTuple):
 class Applied:
     """What an attack changed.
 
-    `search_damage` is the drop of the scene's PSNR, dB, at which the search for a strength ended. `affects` tells for each
-    extraction whether the attack changed what it reads. `removed` says why no extraction can read the model; empty if one
-    can.
+    `search_damage` is the drop of the scene's PSNR, dB, at which the search for a strength ended. `affects` tells for
+    each extraction whether the attack changed what it reads. `removed` says why no extraction can read the model; it is
+    empty if one can.
     """
 
     strength: Strength | None = None

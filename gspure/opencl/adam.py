@@ -1,4 +1,4 @@
-"""Adam (Kingma & Ba 2015, algorithm 1) with the settings of 3DGS: of a model on the device (adam.cl), and in numpy."""
+"""Adam (Kingma & Ba 2015, algorithm 1) with the settings of 3DGS, on the device (adam.cl) and in numpy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -44,30 +44,47 @@ class Adam:
     def __init__(
         self, engine: Engine, count: int, geometry: Moments, channels: Moments, attributes: int, activated: cl.Buffer
     ) -> None:
-        self.geometry, self.channels, self.activated = geometry, channels, activated
-        self._count, self._items = count, engine.vectors(count)
+        self.geometry = geometry
+        self.channels = channels
+        self.activated = activated
+        self._count = count
+        self._items = engine.vectors(count)
         self._rates = engine.buffers.rates
         self._program = engine.program("vector", "adam", CHANNEL_ATTRIBUTES=attributes)
         self._program.launch("activate_geometry", self._items, count, geometry.raw, activated)
 
     def step(self, number: int, rates: LearningRates, gradients: DeviceGradients) -> None:
-        """Take step `number`, from 1 on, against the gradients of the activated values."""
+        """Take step `number` (the first is 1) against the gradients of the activated values."""
         corrections = (1 / (1 - ADAM_BETA1**number), 1 / (1 - ADAM_BETA2**number))
         per_attribute = [rates.means] * 3 + [rates.quats] * 4 + [rates.scales] * 3 + [rates.opacities]
-        geometry, channels = self.geometry, self.channels
         self._program.launch(
             "adam_geometry",
             self._items,
-            *(self._count, *corrections, self._rates.holding(np.array(per_attribute, np.float32))),
-            *(gradients.geometry, geometry.raw, geometry.first, geometry.second, self.activated),
+            self._count,
+            *corrections,
+            self._rates.holding(np.array(per_attribute, np.float32)),
+            gradients.geometry,
+            self.geometry.raw,
+            self.geometry.first,
+            self.geometry.second,
+            self.activated,
         )
-        settings = (self._count, float(rates.sh_dc), float(rates.sh_rest), *corrections)
-        moments = (gradients.channels, channels.raw, channels.first, channels.second)
-        self._program.launch("adam_channels", self._items, *settings, *moments)
+        self._program.launch(
+            "adam_channels",
+            self._items,
+            self._count,
+            float(rates.sh_dc),
+            float(rates.sh_rest),
+            *corrections,
+            gradients.channels,
+            self.channels.raw,
+            self.channels.first,
+            self.channels.second,
+        )
 
 
 def adam_step(values: Array, first: Array, second: Array, gradient: Array, rate: float | Array, number: int) -> None:
-    """Take step `number`, from 1 on, in numpy; change values and both moments in place, in their precision."""
+    """Take step `number` (the first is 1) in numpy; change values and both moments in place, in their precision."""
     first *= ADAM_BETA1
     first += (1 - ADAM_BETA1) * gradient
     second *= ADAM_BETA2

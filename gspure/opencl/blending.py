@@ -1,4 +1,4 @@
-"""Blending of tile lists into pixels, and of pixels' weights into contributions."""
+"""Blend tile lists into pixels, and sum the contributions of each Gaussian."""
 
 from dataclasses import dataclass
 
@@ -27,12 +27,13 @@ class Canvas:
 
 def prepare_canvas(frame: Frame) -> Canvas:
     """Return the canvas of a frame; its contributions are zero."""
-    buffers, traversal = frame.engine.buffers, frame.traversal
-    rows = frame.storage.count * traversal.contributions
+    buffers = frame.engine.buffers
+    traversal = frame.traversal
+    rows = frame.storage.count if traversal.contributions else 0
     canvas = Canvas(
         buffers.image.sized(*frame.size, traversal.channels),
         buffers.transmittance.sized(*frame.size),
-        buffers.median_depth.sized(*frame.size, traversal.median_depth),
+        buffers.median_depth.sized(*frame.size, int(traversal.median_depth)),
         buffers.records.sized(rows, 4),
     )
     frame.engine.clear(canvas.records, 16 * rows)
@@ -41,14 +42,21 @@ def prepare_canvas(frame: Frame) -> Canvas:
 
 def blend_band(frame: Frame, projected: Projected, lists: TileLists, background: Float32, canvas: Canvas) -> None:
     """Blend one band of tiles into `canvas` (blending_cpu.cl, blending_gpu.cl)."""
-    engine, buffers, traversal = frame.engine, frame.engine.buffers, frame.traversal
+    engine = frame.engine
+    buffers = engine.buffers
+    traversal = frame.traversal
+    batch = {"BATCH": _batch(frame)} if engine.style == "gpu" else {}
     program = frame.program(
-        *("vector", "layout", "blending", f"blending_{engine.style}"),
+        "vector",
+        "layout",
+        "blending",
+        f"blending_{engine.style}",
         CONTRIBUTIONS=int(traversal.contributions),
         MEDIAN_DEPTH=int(traversal.median_depth),
-        **({"BATCH": _batch(frame)} if engine.style == "gpu" else {}),
+        **batch,
     )
-    partials = buffers.partials.sized(lists.capacity * traversal.contributions, 3)
+    slots = lists.capacity if traversal.contributions else 0
+    partials = buffers.partials.sized(slots, 3)
     outputs = (canvas.image, canvas.transmittance, canvas.median_depth, partials)
     walk_tiles(program, "blend_tiles", frame, projected, lists, buffers.background.holding(background), *outputs)
 
@@ -62,22 +70,32 @@ def walk_tiles(
     program.launch(
         kernel,
         len(lists.band) * columns * group,
-        *(*frame.size, columns, lists.band.start * columns),
-        *(projected.splats, lists.entries, lists.tile_starts, *args),
+        *frame.size,
+        columns,
+        lists.band.start * columns,
+        projected.splats,
+        lists.entries,
+        lists.tile_starts,
+        *args,
         group=group,
     )
 
 
 def sum_slots(frame: Frame, lists: TileLists, canvas: Canvas) -> None:
     """Add the slots of a band to the contributions of their Gaussians (contributions.cl)."""
-    order, partials = lists.order, frame.engine.buffers.partials.sized(lists.capacity, 3)
+    order = lists.order
+    partials = frame.engine.buffers.partials.sized(lists.capacity, 3)
     arguments = (order.visible, order.positions, frame.storage.rows, lists.slot_ranges, partials, canvas.records)
     program = frame.engine.program("contributions", FIRST_BAND=int(lists.band.start == 0))
     program.launch("sum_slots", order.visible, *arguments, group=SUM_GROUP)
 
 
 def _batch(frame: Frame) -> int:
-    """Return how many splats a work-group loads at a time: as many as three quarters of its local memory hold."""
-    entry = 4 * (frame.traversal.staged_floats + 3 * frame.traversal.contributions)
+    """Return the number of splats that a work-group loads at a time: a power of two.
+
+    They fill at most three quarters of its local memory.
+    """
+    sums = 3 if frame.traversal.contributions else 0
+    entry = 4 * (frame.traversal.staged_floats + sums)
     fitting = frame.engine.device.local_mem_size * 3 // 4 // entry
     return min(_PIXELS, 1 << max(int(fitting).bit_length() - 1, 0))

@@ -15,7 +15,8 @@ class Scratch:
     """A buffer that grows as needed; growing loses its contents."""
 
     def __init__(self, allocate: Allocate, copy: Copy) -> None:
-        self._allocate, self._copy = allocate, copy
+        self._allocate = allocate
+        self._copy = copy
         self._buffer: cl.Buffer | None = None
 
     def sized(self, *shape: int) -> cl.Buffer:
@@ -35,7 +36,7 @@ class Scratch:
 class Buffers:
     """Buffers of the steps of a frame, each for one purpose.
 
-    Shapes: K Gaussians in blocks of 16, V visible ones, H x W pixels, C channels, T tiles of a band, E entries at most,
+    Shapes: K Gaussians in blocks of 16, V visible ones, H x W pixels, C channels, T tiles of a band, at most E entries,
     P chunks of a counting sort.
     """
 

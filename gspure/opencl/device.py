@@ -86,8 +86,9 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     else:
         matching = tuple(d for d in devices if spec.casefold() in f"{d.name}\n{d.platform}\n{d.version}".casefold())
     if not matching:
-        found, hint = "; ".join(map(str, devices)) or "no device", None if devices else INSTALL_HINT
-        raise InputError("OpenCL", "device", expected=f"one that matches {spec!r}", found=found, hint=hint)
+        listed = "; ".join(map(str, devices)) or "no device"
+        hint = None if devices else INSTALL_HINT
+        raise InputError("OpenCL", "device", expected=f"one that matches {spec!r}", found=listed, hint=hint)
     return matching
 
 
@@ -97,7 +98,7 @@ def defect(device: Device, factor: int = 3) -> str | None:
 
     A driver may end the process instead of reporting an error; `gspure.opencl.selftest` survives that.
 
-    `factor` is a multiplier in the program. A new one makes the driver compile even if it has a cache.
+    `factor` is a multiplier in the program. With a new one, the driver compiles even if it has a cache.
     """
     numbers = np.arange(64, dtype=np.float32)
     scaled = np.empty_like(numbers)
@@ -115,24 +116,25 @@ def defect(device: Device, factor: int = 3) -> str | None:
 
 
 def built(context: cl.Context, source: str, options: Sequence[str], *, cached: bool = True) -> cl.Program:
-    """Build a program; warnings of the driver's compiler are discarded, since some drivers always have some.
+    """Build a program, without the warnings of the driver's compiler: some drivers always warn.
 
-    From its own cache, PoCL takes 20 ms for any program, from a binary 2 ms. So programs that are built a second time
-    are kept as binaries: making one takes as long as the build.
+    PoCL loads a program from its own cache in 20 ms, and from a binary in 2 ms. Making a binary takes as long as the
+    build, so only programs that are built a second time are stored as binaries.
 
-    Raise MemoryError if the driver runs out of memory; PoCL would hang on releasing the program then, so it is kept.
+    Raise MemoryError if the driver runs out of memory. PoCL would hang on the release of that program, so it is never
+    released.
     """
     device = context.devices[0]
     file = _binary(device, source, options) if cached and device.platform.name == POCL else None
-    known = file.read_bytes() if file and file.is_file() else None
+    binary = file.read_bytes() if file and file.is_file() else None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
         try:
-            if known:
+            if binary:
                 with suppress(cl.Error):  # another PoCL of the same version
-                    return cl.Program(context, [device], [known]).build(list(options))
+                    return cl.Program(context, [device], [binary]).build(list(options))
             program = cl.Program(context, source).build(list(options), cache_dir=None if cached else False)
-            content = b"" if known is None else program.binaries[0]
+            content = b"" if binary is None else program.binaries[0]
         except MemoryError as error:
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(error))  # its traceback refers to the program
             raise MemoryError("no room to build the kernels") from None
@@ -143,7 +145,7 @@ def built(context: cl.Context, source: str, options: Sequence[str], *, cached: b
 
 
 def _binary(device: cl.Device, source: str, options: Sequence[str]) -> Path:
-    """Return the file of a program's binary; it is empty after the first build."""
+    """Return the path of a program's binary; the file is empty after the first build."""
     cache = os.environ.get("POCL_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     driver = (device.platform.version, device.driver_version, device.name, device.version)
     return Path(cache).expanduser() / "gspure" / f"{digest(*driver, source, *options)}.bin"
@@ -157,7 +159,7 @@ def works(device: Device) -> bool:
 def choose_device(spec: str | None = None) -> Device:
     """Return the first device of `matching_devices` that works, GPUs before CPUs.
 
-    If devices are named, no other one replaces them. Raise `InputError` if none that matches works.
+    A device that was asked for is not replaced by another one. Raise `InputError` if no matching device works.
     """
     matching = matching_devices(spec)
     for device in matching:
@@ -184,23 +186,26 @@ def _platforms() -> list[cl.Platform]:
 
 
 def _redirect_caches() -> None:
-    """Replace folders of kernel caches that cannot be written to: if one is read-only, PoCL lists no device."""
+    """Replace read-only folders of kernel caches by temporary ones; otherwise, PoCL lists no device."""
     for variable, default in {"XDG_CACHE_HOME": "~/.cache", "POCL_CACHE_DIR": None}.items():
-        if not (place := os.environ.get(variable) or default):
+        place = os.environ.get(variable) or default
+        if not place:
             continue
         try:
-            (folder := Path(place).expanduser()).mkdir(parents=True, exist_ok=True)
+            folder = Path(place).expanduser()
+            folder.mkdir(parents=True, exist_ok=True)
             writable = os.access(folder, os.W_OK)
         except (OSError, RuntimeError):  # a user without a home
             writable = False
         if not writable:
-            os.environ[variable] = temporary = tempfile.mkdtemp(prefix="gspure-cache-")
+            temporary = tempfile.mkdtemp(prefix="gspure-cache-")
+            os.environ[variable] = temporary
             atexit.register(shutil.rmtree, temporary, ignore_errors=True)
             warn(f"{place} cannot be written to: this process caches its kernels in a temporary folder")
 
 
 def _register_intel() -> None:
-    """Let the loader find Intel's runtime of PyPI, beside all other drivers; it registers itself nowhere."""
+    """Register Intel's runtime from PyPI with the OpenCL loader, beside all other drivers; its package does not."""
     try:
         files = metadata.files("intel-opencl-rt") or []
     except metadata.PackageNotFoundError:
@@ -227,4 +232,5 @@ def _devices(platform: cl.Platform) -> list[cl.Device]:
 def first_line(message: str) -> str:
     """Return the first line of a driver's message with "error", else its first line."""
     lines = [line.strip() for line in message.splitlines() if line.strip()]
-    return next((line for line in lines if "error" in line.casefold()), (lines or ["unknown error"])[0])
+    first = lines[0] if lines else "unknown error"
+    return next((line for line in lines if "error" in line.casefold()), first)

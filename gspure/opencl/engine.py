@@ -34,13 +34,22 @@ def suited_style(device: cl.Device) -> Style:
 
 
 def device_identity(device: Device, style: Style | None = None) -> str:
-    """Return a text of driver, device and kernel style (by default the suited one), for keys of stored results.
+    """Return driver, device and kernel style (by default the suited one) as a text, for keys of stored results.
 
-    Drivers, CPUs and kernel styles round differently: results are bit-identical only where this text is the same. The
+    Drivers, CPUs and kernel styles round differently, so results are bit-identical only if this text is the same. The
     version strings of a driver name its compiler and the CPU that it targets.
     """
-    driver, target = (device.platform, device.version, device.driver), device.cl_device
-    return "; ".join([*driver, device.name, target.version.strip(), f"{style or suited_style(target)} style"])
+    style = style or suited_style(device.cl_device)
+    return "; ".join(
+        [
+            device.platform,
+            device.version,
+            device.driver,
+            device.name,
+            device.cl_device.version.strip(),
+            f"{style} style",
+        ]
+    )
 
 
 @contextmanager
@@ -54,8 +63,8 @@ def _in_memory(device: cl.Device) -> Iterator[None]:
         raise _short_of_memory(device, "room for all buffers at once", str(error)) from None
 
 
-def _short_of_memory(device: cl.Device, expected: str, found: str) -> InputError:
-    return InputError(device.name, "memory", expected=expected, found=found, hint="smaller images need less")
+def _short_of_memory(device: cl.Device, needed: str, available: str) -> InputError:
+    return InputError(device.name, "memory", expected=needed, found=available, hint="smaller images need less")
 
 
 @cache
@@ -68,12 +77,17 @@ def _context(device: cl.Device) -> cl.Context:
 def _kernels(
     context: cl.Context, sources: tuple[str, ...], defines: tuple[tuple[str, int], ...], _thread: int
 ) -> dict[str, cl.Kernel]:
-    """Return the kernels of a program by name, built once per process and thread, as they hold their arguments."""
+    """Return the kernels of a program by name, built once per process and thread, since kernels hold arguments."""
     try:
         return by_name(built(context, kernel_source(*sources), build_options(dict(defines))))
     except cl.Error as error:
-        expected, hint = "a driver that builds them", "memory may be short"
-        raise InputError("OpenCL", "kernels", expected=expected, found=first_line(str(error)), hint=hint) from None
+        raise InputError(
+            "OpenCL",
+            "kernels",
+            expected="a driver that builds them",
+            found=first_line(str(error)),
+            hint="memory may be short",
+        ) from None
 
 
 def by_name(program: cl.Program) -> dict[str, cl.Kernel]:
@@ -85,7 +99,9 @@ class Program:
     """The kernels of a program, launched in one queue in work-groups of `group` items by default."""
 
     def __init__(self, kernels: Mapping[str, cl.Kernel], queue: cl.CommandQueue, group: int) -> None:
-        self._kernels, self._queue, self._group = kernels, queue, group
+        self._kernels = kernels
+        self._queue = queue
+        self._group = group
 
     def launch(self, name: str, items: int, *args: cl.Buffer | float, group: int | None = None) -> cl.Event | None:
         """Enqueue a kernel over `items` work-items, rounded up to whole groups; return its event, None without items.
@@ -102,7 +118,7 @@ class Program:
 
 @cache
 def _typed(kernel: cl.Kernel, types: tuple[type, ...]) -> cl.Kernel:
-    """Return a kernel that knows the types of its arguments: pyopencl finds each by up to five C++ exceptions."""
+    """Set the argument types of a kernel and return it; pyopencl guesses each by up to five C++ exceptions."""
     kernel.set_scalar_arg_dtypes([{int: np.uint32, float: np.float32}.get(kind) for kind in types])
     return kernel
 
@@ -141,13 +157,14 @@ class Engine:
 
     def allocate(self, nbytes: int) -> cl.Buffer:
         """Return a new buffer of at least `nbytes`, or raise `InputError` if the device is out of memory."""
-        room, all_of_it = f"room for {nbytes / 2**30:.3g} GiB in one piece", self.device.global_mem_size
-        if nbytes > all_of_it:  # drivers may find that out only when the buffer is used
-            raise _short_of_memory(self.device, room, f"{all_of_it / 2**30:.3g} GiB in all")
+        needed = f"room for {nbytes / 2**30:.3g} GiB in one piece"
+        device_memory = self.device.global_mem_size
+        if nbytes > device_memory:  # drivers may notice only when the buffer is used
+            raise _short_of_memory(self.device, needed, f"{device_memory / 2**30:.3g} GiB in all")
         try:
             return cl.Buffer(self.context, self._flags, max(nbytes, 64))
         except cl.Error as error:
-            raise _short_of_memory(self.device, room, str(error)) from None
+            raise _short_of_memory(self.device, needed, str(error)) from None
 
     def uploaded(self, array: NDArray[Any]) -> cl.Buffer:
         """Return a new buffer that holds `array`."""

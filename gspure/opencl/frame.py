@@ -1,4 +1,4 @@
-"""A frame: what its traversal computes, and what its steps share."""
+"""A frame: the outputs of its traversal, and the data that its steps share."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from gspure.opencl.storage import Storage
 
 @dataclass(frozen=True)
 class Traversal:
-    """What one traversal of the tile lists computes; every combination is a program of its own."""
+    """The outputs of one traversal of the tile lists; every combination is a separate program."""
 
     energy: Energy  # 2-D splat with dilation, or the Gaussian's maximum along the ray (paper, Eq. E)
     channels: int = 0  # blended per pixel; 0 for none
@@ -32,7 +32,8 @@ class Traversal:
         """Numbers stored per Gaussian for its channels: SH coefficients, or the channels themselves."""
         if self.sh_degree < 0:
             return self.channels
-        return 3 * (1 + (self.sh_degree if self.stored_sh_degree is None else self.stored_sh_degree)) ** 2
+        stored_sh_degree = self.sh_degree if self.stored_sh_degree is None else self.stored_sh_degree
+        return 3 * (1 + stored_sh_degree) ** 2
 
     @property
     def splat_floats(self) -> int:
@@ -49,7 +50,7 @@ class Traversal:
 class Frame:
     """One view of a model on an engine.
 
-    `channels` are SH coefficients or features, as `traversal` says, in the order of `storage`, the model's geometry.
+    `storage` holds the model's geometry. `channels` are SH coefficients or features (see `traversal`) in its order.
     """
 
     engine: Engine

@@ -29,9 +29,10 @@ def blend_band_backward(
 ) -> cl.Buffer:
     """Walk one band of tiles backward (blending_backward_*.cl) and add up each Gaussian's slots (gradients.cl).
 
-    Return the gradients of the splats, which the bands of a frame add up.
+    Return the gradients of the splats: sums over this band and the bands before it.
     """
-    buffers, gradients = frame.engine.buffers, MOMENTS + frame.traversal.channels
+    buffers = frame.engine.buffers
+    gradients = MOMENTS + frame.traversal.channels
     slot_gradients = buffers.slot_gradients.sized(lists.capacity, gradients)
     program = frame.program("vector", "layout", "blending", f"blending_backward_{frame.engine.style}")
     images = (canvas.image, image_gradient)
@@ -46,29 +47,43 @@ def blend_band_backward(
 
 def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buffer) -> DeviceGradients:
     """Carry the splats' gradients back to the Gaussians' parameters (projection_backward.cl)."""
-    storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
+    storage = frame.storage
+    traversal = frame.traversal
+    buffers = frame.engine.buffers
     gradients = DeviceGradients(
         buffers.geometry_gradients.sized(*blocked_shape(storage.count, GEOMETRY_ATTRIBUTES)),
         buffers.channel_gradients.sized(*blocked_shape(storage.count, traversal.channel_attributes)),
         buffers.centre_gradients.sized(*blocked_shape(storage.count, 2)),
     )
     program = frame.program(
-        *("vector", "layout", "spherical_harmonics", "spherical_harmonics_backward"),
-        *("projection", "projection_backward"),
+        "vector",
+        "layout",
+        "spherical_harmonics",
+        "spherical_harmonics_backward",
+        "projection",
+        "projection_backward",
         SH_DEGREE=traversal.sh_degree,
         CHANNEL_ATTRIBUTES=traversal.channel_attributes,
     )
     program.launch(
         "project_backward",
         frame.engine.vectors(storage.count),
-        *(storage.count, *frame.size, projected.camera, storage.geometry, frame.channels, projected.depth_keys),
-        *(splat_gradients, gradients.geometry, gradients.channels, gradients.centres),
+        storage.count,
+        *frame.size,
+        projected.camera,
+        storage.geometry,
+        frame.channels,
+        projected.depth_keys,
+        splat_gradients,
+        gradients.geometry,
+        gradients.channels,
+        gradients.centres,
     )
     return gradients
 
 
 def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> Float32:
-    """Return values that lie in storage order and blocks as an array [K,attributes] in row order."""
+    """Return values in storage order and blocks as an array [K,attributes] in row order."""
     values = np.empty((storage.count, attributes), np.float32)
     with engine.writing(values) as out:
         blocked, *_ = blocked_shape(storage.count, attributes)

@@ -19,28 +19,32 @@ SSIM_WEIGHT = 0.2  # share of 1 - SSIM in the loss; the rest is L1 (Kerbl et al.
 class Planes:
     """Padded planes of images [H,W,C]: rows of `values` = W C floats behind a margin, `stride` floats apart.
 
-    The margins are zero and stay so, since kernels write inside them only.
+    The margins stay zero: kernels write only between them.
     """
 
     def __init__(self, engine: Engine, height: int, width: int, channels: int) -> None:
-        self.engine, self.shape = engine, (height, width, channels)
+        self.engine = engine
+        self.shape = (height, width, channels)
         self.values = width * channels
-        # A margin on either side, and room for whole vectors.
+        # A margin on each side, and room for whole vectors.
         self.stride = -(-(self.values + 2 * _MARGIN * channels + 16) // 16) * 16
         self.program = engine.program("vector", "losses", CHANNELS=channels)
         self.window = engine.uploaded(np.asarray(_BELL / _BELL.sum(), np.float32))
-        self.image, self.moments, self.maps = (engine.uploaded(self._zeros(planes)) for planes in (1, 5, 3))
+        self.image = engine.uploaded(self._zeros(1))
+        self.moments = engine.uploaded(self._zeros(5))
+        self.maps = engine.uploaded(self._zeros(3))
 
     def padded(self, image: Float32) -> cl.Buffer:
         """Upload `image` [H,W,C] as a plane."""
         height, _, channels = self.shape
-        plane, first = self._zeros(1), _MARGIN * channels
+        plane = self._zeros(1)
+        first = _MARGIN * channels
         rows = plane[: height * self.stride].reshape(height, self.stride)
         rows[:, first : first + self.values] = image.reshape(height, -1)
         return self.engine.uploaded(plane)
 
     def _zeros(self, planes: int) -> Float32:
-        """Return empty planes, and what loads may touch behind them."""
+        """Return empty planes, and the 16 floats behind them that vector loads may touch."""
         return np.zeros(planes * self.shape[0] * self.stride + 16, np.float32)
 
 
@@ -56,9 +60,15 @@ class Photograph:
 
         The gradient is valid until the next comparison on the same engine.
         """
-        planes, target, weight = self.planes, self.plane, float(ssim_weight)
-        engine, window, padded, moments = planes.engine, planes.window, planes.image, planes.moments
-        height, vectors = planes.shape[0], planes.shape[0] * engine.vectors(planes.values)
+        planes = self.planes
+        target = self.plane
+        weight = float(ssim_weight)
+        engine = planes.engine
+        window = planes.window
+        padded = planes.image
+        moments = planes.moments
+        height = planes.shape[0]
+        vectors = height * engine.vectors(planes.values)
         items = height if engine.style == "cpu" else vectors
         vector_losses = engine.buffers.vector_losses.sized(vectors)
         gradient = engine.buffers.image_gradient.sized(*planes.shape)
@@ -90,6 +100,6 @@ class Photographs:
 
 
 def upload_photographs(engine: Engine, images: Sequence[Float32]) -> list[Photograph]:
-    """Upload photographs [H,W,C], values 0 to 1; those of one size share their planes."""
+    """Upload photographs [H,W,C], values 0 to 1; photographs of one size share their planes."""
     planes = {shape: Planes(engine, *shape) for shape in {image.shape for image in images}}
     return [Photograph(planes[image.shape], planes[image.shape].padded(image)) for image in images]

@@ -15,7 +15,7 @@ from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import project
 from gspure.opencl.storage import Rows, Storage
 
-FINER = 4  # tiles of points are this many times smaller than those of pixels: lists are shorter; ours
+FINER = 4  # side of a tile of pixels over that of a tile of points: smaller tiles have shorter lists; ours
 
 
 class PointRays:
@@ -38,9 +38,10 @@ class PointRays:
         return self._blended(points, None, least)
 
     def contributions(self, centres: NDArray[Any], positions: Rows) -> Float32:
-        """Return the contribution [P] of Gaussians, at `positions` [P] in storage, on the rays through their `centres`.
+        """Return the contributions [P] of Gaussians, each on the ray through its centre.
 
-        It is 0 where the view does not show the centre.
+        `centres` [P,3] are in world units, `positions` [P] are those of the Gaussians in storage. A contribution is 0
+        if the view does not show the centre.
         """
         return self._blended(centres, positions, TRANSMITTANCE_MIN)
 
@@ -50,16 +51,19 @@ class PointRays:
         values = np.full(len(points), owners is None, np.float32)
         for band in self.bands:
             inside = slice(*np.searchsorted(tiles, (band.start * columns, band.stop * columns)))
-            if len(shown := rows[inside]):
-                owning = None if owners is None else owners[shown]
-                values[shown] = self._blend_band(band, tiles[inside], positions[inside], owning, least)
+            band_rows = rows[inside]
+            if len(band_rows):
+                band_owners = None if owners is None else owners[band_rows]
+                values[band_rows] = self._blend_band(band, tiles[inside], positions[inside], band_owners, least)
         return values
 
     def _blend_band(
         self, band: range, tiles: Indices, positions: Float32, owners: Rows | None, least: float
     ) -> Float32:
         """Return the values of a band's points."""
-        frame, engine, buffers = self.frame, self.frame.engine, self.frame.engine.buffers
+        frame = self.frame
+        engine = frame.engine
+        buffers = engine.buffers
         if self.lists is None or self.lists.band != band:
             self.lists = bin_tiles(frame, self.projected, self.bounds, band)
         tiles, sources = _work_items(tiles, LANES[engine.style])
@@ -67,9 +71,13 @@ class PointRays:
         frame.program("vector", "layout", "blending", "opacity_field").launch(
             "blend_points" if owners is None else "blend_centres",
             len(tiles),
-            *(len(tiles), buffers.points.holding(positions[sources].transpose(0, 2, 1))),
+            len(tiles),
+            buffers.points.holding(positions[sources].transpose(0, 2, 1)),
             buffers.point_tiles.holding((tiles - band.start * frame.tiles[0]).astype(np.uint32)),
-            *(self.projected.splats, self.lists.entries, self.lists.tile_starts, computed),
+            self.projected.splats,
+            self.lists.entries,
+            self.lists.tile_starts,
+            computed,
             least if owners is None else buffers.point_owners.holding(owners[sources]),
         )
         values = np.empty(len(positions), np.float32)
@@ -78,20 +86,20 @@ class PointRays:
 
 
 def _by_tile(frame: Frame, points: NDArray[np.floating]) -> tuple[Indices, Indices, Float32]:
-    """Return the points that a view shows, by tile: their rows [S], tiles [S] and positions (u, v, z) [S,3]."""
+    """Return the points that a view shows, sorted by tile: rows [S], tiles [S] and positions (u, v, z) [S,3]."""
     rows, positions = points_shown(frame.camera, points)
     columns, lines = frame.tiles
     column, row = (positions[:, :2].astype(np.int32) // np.int32(TILE)).T
     tiles = row * np.int32(columns) + column
-    is_few = columns * lines < 1 << 16  # of which numpy has a radix sort
-    order = np.argsort(tiles.astype(np.uint16) if is_few else tiles, kind="stable")
+    fits_16_bits = columns * lines < 1 << 16  # numpy sorts 16-bit integers by radix
+    order = np.argsort(tiles.astype(np.uint16) if fits_16_bits else tiles, kind="stable")
     return rows[order], tiles[order], positions[order].astype(np.float32)
 
 
 def _work_items(tiles: Indices, lanes: int) -> tuple[Indices, Indices]:
     """Assign points to work-items; return the tile [I] and the points [I,lanes] of each work-item.
 
-    `tiles` are those of the points, ascending. The last point of a tile is repeated to fill its last work-item.
+    `tiles` [S] has the tile of each point, ascending. The last point of a tile fills the rest of its last work-item.
     """
     present, starts, counts = np.unique(tiles, return_index=True, return_counts=True)
     items = -(-counts // lanes)

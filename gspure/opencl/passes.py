@@ -1,4 +1,4 @@
-"""A frame from end to end: forward to pixels, and backward from their gradient; and the light that it conserves."""
+"""The passes of a frame: forward to pixels, backward from their gradient; and the check that light is conserved."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ class Rendered:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the image: [H,W,C]."""
+        """The shape [H,W,C] of the image."""
         return self.frame.camera.height, self.frame.camera.width, self.frame.traversal.channels
 
     def image(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
@@ -49,7 +49,7 @@ class Rendered:
 def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: int = ENTRY_BUDGET) -> Rendered:
     """Render a frame, with at most `entry_budget` tile entries at a time.
 
-    `background` has one value per channel, and one where the frame has no channels.
+    `background` has one value per channel, or a single one if the frame has no channels.
     """
     if len(background) != max(frame.traversal.channels, 1):
         raise ValueError(f"background has {len(background)} values for {frame.traversal.channels} channels")
@@ -68,7 +68,9 @@ def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: in
 
 def backward(rendered: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:
     """Carry dL/dimage [H,W,C] of the last frame back to the Gaussians' parameters (energy "ewa")."""
-    frame, projected, lists = rendered.frame, rendered.projected, rendered.lists
+    frame = rendered.frame
+    projected = rendered.projected
+    lists = rendered.lists
     for band in rendered.bands:
         if len(rendered.bands) > 1:  # all bands share the lists' buffers
             lists = bin_tiles(frame, projected, rendered.bounds, band)
@@ -88,8 +90,8 @@ def require_conservation(view: str, contributions: NDArray[np.void], transmittan
         values = contributions[name]
         if len(values) and not (values.min() >= 0 and values.max() <= most):  # false for NaN
             wrong = np.flatnonzero(~((values >= 0) & (values <= most)))[0]
-            row, value = contributions["index"][wrong], values[wrong]
-            raise _violation(view, f"contribution ({name})", f"0 to {most:.3g}", f"{value} in row {row}")
+            row = contributions["index"][wrong]
+            raise _violation(view, f"contribution ({name})", f"0 to {most:.3g}", f"{values[wrong]} in row {row}")
     if not (transmittance.min() >= 0 and transmittance.max() <= 1):
         y, x = np.argwhere(~((transmittance >= 0) & (transmittance <= 1)))[0]
         raise _violation(view, "transmittance", "0 to 1", f"{transmittance[y, x]} in column {x}, line {y}")
@@ -97,9 +99,9 @@ def require_conservation(view: str, contributions: NDArray[np.void], transmittan
     absorbed = transmittance.size - float(transmittance.sum(axis=1).sum(dtype=np.float64))  # of lines: half the time
     if abs(gathered - absorbed) > TOLERANCE * max(absorbed, 1.0):
         row = contributions["index"][contributions["sum"].argmax()] if len(contributions) else "none"
-        found = f"{gathered:.7g} (largest in row {row})"
-        raise _violation(view, "sum of contributions", f"{absorbed:.7g}, the light that the transmittance lacks", found)
+        expected = f"{absorbed:.7g}, the light that the transmittance lacks"
+        raise _violation(view, "sum of contributions", expected, f"{gathered:.7g} (largest in row {row})")
 
 
-def _violation(view: str, field: str, expected: str, found: str) -> InputError:
-    return InputError(f"view {view}", field, expected=expected, found=found, hint=_HINT)
+def _violation(view: str, field: str, expected: str, actual: str) -> InputError:
+    return InputError(f"view {view}", field, expected=expected, found=actual, hint=_HINT)

@@ -11,11 +11,30 @@ from gspure.files import digest
 RENDERER_CONSTANTS = {
     name: getattr(constants, name)
     for name in (
-        *("TILE", "NEAR_PLANE", "ALPHA_MIN", "ALPHA_MAX", "TRANSMITTANCE_MIN", "MEDIAN_TRANSMITTANCE"),
-        *("EWA_DILATION", "EWA_FRUSTUM_MARGIN", "EWA_DEVIATION_MAX", "RAY_SCALE_RATIO"),
-        *("MAGNITUDE_MAX", "COORDINATE_MAX", "COLOUR_MAX"),
-        *("SSIM_WINDOW", "SSIM_C1", "SSIM_C2", "ADAM_BETA1", "ADAM_BETA2", "ADAM_EPSILON"),
-        *("BLOCK", "GEOMETRY_ATTRIBUTES", "FOOTPRINT_FLOATS", "MOMENTS", "LEAF"),
+        "TILE",
+        "NEAR_PLANE",
+        "ALPHA_MIN",
+        "ALPHA_MAX",
+        "TRANSMITTANCE_MIN",
+        "MEDIAN_TRANSMITTANCE",
+        "EWA_DILATION",
+        "EWA_FRUSTUM_MARGIN",
+        "EWA_DEVIATION_MAX",
+        "RAY_SCALE_RATIO",
+        "MAGNITUDE_MAX",
+        "COORDINATE_MAX",
+        "COLOUR_MAX",
+        "SSIM_WINDOW",
+        "SSIM_C1",
+        "SSIM_C2",
+        "ADAM_BETA1",
+        "ADAM_BETA2",
+        "ADAM_EPSILON",
+        "BLOCK",
+        "GEOMETRY_ATTRIBUTES",
+        "FOOTPRINT_FLOATS",
+        "MOMENTS",
+        "LEAF",
     )
 } | {
     "LOG2_ALPHA_MIN": math.log2(constants.ALPHA_MIN),
@@ -32,7 +51,8 @@ BUILD_OPTIONS = ("-cl-std=CL1.2",)
 def kernel_folder() -> Path:
     """Return the folder of the .cl files: inside an installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parents[1]
-    return next(folder for place in (package, package.parent) if (folder := place / "kernels_cl").is_dir())
+    folders = (package / "kernels_cl", package.parent / "kernels_cl")
+    return next(folder for folder in folders if folder.is_dir())
 
 
 def kernel_source(*names: str) -> str:
@@ -48,6 +68,6 @@ def build_options(defines: Mapping[str, int]) -> list[str]:
 
 
 def kernel_digest() -> str:
-    """Return a digest of all kernel sources, constants and build options: of all that can change a rendering."""
+    """Return a digest of all kernel sources, constants and build options: everything that can change a rendering."""
     names = sorted(path.stem for path in kernel_folder().glob("*.cl"))
     return digest(*names, kernel_source(*names), " ".join(build_options({})))

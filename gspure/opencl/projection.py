@@ -13,9 +13,9 @@ from gspure.opencl.frame import Frame
 
 @dataclass(frozen=True)
 class Projected:
-    """The projected Gaussians on the device, by position; the depth key of an invisible one is NOT_VISIBLE (layout.cl).
+    """The projected Gaussians on the device, in storage order, and the numbers of their `camera` (`camera_numbers`).
 
-    `camera` holds the numbers of the view as kernels read them.
+    The depth key of an invisible Gaussian is NOT_VISIBLE (layout.cl).
     """
 
     camera: cl.Buffer
@@ -27,7 +27,9 @@ class Projected:
 
 def project(frame: Frame) -> Projected:
     """Project all Gaussians of a frame."""
-    storage, traversal, buffers = frame.storage, frame.traversal, frame.engine.buffers
+    storage = frame.storage
+    traversal = frame.traversal
+    buffers = frame.engine.buffers
     projected = Projected(
         buffers.camera.holding(camera_numbers(frame.camera)),
         buffers.splats.sized(storage.count, traversal.splat_floats),
@@ -36,26 +38,37 @@ def project(frame: Frame) -> Projected:
         buffers.depth_keys.sized(storage.count),
     )
     program = frame.program(
-        *("vector", "layout", "spherical_harmonics", "projection"),
+        "vector",
+        "layout",
+        "spherical_harmonics",
+        "projection",
         SH_DEGREE=traversal.sh_degree,
         CHANNEL_ATTRIBUTES=traversal.channel_attributes,
     )
     program.launch(
         "project",
         frame.engine.vectors(storage.count),
-        *(storage.count, *frame.size, projected.camera, storage.geometry, frame.channels or storage.geometry),
-        *(projected.splats, projected.footprints, projected.areas, projected.depth_keys),
+        storage.count,
+        *frame.size,
+        projected.camera,
+        storage.geometry,
+        frame.channels or storage.geometry,
+        projected.splats,
+        projected.footprints,
+        projected.areas,
+        projected.depth_keys,
     )
     return projected
 
 
 def camera_numbers(camera: Camera) -> Float32:
-    """Return what kernels read of a camera [24] (layout.cl): its numbers, its centre, and the origin of both.
+    """Return the numbers [24] of a camera for kernels (layout.cl): its own, its centre, and the origin of both.
 
-    The origin is that of the world or, if the camera is far from it, the camera: world coordinates of geographic
-    size, 10^5 or more, would cancel in float32 to view coordinates without digits.
+    The origin is that of the world or, if the camera is far from it, the camera's centre. Otherwise, at coordinates of
+    geographic size, 10^5 or more, view coordinates would have no correct digits in float32.
     """
-    numbers, centre = camera.numbers, camera.centre
+    numbers = camera.numbers
+    centre = camera.centre
     origin = np.zeros(3) if np.abs(centre).max() <= NEAR_CENTRE else centre.astype(np.float32).astype(np.float64)
     view = numbers[6:].reshape(3, 4)
     view[:, 3] += view[:, :3] @ origin

@@ -28,8 +28,8 @@ _REASON: Final = re.compile(r"^(?:error: *(.*)|(?:\w+\.)*(\w*Error: .*))", re.MU
 class Trial:
     """The result of a trivial program and a small frame on one device (`gspure.opencl.device.Device`).
 
-    `selected` says whether it matches the environment variable GSPURE_DEVICE, `problem` why it does not work. The time
-    to the frame includes the start of Python, the driver and the builds.
+    `selected` is true if the device matches the environment variable GSPURE_DEVICE; `problem` says why it does not
+    work. `seconds` to the frame include the start of Python and of the driver, and the builds.
     """
 
     index: int
@@ -81,14 +81,15 @@ def _main(arguments: list[str]) -> str | None:
     except InputError:
         selected = ()
     fields = ("index", "kind", "name", "platform", "driver")
-    print(json.dumps([{f: getattr(d, f) for f in fields} | {"selected": d in selected} for d in devices]))  # noqa: T201
+    listing = [{f: getattr(d, f) for f in fields} | {"selected": d in selected} for d in devices]
+    print(json.dumps(listing))  # noqa: T201
     return None
 
 
 def frame_problem(device: Device) -> str | None:
     """Return why a trivial program or a small frame is wrong on `device`; None if both are correct.
 
-    A frame is correct if its contributions add up to the light that is missing from the background.
+    A frame is correct if its contributions add up to the light that is absorbed from the background.
     """
     import numpy as np
 
@@ -100,9 +101,12 @@ def frame_problem(device: Device) -> str | None:
     from gspure.opencl.passes import forward
     from gspure.opencl.storage import store
 
-    if trivial := defect(device, factor=3 + os.getpid() % 1000):
-        return trivial
-    rng, count, size = np.random.default_rng(0), 64, 48
+    problem = defect(device, factor=3 + os.getpid() % 1000)
+    if problem:
+        return problem
+    rng = np.random.default_rng(0)
+    count = 64
+    size = 48
     model = Gaussians.from_parameters(
         means=rng.uniform((-1, -1, 3), (1, 1, 5), (count, 3)),
         quats=rng.normal(size=(count, 4)),
@@ -112,7 +116,8 @@ def frame_problem(device: Device) -> str | None:
     )
     camera = Camera("trial", size, size, intrinsics(size, size, size / 2, size / 2), np.eye(4))
     engine = Engine(device.cl_device)
-    canvas = forward(Frame(engine, store(engine, model), camera, Traversal("ray", contributions=True))).canvas
+    frame = Frame(engine, store(engine, model), camera, Traversal("ray", contributions=True))
+    canvas = forward(frame).canvas
     contributed = float(engine.read(canvas.records, (count, 4), np.float32)[:, 1].sum(dtype=float))
     absorbed = float((1 - engine.read(canvas.transmittance, (size, size), np.float32)).sum(dtype=float))
     is_correct = absorbed > 1 and abs(contributed - absorbed) < 1e-4 * absorbed

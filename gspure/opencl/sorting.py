@@ -6,24 +6,25 @@ import pyopencl as cl
 from gspure.opencl.buffers import Scratch
 from gspure.opencl.engine import Engine
 
-CHUNK_GROUP = 1  # work-group of the kernels with a work-item per chunk; in larger ones, they would wait for each other
-_LEAST_ITEMS = 1024  # fewer are not worth a histogram of their own
+CHUNK_GROUP = 1  # work-group of the kernels with a work-item per chunk; in larger ones, work-items wait for each other
+_LEAST_ITEMS = 1024  # of a chunk; fewer are not worth a separate histogram
 _SCAN_BINS = 64
 
 GROUP = 256
 TILE = 2048  # pairs that a work-group sorts
 
 
-def chunks(engine: Engine, items: int) -> int:
-    """Return into how many chunks to cut `items`; the result of a sort does not depend on it."""
+def chunk_count(engine: Engine, items: int) -> int:
+    """Return the number of chunks in which to sort `items`; the sorted order does not depend on it."""
     units: int = engine.device.max_compute_units
     return max(min(8 * units, 128, items // _LEAST_ITEMS), 1)
 
 
-def first_places(engine: Engine, histogram: cl.Buffer, parts: int, bins: int, starts: cl.Buffer) -> None:
-    """Turn `histogram` [parts,bins] into offsets within each bin, and write the bins' prefix sums into `starts`."""
-    program, totals = engine.program("counting", SCAN_ITEMS=1, SCAN_BINS=_SCAN_BINS), engine.buffers.totals.sized(bins)
-    program.launch("scan_chunks", -(-bins // _SCAN_BINS), parts, bins, histogram, totals, group=CHUNK_GROUP)
+def first_places(engine: Engine, histogram: cl.Buffer, chunks: int, bins: int, starts: cl.Buffer) -> None:
+    """Turn `histogram` [chunks,bins] into offsets within each bin, and write the bins' prefix sums into `starts`."""
+    program = engine.program("counting", SCAN_ITEMS=1, SCAN_BINS=_SCAN_BINS)
+    totals = engine.buffers.totals.sized(bins)
+    program.launch("scan_chunks", -(-bins // _SCAN_BINS), chunks, bins, histogram, totals, group=CHUNK_GROUP)
     program.launch("scan_totals", 1, bins, totals, starts, group=CHUNK_GROUP)
 
 
@@ -39,29 +40,33 @@ def prefix_sums(engine: Engine, counts: cl.Buffer, length: int, starts: Scratch)
 
 
 def sort_pairs(
-    engine: Engine, pairs: tuple[cl.Buffer, cl.Buffer], length: cl.Buffer, most: int, bits: int
+    engine: Engine, pairs: tuple[cl.Buffer, cl.Buffer], length: cl.Buffer, capacity: int, bits: int
 ) -> cl.Buffer:
     """Sort pairs (key << 32 | value) by the lower `bits` of their keys; equal keys keep their order.
 
-    `pairs` are a buffer that holds them and a spare one; return the one that holds the sorted pairs. `length` [1] is
-    the number of pairs, at most `most`.
+    `pairs` are two buffers, the first with the pairs; return the one with the sorted pairs. `length` [1] is the number
+    of pairs, at most `capacity`.
     """
-    program, tiles = engine.program("sorting", SORT_GROUP=GROUP, SORT_TILE=TILE), -(-most // TILE)
-    counts, totals = engine.buffers.histogram.sized(256, tiles), engine.buffers.totals.sized(256)
-    unsorted, other = pairs
-    for shift in range(0, bits if most else 0, 8):
-        program.launch("count_digits", tiles * GROUP, tiles, shift, length, unsorted, counts, group=GROUP)
+    program = engine.program("sorting", SORT_GROUP=GROUP, SORT_TILE=TILE)
+    tiles = -(-capacity // TILE)
+    counts = engine.buffers.histogram.sized(256, tiles)
+    totals = engine.buffers.totals.sized(256)
+    source, target = pairs
+    for shift in range(0, bits if capacity else 0, 8):
+        program.launch("count_digits", tiles * GROUP, tiles, shift, length, source, counts, group=GROUP)
         program.launch("scan_digits", 256 * GROUP, tiles, counts, totals, group=GROUP)
-        arguments = (tiles, shift, length, unsorted, counts, totals, other)
+        arguments = (tiles, shift, length, source, counts, totals, target)
         program.launch("scatter_pairs", tiles * GROUP, *arguments, group=GROUP)
-        unsorted, other = other, unsorted
-    return unsorted
+        source, target = target, source
+    return source
 
 
 def running_sums(engine: Engine, values: cl.Buffer, count: int) -> None:
-    """Replace each of `count` values by the sum of those before it; write the sum of all behind them."""
-    program, tiles = engine.program("sorting", SORT_GROUP=GROUP, SORT_TILE=TILE), max(-(-count // TILE), 1)
-    sums, starts = engine.buffers.histogram.sized(tiles), engine.buffers.digit_starts.sized(tiles + 1)
+    """Replace each of `count` values by the sum of the values before it; append the sum of all."""
+    program = engine.program("sorting", SORT_GROUP=GROUP, SORT_TILE=TILE)
+    tiles = max(-(-count // TILE), 1)
+    sums = engine.buffers.histogram.sized(tiles)
+    starts = engine.buffers.digit_starts.sized(tiles + 1)
     program.launch("sum_tiles", tiles * GROUP, count, values, sums, group=GROUP)
     counting = engine.program("counting", SCAN_ITEMS=GROUP, SCAN_BINS=GROUP)
     counting.launch("scan_totals", GROUP, tiles, sums, starts, group=GROUP)

@@ -1,4 +1,4 @@
-"""A model's arrays on the device, in blocks (see vector.cl); more than `FEW` rows lie along a space-filling curve."""
+"""A model's arrays on the device, in blocks (vector.cl), along a space-filling curve if it has more than `FEW` rows."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model.gaussians import Gaussians, sigmoid
 from gspure.opencl.engine import Engine
 
-FEW = 1 << 14  # Gaussians that caches hold in any order: sorting them takes longer than it saves
+FEW = 1 << 14  # Gaussians; as few fit into caches in any order, so sorting them takes longer than it saves
 
 _CHUNK = 1 << 14  # Gaussians converted at a time, to avoid a second copy of the model
 _GEOMETRY = ("x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3)), "opacity")
 _BITS = 10  # of a cell of the Morton curve, per axis
 _SAMPLE = 10_000  # centres, for the extent of the curve
-
 
 Rows = UInt32
 
@@ -29,8 +28,8 @@ Rows = UInt32
 class Storage:
     """The geometry of a model on the device, and where each Gaussian lies.
 
-    `order` [K] is the row at each position; `rows` is it on the device, `places` [K] the position of each row.
-    `geometry` holds activated means, quaternions, scales and opacities, in blocks.
+    `order` [K] is the row at each position, and `rows` its copy on the device; `places` [K] is the position of each
+    row. `geometry` holds activated means, quaternions, scales and opacities, in blocks.
     """
 
     order: Rows
@@ -88,7 +87,7 @@ def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Call
     with engine.mapped(buffer, shape, np.float32, write=True) as blocked:
         blocked[-1] = 0.0
         positions = positions_of(order)
-        for begin in range(0, len(order), _CHUNK):  # row by row, so that a mapped file is read once through
+        for begin in range(0, len(order), _CHUNK):  # in row order, so that a mapped file is read once
             rows = slice(begin, begin + _CHUNK)
             block, lane = np.divmod(positions[rows], np.uint32(BLOCK))
             blocked[block, :, lane] = values(rows)
@@ -103,7 +102,7 @@ def positions_of(order: Rows) -> Rows:
 
 
 def storage_order(means: Float32) -> Rows:
-    """Return the row at each position; results do not depend on it. `FEW` rows stay as they are."""
+    """Return the row at each position; results do not depend on it. Up to `FEW` rows keep their order."""
     return morton_order(means) if len(means) > FEW else np.arange(len(means), dtype=np.uint32)
 
 
@@ -111,8 +110,8 @@ def morton_order(means: Float32) -> UInt32:
     """Return the rows of `means` [K,3] along a Morton (Z-order) curve; rows in one cell keep their order.
 
     Neighbours on the screen then share cache lines and pages, and whole blocks of 16 fall outside a view together
-    (measured by ``benchmarks/``). The cells span the 1 % to 99 % quantiles of each axis, so far floaters do not coarsen
-    them.
+    (measured by ``benchmarks/``). The cells span the 1 % to 99 % quantiles of each axis, so distant floaters do not
+    coarsen them.
     """
     if not len(means):
         return np.zeros(0, np.uint32)

@@ -48,7 +48,7 @@ class Parameters:
         return self.sh_coeffs.reshape(len(self), 3 * self.sh_coeffs.shape[1])
 
     @staticmethod
-    def of(geometry: Float32, sh_coeffs: Float32) -> Parameters:
+    def split(geometry: Float32, sh_coeffs: Float32) -> Parameters:
         """Split `geometry` [K,GEOMETRY_ATTRIBUTES] and `sh_coeffs` [K,3 S] into parameters."""
         means, quats, log_scales, logits = map(np.ascontiguousarray, np.split(geometry, [3, 7, 10], axis=1))
         return Parameters(means, quats, log_scales, logits[:, 0], sh_coeffs.reshape(-1, sh_coeffs.shape[1] // 3, 3))
@@ -77,11 +77,11 @@ class TrainState:
 
 
 @dataclass(frozen=True)
-class Statistics:
-    """Statistics of densification by row, since the last reset: the number of views that show it, and its gradients.
+class DensificationStatistics:
+    """Statistics of each row for densification, since the last reset.
 
-    These are the sum over those views of the norm of dL/d(projected centre), in 3DGS's NDC units (an image is 2 wide
-    and 2 high).
+    `views` [K] is the number of views that show a row, `gradient_norms` [K] the sum over them of the norm of
+    dL/d(projected centre), in 3DGS's NDC units (an image is 2 wide and 2 high).
     """
 
     gradient_norms: Float32
@@ -130,8 +130,12 @@ class TrainableModel:
         self.engine.program("vector", "layout", "statistics").launch(
             "accumulate_statistics",
             self.count,
-            *(self.count, camera.width / 2, camera.height / 2),
-            *(rendered.projected.depth_keys, gradients.centres, *self.statistics_buffers),
+            self.count,
+            camera.width / 2,
+            camera.height / 2,
+            rendered.projected.depth_keys,
+            gradients.centres,
+            *self.statistics_buffers,
             group=SUM_GROUP,
         )
         self.update(rates, gradients)
@@ -154,33 +158,42 @@ class TrainableModel:
         """Return the image [H,W,3] of a view."""
         return self._forward(camera, background).image()
 
-    def statistics(self) -> Statistics:
+    def statistics(self) -> DensificationStatistics:
         """Read the statistics."""
-        norms, views = np.empty(self.count, np.float32), np.empty(self.count, np.uint32)
+        norms = np.empty(self.count, np.float32)
+        views = np.empty(self.count, np.uint32)
         for values, buffer in zip((norms, views), self.statistics_buffers, strict=True):
             values[self._storage.order] = self.engine.read(buffer, (self.count,), values.dtype)
-        return Statistics(norms, views)
+        return DensificationStatistics(norms, views)
 
     def state(self) -> TrainState:
         """Read parameters and moments."""
-        read, attributes = partial(by_row, self.engine, self._storage), 3 * (self.sh_degree + 1) ** 2
+        read = partial(by_row, self.engine, self._storage)
+        attributes = 3 * (self.sh_degree + 1) ** 2
         groups = zip(vars(self._adam.geometry).values(), vars(self._adam.channels).values(), strict=True)
-        return TrainState(*(Parameters.of(read(g, GEOMETRY_ATTRIBUTES), read(c, attributes)) for g, c in groups))
+        return TrainState(
+            *(
+                Parameters.split(read(geometry, GEOMETRY_ATTRIBUTES), read(channels, attributes))
+                for geometry, channels in groups
+            )
+        )
 
     def replace(self, state: TrainState) -> None:
         """Continue from `state`, of any number of Gaussians, with statistics of zero."""
-        engine, parameters, count = self.engine, state.parameters, len(state.parameters)
-        order = morton_order(parameters.means)
+        engine = self.engine
+        count = len(state.parameters)
+        order = morton_order(state.parameters.means)
 
         def uploaded(*parts: Float32) -> Moments:
             return Moments(*(upload_attributes(engine, order, part.shape[1], part.__getitem__) for part in parts))
 
-        parts = (parameters, state.first, state.second)
-        geometry, channels = uploaded(*(part.geometry for part in parts)), uploaded(*(part.channels for part in parts))
+        parts = (state.parameters, state.first, state.second)
+        geometry = uploaded(*(part.geometry for part in parts))
+        channels = uploaded(*(part.channels for part in parts))
         activated = engine.allocate(4 * GEOMETRY_ATTRIBUTES * (count + BLOCK))
         self._storage = Storage.along(engine, order, activated)
         self._adam = Adam(engine, count, geometry, channels, 3 * (self.sh_degree + 1) ** 2, activated)
-        self.statistics_buffers = engine.allocate(4 * count), engine.allocate(4 * count)
+        self.statistics_buffers = (engine.allocate(4 * count), engine.allocate(4 * count))
         for buffer in self.statistics_buffers:
             engine.clear(buffer, 4 * count)
 
@@ -196,8 +209,8 @@ class TwinModel:
     """Gaussians that learn two scenes: means, quaternions and scales from both, opacities and colours from one each.
 
     Results are the same to the last bit from run to run and for any number of threads. Both states have the same
-    geometry, bit for bit. The second scene's loss has this `weight` for the geometry, that of the first 1. The first
-    of the two `models` has the statistics of the sum of both losses.
+    geometry, bit for bit. Its loss is that of the first scene plus `weight` times that of the second. The first of the
+    two `models` has the statistics of the sum of both losses.
     """
 
     def __init__(self, states: States, weight: float, device: Device | None = None, style: Style | None = None) -> None:
@@ -221,14 +234,22 @@ class TwinModel:
         tasks = zip(self.models, cameras, targets, strict=True)
         views = [model.differentiate(camera, target, background) for model, camera, target in tasks]
         (loss, rendered, gradients), (second_loss, second_rendered, second_gradients) = views
-        engine, count = self.models[0].engine, self.models[0].count
+        engine = self.models[0].engine
+        count = self.models[0].count
+        shares_camera = np.array_equal(cameras[0].numbers, cameras[1].numbers)
         engine.program("vector", "layout", "statistics", "twins").launch(
             "share_gradients",
             engine.vectors(count),
-            *(count, float(self._weight), int(np.array_equal(cameras[0].numbers, cameras[1].numbers))),
+            count,
+            float(self._weight),
+            int(shares_camera),
             *(size / 2 for camera in cameras for size in (camera.width, camera.height)),
-            *(rendered.projected.depth_keys, second_rendered.projected.depth_keys),
-            *(gradients.geometry, second_gradients.geometry, gradients.centres, second_gradients.centres),
+            rendered.projected.depth_keys,
+            second_rendered.projected.depth_keys,
+            gradients.geometry,
+            second_gradients.geometry,
+            gradients.centres,
+            second_gradients.centres,
             *self.models[0].statistics_buffers,
         )
         for model, (_, _, model_gradients) in zip(self.models, views, strict=True):

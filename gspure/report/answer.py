@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import isfinite, isnan, nan
 from typing import Any, Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import reached_damage
 from gspure.evaluation.outcomes import Outcome, mean_of
 from gspure.evaluation.survival import Survival
 from gspure.metrics.image_metrics import MARGIN
@@ -144,11 +143,12 @@ def _attacked(
     alike: Sequence[Outcome], rows: Sequence[Survival], extraction: str, adapted: Mapping[str, Survival]
 ) -> Iterator[Attacked]:
     of_variant = {row.variant: row for row in rows}
+    titles = {o.variant: o.title for o in alike}
     for variant in dict.fromkeys(o.variant for o in alike if not o.is_control and o.variant != UNATTACKED):
         row, level = of_variant.get(variant), _mean(alike, variant, extraction if rows else SCENE)
-        damage = mean_of([o for o in alike if o.variant == variant], reached_damage)
+        damage = mean_of([o for o in alike if o.variant == variant], lambda o: o.damage)
         share = row.share_left.mean if row and row.share_left else nan
-        name = row.name if row else display_name(variant)
+        name = row.name if row else titles[variant]
         numbers = damage.mean if damage else nan, level.mean if level else nan, share
         yield Attacked(variant, name, *numbers, _left(row), _left(adapted.get(variant)) if adapted else None)
 

@@ -7,8 +7,8 @@ from math import inf, isnan, nan
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
-from gspure.evaluation.matched import Matched
 from gspure.evaluation.identity import Condition
+from gspure.evaluation.matched import Matched
 from gspure.evaluation.outcomes import ordered
 from gspure.evaluation.survival import Survival
 from gspure.grouping import grouped
@@ -62,11 +62,12 @@ def condition_tables(
 ) -> dict[str, list[Table]]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
     names = {row.variant: row.name for row in survivals if row.condition == condition}
+    titles = {row.variant: row.title for row in survivals}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
         (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
-        (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
-        (matched_table, matched),
+        (partial(equal_damage_table, titles=titles), [row for row in contests if not isnan(row.damage)]),
+        (partial(matched_table, titles=titles), matched),
     ]
     alike = [(kind, [row for row in rows if row.condition == condition]) for kind, rows in kinds]
     extractions = ordered({row.extraction for _, rows in alike for row in rows})
@@ -129,18 +130,25 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -
     return Table(title, columns, rows, _OTHERS)
 
 
-def equal_damage_table(contests: Sequence[Contest]) -> Table:
-    """Return GSPure minus every other attack at equal damage to the scene."""
+def equal_damage_table(contests: Sequence[Contest], titles: Mapping[str, str]) -> Table:
+    """Return GSPure minus every other attack at equal damage to the scene; `titles` are those of variants."""
     damages, scenes = dict.fromkeys(row.damage for row in contests), scenes_of(row.difference for row in contests)
     rows, extraction = [], contests[0].extraction
     for attack, alike in grouped(contests, lambda row: row.attack).items():
         at, text = {row.damage: row.difference for row in alike}, text_of(extraction)
-        rows.append(Row([Cell(display_name(attack)), *(interval(at.get(damage), scenes, text) for damage in damages)]))
+        rows.append(
+            Row(
+                [
+                    Cell(titles.get(attack) or display_name(attack)),
+                    *(interval(at.get(damage), scenes, text) for damage in damages),
+                ]
+            )
+        )
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
     return Table(title, [Column("attack"), *_permitted(damages)], rows, _EQUAL)
 
 
-def matched_table(matched: Sequence[Matched]) -> Table:
+def matched_table(matched: Sequence[Matched], titles: Mapping[str, str]) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     most: dict[float, float] = {}
     scenes = scenes_of(row.drop for row in matched)
@@ -152,7 +160,7 @@ def matched_table(matched: Sequence[Matched]) -> Table:
         at = {row.damage: row for row in group}
         drops = [_drop_at(at[damage], most.get(damage), scenes) if damage in at else Cell() for damage in damages]
         strengths = Cell(f"{next(iter(at.values())).strengths}")
-        rows.append(Row([Cell(display_name(sweep)), strengths, *drops]))
+        rows.append(Row([Cell(titles.get(sweep) or display_name(sweep)), strengths, *drops]))
     title = f"Drop of the {extraction_name(matched[0].extraction)} at equal damage to the scene"
     return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, _MATCHED)
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import MATCHED_DAMAGES
 from gspure.evaluation.identity import Condition
+from gspure.evaluation.matched import MATCHED_DAMAGES
 from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE

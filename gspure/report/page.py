@@ -17,7 +17,7 @@ from gspure.figures import style
 from gspure.files import write_text
 from gspure.images import opened
 from gspure.metrics.image_metrics import MARGIN
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name, model_name
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.report.answer import Answer
 from gspure.report.audit import ALLOWED, BROKEN
 from gspure.report.table import Table
@@ -120,7 +120,6 @@ def environment() -> Environment:
     environment.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
-        "model_name": lambda model: model_name(*model),
         "decimal": partial(decimal, decimals=1),
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }

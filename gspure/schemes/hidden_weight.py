@@ -43,20 +43,21 @@ def low_rows(public: PublicModel, cameras: Sequence[Camera], tau: float, device:
 
 
 class Hardening:
-    """The `low_rows` of every `every` iterations; in every other one, the message is trained without them."""
+    """The `low_rows`, measured every `every` iterations; in every second iteration, the message trains without them."""
 
     def __init__(self, run: Run, every: int) -> None:
-        self._run, self._every = run, every
+        self._run = run
+        self._every = every
         self._low: Bools | None = None
 
     def follow(self, iteration: int, public: Callable[[], PublicModel]) -> None:
-        """Measure the rows of the current public model if it is time to."""
+        """Measure the rows of the current public model, if the iteration is one for it."""
         run = self._run
         if run.hardened and run.message_weight and iteration % self._every == 0:
             self._low = low_rows(public(), run.pair.scene.views, run.hardened, run.device)
 
     def left_out(self, iteration: int) -> Bools | None:
-        """Return the mask [K] of the rows that the message of an iteration lacks."""
+        """Return the mask [K] of the rows without which the message trains at an iteration, or None."""
         return self._low if iteration % 2 else None
 
 

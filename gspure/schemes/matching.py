@@ -1,4 +1,4 @@
-"""Which rows of the published model the rows of an attacked one are, and how the attacked one moved."""
+"""Matching of the rows of an attacked model with those of the published one, and the motion of the attacked model."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -24,8 +24,8 @@ ALIKE: Final = 1e-3
 Noise on centres spares scales, and fine-tuning hardly moves centres; in rows of another training, both differ.
 """
 
-MOST: Final = 0.5  # least share of the rows of model or original, whichever has fewer, that match by no chance; ours
-LANDMARKS: Final = 100  # number of rows of unusual shape that a registration is fitted to; ours
+MOST: Final = 0.5  # fewer matches than this share of the rows, of the smaller model, may be chance; ours
+LANDMARKS: Final = 100  # number of rows of unusual shape from which a registration is fitted; ours
 STEPS: Final = 20  # steps of a registration; ours
 STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
 
@@ -42,36 +42,41 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
 
 
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
-    """Return an attacked model moved to where the original is.
+    """Return an attacked model, moved back to the place of the original.
 
-    Rows may have changed slightly, and all of them may have moved by a similarity. If fewer than `MOST` of them match
-    after any of those tried, or if they match where they are, the model stays as it is.
+    All rows may have moved by a similarity, and each may have changed slightly. The model stays as it is if its rows
+    match where they are, or if fewer than `MOST` of them match after each of the motions that are tried.
     """
     from scipy.spatial.transform import Rotation
 
     if min(len(original), len(public.model)) < 2:
         return public
     motions = _motions(original, public.model)
-    found = next((m for m in motions if (adaptive_matches(original, public.model, m) >= 0).any()), STILL)
-    if found is STILL:
+    matching = (motion for motion in motions if (adaptive_matches(original, public.model, motion) >= 0).any())
+    motion = next(matching, STILL)
+    if motion is STILL:
         return public
-    rotvec = Rotation.from_matrix(found.rotation).as_rotvec()
-    return public.with_model(moved(public.model, rotvec, found.translation, found.scale))
+    rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
+    return public.with_model(moved(public.model, rotvec, motion.translation, motion.scale))
 
 
 def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity = STILL) -> Places:
-    """Return the index of each row [K], somewhat changed, after `motion` in `original`, or -1; no two have the same."""
+    """Return the index in `original` of each row [K] after `motion`, or -1; no two rows have the same index.
+
+    A row of the model may have changed slightly.
+    """
     from scipy.spatial import KDTree
 
     unmatched = np.full(len(model), -1, np.intp)
     if len(original) < 2:
         return unmatched
-    tree, known = KDTree(original.means), _scales(original)
+    tree = KDTree(original.means)
     spacing = float(np.median(tree.query(original.means, k=2)[0][:, 1]))
     points = motion.points(model.means.astype(np.float64))
     distances, places = tree.query(points, k=range(1, min(NEIGHBOURS, len(original)) + 1))
+    original_scales = _scales(original)
     scales = _scales(model) + np.log(motion.scale)
-    products = distances * np.abs(scales[:, None] - known[places]).max(axis=2)
+    products = distances * np.abs(scales[:, None] - original_scales[places]).max(axis=2)
     likeliest = np.arange(len(model)), products.argmin(axis=1)
     candidates = np.flatnonzero(products[likeliest] <= ALIKE * spacing)
     nearest = candidates[np.argsort(distances[likeliest][candidates], kind="stable")]
@@ -88,13 +93,16 @@ def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
     from scipy.spatial import KDTree
 
     yield STILL
-    known, shapes = _scales(original), _scales(model)
+    original_shapes = _scales(original)
+    shapes = _scales(model)
     for _ in range(2):
-        distances, places = KDTree(known).query(shapes, k=2)
+        distances, places = KDTree(original_shapes).query(shapes, k=2)
         landmarks = np.argsort(distances[:, 0] - distances[:, 1], kind="stable")[:LANDMARKS]
-        here, there = model.means[landmarks], original.means[places[landmarks, 0]]
-        yield _fitted(here.astype(np.float64), there.astype(np.float64))
-        known, shapes = np.diff(known), np.diff(shapes)
+        source = model.means[landmarks].astype(np.float64)
+        target = original.means[places[landmarks, 0]].astype(np.float64)
+        yield _fitted(source, target)
+        original_shapes = np.diff(original_shapes)
+        shapes = np.diff(shapes)
 
 
 def _scales(model: Gaussians) -> NDArray[Any]:
@@ -104,7 +112,8 @@ def _scales(model: Gaussians) -> NDArray[Any]:
 
 def _fitted(source: Float64, target: Float64) -> Similarity:
     """Return the similarity that fits the nearer half of pairs of points best."""
-    motion, half = _least_squares(source, target), -(-len(source) // 2)
+    motion = _least_squares(source, target)
+    half = -(-len(source) // 2)  # rounded up
     for _ in range(STEPS):
         nearest = np.argsort(np.linalg.norm(motion.points(source) - target, axis=1))[:half]
         motion = _least_squares(source[nearest], target[nearest])
@@ -113,11 +122,12 @@ def _fitted(source: Float64, target: Float64) -> Similarity:
 
 def _least_squares(source: Float64, target: Float64) -> Similarity:
     """Return the similarity with the least squared distances (Umeyama 1991)."""
-    here, there = source.mean(axis=0), target.mean(axis=0)
-    left, strengths, right = np.linalg.svd((target - there).T @ (source - here))
+    source_centre = source.mean(axis=0)
+    target_centre = target.mean(axis=0)
+    left, strengths, right = np.linalg.svd((target - target_centre).T @ (source - source_centre))
     signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
     rotation = (left * signs) @ right
-    sums = np.array([strengths @ signs, np.square(source - here).sum()])
-    above, below = np.maximum(sums, np.finfo(np.float64).tiny)
-    scale = float(above) / float(below)
-    return Similarity(scale, rotation, there - scale * rotation @ here)
+    sums = np.array([strengths @ signs, np.square(source - source_centre).sum()])
+    numerator, denominator = np.maximum(sums, np.finfo(np.float64).tiny)
+    scale = float(numerator) / float(denominator)
+    return Similarity(scale, rotation, target_centre - scale * rotation @ source_centre)

@@ -32,7 +32,7 @@ from gspure.training.trainer import beginning, train
 
 Points = tuple[Float64, UInt8]
 
-INITIALIZATIONS: Final = ("both", "scene")  # whose points training starts from: scene and message, or the scene alone
+INITIALIZATIONS: Final = ("both", "scene")  # training starts from the points of scene and message, or the scene's alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,9 @@ class Capture:
     ) -> Gaussians:
         """Return an ordinary 3DGS model: a clean one, or the base of a scheme."""
         return train(
-            *(self.views, self.images, beginning(begin, seed)),
+            self.views,
+            self.images,
+            beginning(begin, seed),
             iterations=iterations,
             extent=self.dataset.extent,
             max_gaussians=max_gaussians,
@@ -77,19 +79,25 @@ class Pair:
     @cached_property
     def shares_poses(self) -> bool:
         """Whether scene and message have the same training views (protocol ``shared``), not poses of their own."""
-        scene, message = ([camera.numbers for camera in capture.views] for capture in (self.scene, self.message))
-        return len(scene) == len(message) and all(map(np.array_equal, scene, message))
+        scene_poses = [camera.numbers for camera in self.scene.views]
+        message_poses = [camera.numbers for camera in self.message.views]
+        return len(scene_poses) == len(message_poses) and all(map(np.array_equal, scene_poses, message_poses))
 
     @cached_property
     def extent(self) -> float:
-        """Size of what all training views cover, in world units, which scales 3DGS's learning rates and thresholds."""
-        return extent([*self.scene.views, *([] if self.shares_poses else self.message.views)])
+        """The extent of all training views, in world units, which scales 3DGS's learning rates and thresholds."""
+        views = list(self.scene.views)
+        if not self.shares_poses:
+            views += self.message.views
+        return extent(views)
 
     @property
     def clouds(self) -> list[Points]:
-        """The points from which training starts: the scene's, and the message's unless it starts from the scene's."""
-        captures = [self.scene.dataset, self.message.dataset][: 1 + (self.initialization == "both")]
-        return [(capture.xyz, capture.rgb) for capture in captures]
+        """The points from which training starts: those of the scene and, for ``both``, those of the message."""
+        datasets = [self.scene.dataset]
+        if self.initialization == "both":
+            datasets.append(self.message.dataset)
+        return [(dataset.xyz, dataset.rgb) for dataset in datasets]
 
     @property
     def points(self) -> Points:
@@ -102,15 +110,18 @@ class Pair:
         return gaussians_at(*thinned(*self.points, at_most, seed))
 
     def batches(self, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-        """Yield the numbers of a training view of the scene and of one of the message, the same with shared poses."""
+        """Yield, forever, a training view of the scene and one of the message: the same number with shared poses."""
+        scene_views = shuffled(len(self.scene.views), rng)
         if self.shares_poses:
-            yield from ((view, view) for view in shuffled(len(self.scene.views), rng))
-        yield from zip(*(shuffled(len(capture.views), rng) for capture in (self.scene, self.message)), strict=False)
+            yield from ((view, view) for view in scene_views)
+        else:
+            yield from zip(scene_views, shuffled(len(self.message.views), rng), strict=False)
 
 
 def read_pair(folder: Path, initialization: str = "both") -> Pair:
     """Read a pair, or raise `InputError` if a file is missing or unreadable."""
-    scene, message = (Capture.read(path) for path in (Path(folder), message_folder(folder)))
+    scene = Capture.read(Path(folder))
+    message = Capture.read(message_folder(folder))
     return Pair(scene, message, initialization)
 
 

@@ -22,17 +22,17 @@ from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import Key
 from gspure.text import decimal, percent
 
-CHANCE: Final = "chance"
-VIEWS: Final = 4  # the training views whose photographs vary most, since a small object is not in all; ours
+BY_CHANCE: Final = "chance"
+VIEWS: Final = 4  # number of training views; ours
 
 
 @dataclass(frozen=True)
 class Readability:
-    """What a few training views show of the message to its owner, and the same of negative controls.
+    """The quality of the message in a few training views, as its owner reads it, and that of negative controls.
 
-    Of a picture, the PSNR over all pixels, dB: controls are black, the photographs' mean colour, and an extraction with
-    a wrong key. Of bits, the share of correct ones, in percent: controls are the share that at most 1 % of unmarked
-    images exceed, and that of a wrong key.
+    For a picture, it is the PSNR over all pixels, dB; controls are black, the photographs' mean colour, and an
+    extraction with a wrong key. For bits, it is the share of correct ones, in percent; controls are the share that at
+    most 1 % of unmarked images exceed, and that of a wrong key.
     """
 
     message: float
@@ -42,13 +42,21 @@ class Readability:
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
         best = max(self.controls, key=lambda name: self.controls[name])
-        gap, bits = self.message - self.controls[best], CHANCE in self.controls
-        texts = [percent(x / 100, 0) if bits else f"{decimal(x, 1)} dB" for x in (self.message, abs(gap))]
-        numbers = (
-            f"{'correct bits' if bits else 'message PSNR'} {texts[0]}, {texts[1]} {'above' if gap > 0 else 'below'}"
-        )
-        numbers += f" the highest control, {display_name(best)}"
-        (say if self.readable else warn)(f"readable: {'yes' if self.readable else 'no'} ({numbers})")
+        gap = self.message - self.controls[best]
+        if BY_CHANCE in self.controls:
+            quantity = "correct bits"
+            level = percent(self.message / 100, 0)
+            distance = percent(abs(gap) / 100, 0)
+        else:
+            quantity = "message PSNR"
+            level = f"{decimal(self.message, 1)} dB"
+            distance = f"{decimal(abs(gap), 1)} dB"
+        direction = "above" if gap > 0 else "below"
+        numbers = f"{quantity} {level}, {distance} {direction} the highest control, {display_name(best)}"
+        if self.readable:
+            say(f"readable: yes ({numbers})")
+        else:
+            warn(f"readable: no ({numbers})")
 
 
 def bit_readability(
@@ -62,21 +70,29 @@ def bit_readability(
         for number, camera in enumerate(views[:VIEWS]):
             write_image(Path(folder, f"{number}.png"), scene(camera))
 
-        def correct(of: Key) -> float:
-            readings = of.readings(Path(folder))
-            return 100.0 * (sum(reading.value for reading in readings) / (len(readings) * len(of.bits)))
+        def share_correct(reader: Key) -> float:
+            """Return the share of the bits that a key reads correctly, in percent."""
+            readings = reader.readings(Path(folder))
+            correct = sum(reading.value for reading in readings)
+            return 100.0 * (correct / (len(readings) * len(reader.bits)))
 
-        message, controls = correct(key), {CHANCE: chance, WRONG_KEY: correct(key.wrong(np.random.default_rng(0)))}
+        message = share_correct(key)
+        wrong_key = share_correct(key.wrong(np.random.default_rng(0)))
+    controls = {BY_CHANCE: chance, WRONG_KEY: wrong_key}
     return Readability(message, controls, message > max(controls.values()))
 
 
 def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:
-    """Compare the message, and its negative controls, with the photographs of a few training views."""
+    """Compare the message, and its negative controls, with the photographs of a few training views.
+
+    These views vary most, since a small object is not in all of them.
+    """
     chosen = sorted(range(len(capture.images)), key=lambda view: -capture.images[view].std())[:VIEWS]
     truth = np.concatenate([capture.images[view].reshape(-1, 3) for view in chosen])
 
-    def quality(of: Key) -> float:
-        images = of.images(public, MESSAGE, [capture.views[i] for i in chosen], device)
+    def quality(reader: Key) -> float:
+        """Return the PSNR of what a key shows in these views, dB."""
+        images = reader.images(public, MESSAGE, [capture.views[view] for view in chosen], device)
         return psnr(np.concatenate([image.clip(0, 1).reshape(-1, 3) for image in images]), truth)
 
     controls = {

@@ -17,8 +17,13 @@ from gspure.schemes.adapter import read_adapter
 from gspure.schemes.scheme import Scheme
 
 BUILT_IN = (
-    *(splats_in_splats.SCHEME, splats_in_splats.HARDENED, gs_hider.SCHEME, gs_hider.HARDENED),
-    *(secure_gs.SCHEME, secure_gs.HARDENED, keyss.SCHEME),
+    splats_in_splats.SCHEME,
+    splats_in_splats.HARDENED,
+    gs_hider.SCHEME,
+    gs_hider.HARDENED,
+    secure_gs.SCHEME,
+    secure_gs.HARDENED,
+    keyss.SCHEME,
 )
 GROUP = "gspure.schemes"
 ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters
@@ -26,26 +31,26 @@ ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder o
 
 def schemes() -> dict[str, Scheme]:
     """Return every scheme by name, or raise `InputError` if an adapter or plug-in is none or has a name in use."""
-    files = sorted(Path(folder).glob("*.toml")) if (folder := os.environ.get(ADAPTERS)) else []
+    folder = os.environ.get(ADAPTERS)
+    files = sorted(Path(folder).glob("*.toml")) if folder else []
     adapters = [read_adapter(file, BUILT_IN) for file in files]
     return registered(GROUP, Scheme, (*BUILT_IN, *adapters), lambda *_: None)
 
 
 def find_scheme(name: str) -> Scheme:
     """Return the scheme of this name, or raise `InputError` with a list of all names."""
-    known = schemes()
-    if name not in known:
-        raise InputError("scheme", "name", expected=f"one of {', '.join(known)}", found=repr(name))
-    return known[name]
+    by_name = schemes()
+    if name not in by_name:
+        raise InputError("scheme", "name", expected=f"one of {', '.join(by_name)}", found=repr(name))
+    return by_name[name]
 
 
 def read_public_model(path: str | Path, scheme: str | None = None) -> PublicModel:
     """Read a model's file as that of the named scheme, else of the scheme with its columns, else as vanilla 3DGS.
 
-    Warn of implausible values, and of what may make other programs draw another image.
+    Warn of implausible values, and of reasons why other programs may draw another image.
     """
-    known = find_scheme(scheme) if scheme else recognized(model := read_model(path))
-    public = known.read_public(Path(path)) if known else PublicModel(model)
+    public = _read_public(Path(path), scheme)
     for doubt in doubts(public.model):
         warn(f"{path}: {doubt}")
     if unused := public.unused_columns:
@@ -57,6 +62,14 @@ def read_public_model(path: str | Path, scheme: str | None = None) -> PublicMode
     return public
 
 
+def _read_public(path: Path, scheme: str | None) -> PublicModel:
+    if scheme:
+        return find_scheme(scheme).read_public(path)
+    model = read_model(path)
+    by_columns = recognized(model)
+    return by_columns.read_public(path) if by_columns else PublicModel(model)
+
+
 def recognized(model: Gaussians) -> Scheme | None:
     """Return the scheme whose signature is among a model's columns, built-in ones first; None for vanilla 3DGS."""
     signed = (scheme for scheme in schemes().values() if scheme.signature)
@@ -64,11 +77,15 @@ def recognized(model: Gaussians) -> Scheme | None:
 
 
 def made_by(key: Path) -> tuple[str, Path]:
-    """Return the scheme that made a key and its pair, or raise `InputError` if `gspure embed` did not write the key.
+    """Return the scheme and the pair of a key, or raise `InputError` if `gspure embed` did not write the key.
 
-    A relative path began where that command ran: here, or in a folder above the key.
+    The pair's path may be relative to the folder where that command ran. Here, it is looked for in the current folder
+    and in those above the key.
     """
-    with reading(file := key / PROVENANCE, "the provenance of a key"):
+    file = key / PROVENANCE
+    with reading(file, "the provenance of a key"):
         record = read_json(file)
-        scheme, pair = str(record["settings"]["scheme"]), Path(record["inputs"]["pair"]["path"])
-    return scheme, next(filter(Path.is_dir, (folder / pair for folder in (Path(), *key.resolve().parents))), pair)
+        scheme = str(record["settings"]["scheme"])
+        pair = Path(record["inputs"]["pair"]["path"])
+    places = [folder / pair for folder in (Path(), *key.resolve().parents)]
+    return scheme, next((place for place in places if place.is_dir()), pair)

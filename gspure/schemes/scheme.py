@@ -45,11 +45,11 @@ class Key(ABC):
         return read_bits(self.read_bits, self.bits, images)
 
     def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians that show the message in any view, and the row of a public or attacked model of each."""
+        """Return the Gaussians that show the message in any view, and the row of the model for each."""
         raise InputError("key", "message", expected="a picture", found="bits", hint="`gspure detect --key` reads them")
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
-        """Return the renderer of the message: of what is `revealed`, unless that depends on the view."""
+        """Return the renderer of the message: that of the `revealed` Gaussians, unless these depend on the view."""
         return Renderer(self.revealed(public, extraction)[0], device).image
 
     def images(
@@ -59,7 +59,7 @@ class Key(ABC):
         return map(self.message(public, extraction, device), views)
 
     def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians whose blending shows the message to a camera, and the row of each."""
+        """Return the Gaussians whose blending shows the message to a camera, and the row of the model for each."""
         return self.revealed(public, extraction)
 
     def fitted(self, public: PublicModel, lesson: Lesson) -> Key:  # noqa: ARG002
@@ -85,8 +85,8 @@ class Scheme:
     read_public: Callable[[Path], PublicModel]  # of the model's .ply or its folder
     read_key: Callable[[Path], Key]  # of a folder, the inverse of `Key.write`
     extractions: Mapping[str, Sequence[str]]
-    """Each with the columns of the public file that it reads, as names or patterns such as ``f_rest_*``. The first is
-    ``message``; the names of all others begin with it."""
+    """For each extraction, the columns of the public file that it reads: names, or patterns such as ``f_rest_*``. The
+    first extraction is ``message``; the names of all others begin with ``message``."""
 
     tau_c: float = TAU_C  # cluster and noise pruning factors that suit the scheme
     tau_n: float = TAU_N
@@ -94,9 +94,9 @@ class Scheme:
     """Columns by which commands recognize the scheme's public files; empty if they look like vanilla 3DGS, for which
     commands need ``--scheme``."""
 
-    beside: tuple[str, ...] = ()  # patterns of the public files beside the .ply, such as networks
+    beside: tuple[str, ...] = ()  # patterns of the names of public files beside the .ply, such as networks
     packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
-    reveals: bool = True  # whether keys tell which Gaussians show the message (`Key.gaussians`)
+    reveals: bool = True  # whether keys return the Gaussians that show the message (`Key.gaussians`)
     sources: tuple[Path, ...] = ()  # files beside its module that decide what it does
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
@@ -113,7 +113,7 @@ class Scheme:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What the training loops of all schemes need."""
+    """The arguments that the training loops of all schemes share."""
 
     pair: Pair
     iterations: int
@@ -121,7 +121,7 @@ class Run:
     most_rows: int
     seed: int
     device: Device
-    hardened: float = 0.0  # keeps the message off the rows that ``plain_weight`` removes with this tau, unless 0
+    hardened: float = 0.0  # unless 0, the message is kept off the rows that ``plain_weight`` removes with this tau
 
 
 def hide(

@@ -1,8 +1,11 @@
 """The data of the 3-D view: splats in the order in which GSPure prunes, quantized; their colours, and cameras."""
 
+from __future__ import annotations
+
 import base64
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,88 +24,114 @@ from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.public_model import PublicModel, Rows
 
 MOST: Final = 100_000  # splats of a model: they take 2.5 MB of a page
-_SPAN: Final = 14.0  # of the logarithms of scales, below the largest
+_SPAN: Final = 14.0  # range of the logarithms of scales, below the largest
 _FAINT: Final = 0.12  # highest opacity of noise among clusters
 _GREY: Final = 140  # of models without colours
-_PRESETS: Final = 24  # test cameras to choose from
-_VISITED: Final = 8  # cameras for which Gaussians are computed from anchors
-_CUTS: Final = 400  # positions of the slider
+_PRESETS: Final = 24  # most test cameras to choose from
+_VISITED: Final = 8  # most cameras for which Gaussians are computed from anchors
+_CUTS: Final = 400  # steps of the slider
 
 Data = dict[str, Any]
 Source = Callable[[Camera], tuple[Gaussians, Rows]]
 """From a camera to the Gaussians that it sees, and the row of each."""
 
 
+@dataclass(frozen=True)
+class Slider:
+    """The slider that removes the lowest ranks first, as GSPure does.
+
+    Its positions `cuts` are shares of the rows removed. `removal` [K] are the positions at which each row is removed.
+    """
+
+    removal: Float64
+    cuts: Float64
+
+    def at(self, rows: Rows) -> Slider:
+        """Return the slider for Gaussians of these rows [N]."""
+        return Slider(self.removal[rows], self.cuts)
+
+
 def write_viewer(path: Path, model: Purified, cameras: Sequence[Camera]) -> None:
     """Write the view of a model as JSON: its scene, message, pruned rows and clusters, and what the slider removes."""
-    removal, pruned = _removal(model), model.pruned
-    cuts = np.unique([*np.linspace(0, 1, _CUTS + 1), pruned.mean()])
-    gaussians, rows = _seen(model.public.gaussians, model.public, cameras)
+    pruned_share = model.pruned.mean()
+    slider = Slider(_removal(model), np.unique([*np.linspace(0, 1, _CUTS + 1), pruned_share]))
+    gaussians, rows = _from_all_sides(model.public.gaussians, model.public, cameras)
     clusters = model.colourings["cluster"]
-    faint = np.minimum(gaussians.opacities, np.where(model.labels == NOISE_LABEL, _FAINT, 1)[rows])
-    paints = [_paint(gaussians), _rgba(clusters.colours[rows], faint)]
+    most_opaque = np.where(model.labels == NOISE_LABEL, _FAINT, 1)
+    cluster_paint = _rgba(clusters.colours[rows], np.minimum(gaussians.opacities, most_opaque[rows]))
     centre = np.median(gaussians.means, axis=0)
-    clouds = [_cloud("", gaussians, centre, paints, model.weights[rows], removal[rows], cuts)]
-    scene: Data = {"name": "scene", "panes": [[0, 0]], "backdrop": _css(model.public)}
-    modes = [scene] if gaussians.sh_degree >= 0 else []
-    if model.message and (message := _seen(model.message, model.public, cameras))[0].sh_degree >= 0:
-        hidden, rows = message
-        clouds.append(_cloud("", hidden, centre, [_paint(hidden)], _mass(hidden), removal[rows], cuts))
-        modes.append(scene | {"name": "message", "panes": [[1, 0]]})
+    clouds = [_cloud("", gaussians, centre, [_paint(gaussians), cluster_paint], model.weights[rows], slider.at(rows))]
+    backdrop = _css(model.public)
+    modes: list[Data] = []
+    if gaussians.sh_degree >= 0:
+        modes.append({"name": "scene", "panes": [[0, 0]], "backdrop": backdrop})
+    if model.message:
+        message, message_rows = _from_all_sides(model.message, model.public, cameras)
+        if message.sh_degree >= 0:
+            clouds.append(_cloud("", message, centre, [_paint(message)], _mass(message), slider.at(message_rows)))
+            modes.append({"name": "message", "panes": [[1, 0]], "backdrop": backdrop})
     legend = [entry for line in clusters.legend for entry in line]
-    modes += [{"name": "pruned", "panes": [[0, 0]]}, {"name": "clusters", "panes": [[0, 1]], "legend": legend}]
-    decision, removed = int(np.searchsorted(cuts, pruned.mean())), _removed(model, removal, cuts)
+    modes.append({"name": "pruned", "panes": [[0, 0]]})
+    modes.append({"name": "clusters", "panes": [[0, 1]], "legend": legend})
     view = _view(clouds, modes, gaussians.means, centre, cameras)
-    write_json(path, view | {"rows": model.row_kind, "decision": decision, "removed": removed})
+    view["rows"] = model.row_kind
+    view["decision"] = int(np.searchsorted(slider.cuts, pruned_share))
+    view["removed"] = _removed(model, slider)
+    write_json(path, view)
 
 
 def view_of(models: Mapping[str, PublicModel], cameras: Sequence[Camera]) -> Data:
     """Return the view of one model, or of several side by side, by their titles."""
-    seen = {title: _seen(public.gaussians, public, cameras)[0] for title, public in models.items()}
-    first = next(iter(seen.values()))
+    shown = {title: _from_all_sides(public.gaussians, public, cameras)[0] for title, public in models.items()}
+    first = next(iter(shown.values()))
     centre = np.median(first.means, axis=0)
-    clouds = [_cloud(title, shown, centre, [_paint(shown)], _mass(shown)) for title, shown in seen.items()]
+    clouds = [_cloud(title, each, centre, [_paint(each)], _mass(each)) for title, each in shown.items()]
     backdrop = _css(next(iter(models.values())))
     modes = [{"name": "scene", "panes": [[i, 0] for i in range(len(clouds))], "backdrop": backdrop}]
     return _view(clouds, modes, first.means, centre, cameras)
 
 
-def _seen(source: Source, public: PublicModel, cameras: Sequence[Camera]) -> tuple[Gaussians, Rows]:
-    """Return Gaussians that show a model from all sides; those of an anchor are as the first camera sees them."""
+def _from_all_sides(source: Source, public: PublicModel, cameras: Sequence[Camera]) -> tuple[Gaussians, Rows]:
+    """Return Gaussians that show a model from all sides, and the row of each.
+
+    The Gaussians of an anchor are those that the first camera sees.
+    """
     overview = choose_camera(public.model.means, ())
     if public.rows_are_gaussians or not cameras:
         return source(overview)
-    seen, parts, owners = np.zeros(len(public.model), np.bool_), [], []
-    for camera in [*cameras[:: -(-len(cameras) // _VISITED)], overview]:
+    step = -(-len(cameras) // _VISITED)
+    visited = np.zeros(len(public.model), np.bool_)
+    tables = []
+    owners = []
+    for camera in [*cameras[::step], overview]:
         gaussians, rows = source(camera)
-        new = ~seen[rows]
-        parts.append(gaussians.table[new])
+        new = ~visited[rows]
+        tables.append(gaussians.table[new])
         owners.append(rows[new])
-        seen[rows] = True
-    return Gaussians(np.concatenate(parts)), np.concatenate(owners)
+        visited[rows] = True
+    return Gaussians(np.concatenate(tables)), np.concatenate(owners)
 
 
 def _removal(model: Purified) -> Float64:
-    """Return for every row [K] the share of rows removed once it is, if the lowest ranks go first, as in GSPure."""
-    rank = model.ranks.astype(np.float32)
-    return np.searchsorted(np.sort(rank), rank, side="right") / len(rank)
+    """Return the share of the rows removed at which each row [K] is removed."""
+    ranks = model.ranks.astype(np.float32)
+    return np.searchsorted(np.sort(ranks), ranks, side="right") / len(ranks)
 
 
-def _removed(model: Purified, removal: Float64, cuts: Float64) -> dict[str, list[float]]:
+def _removed(model: Purified, slider: Slider) -> dict[str, list[float]]:
     """Return the shares of rows and of weights that the slider removes at each of its positions."""
-    order = np.argsort(removal, kind="stable")
-    below = np.searchsorted(removal[order], cuts, side="right")
-    amounts = (("rows", np.ones(len(removal))), ("scene", model.weights), ("message", model.hidden))
-    shares = {
-        name: np.append(0, np.cumsum(values[order], dtype=np.float64)) / values.sum(dtype=np.float64)
-        for name, values in amounts
-        if values is not None and values.any()
-    }
-    return {name: share[below].round(6).tolist() for name, share in shares.items()}
+    order = np.argsort(slider.removal, kind="stable")
+    removed_rows = np.searchsorted(slider.removal[order], slider.cuts, side="right")
+    removed = {}
+    for name, values in (("rows", np.ones(len(order))), ("scene", model.weights), ("message", model.hidden)):
+        if values is not None and values.any():
+            shares = np.append(0, np.cumsum(values[order], dtype=np.float64)) / values.sum(dtype=np.float64)
+            removed[name] = shares[removed_rows].round(6).tolist()
+    return removed
 
 
 def _paint(gaussians: Gaussians) -> UInt8:
-    """Return colours of degree 0, and opacities."""
+    """Return the colours [K,4] of splats: those of degree 0, grey without colours, and opacities."""
     if gaussians.sh_degree < 0:
         return _rgba(np.full((len(gaussians), 3), _GREY, np.uint8), gaussians.opacities)
     colours = np.clip(0.5 + SH_DC * gaussians.columns(*COLOUR), 0, 1)
@@ -126,77 +155,94 @@ def _cloud(
     centre: NDArray[np.floating],
     paints: Sequence[UInt8],
     weights: Float32 | Float64,
-    removal: Float64 | None = None,
-    cuts: Float64 | None = None,
+    slider: Slider | None = None,
 ) -> Data:
-    """Return splats, those that the slider removes first at the beginning; `starts` are the first left at each cut.
+    """Return at most `MOST` visible splats, in the order in which the slider removes them.
 
-    The arrays, one after the other: centres int16 [N,3], asinh of the distance along the axes from `centre` in `unit`,
-    at most `reach`; logarithms of scales uint8 [N,3], `_SPAN` below `largest`; quaternions (w, x, y, z) int8 [N,4];
-    `paints` uint8 [N,4] each.
+    `starts` are the first splats left at the positions of the slider. `data` holds arrays, one after the other: centres
+    int16 [N,3], asinh of the distance from `centre` along the axes, in `unit`, at most `reach`; logarithms of scales
+    uint8 [N,3], from `span` below `largest`; quaternions (w, x, y, z) int8 [N,4]; and `paints`, uint8 [N,4] each.
     """
-    removal = np.zeros(len(gaussians)) if removal is None else removal
     visible = np.max([paint[:, 3] for paint in paints], axis=0) > 0
     visible[undrawable_rows(gaussians)] = False
-    visible |= ~visible.any()
+    if not visible.any():
+        visible[:] = True
     rows = _sampled(np.flatnonzero(visible), weights)
-    rows = rows[np.argsort(removal[rows], kind="stable")]
+    starts: list[int] = []
+    if slider is not None:
+        rows = rows[np.argsort(slider.removal[rows], kind="stable")]
+        starts = np.searchsorted(slider.removal[rows], slider.cuts, side="right").tolist()
+
     offsets = gaussians.means[rows] - centre
     unit = float(np.median(np.abs(offsets), axis=0).max()) or 1.0
-    bent = np.arcsinh(offsets / unit)
-    reach = float(np.abs(bent).max()) or 1.0
-    logs = gaussians.log_scales[rows]
-    largest = float(logs.max())
+    distances = np.arcsinh(offsets / unit)
+    reach = float(np.abs(distances).max()) or 1.0
+    log_scales = gaussians.log_scales[rows]
+    largest = float(log_scales.max())
     quats = gaussians.quats[rows]
     quats = quats / (np.linalg.norm(quats, axis=1, keepdims=True) + 1e-30)
-    arrays = (
-        np.rint(32767 * bent / reach).astype("<i2"),
-        np.rint(255 * np.clip(1 + (logs - largest) / _SPAN, 0, 1)).astype(np.uint8),
+    arrays = [
+        np.rint(32767 * distances / reach).astype("<i2"),
+        np.rint(255 * np.clip(1 + (log_scales - largest) / _SPAN, 0, 1)).astype(np.uint8),
         np.rint(127 * quats).astype(np.int8),
         *(paint[rows] for paint in paints),
-    )
-    starts = [] if cuts is None else np.searchsorted(removal[rows], cuts, side="right").tolist()
+    ]
     packed = zlib.compress(b"".join(array.tobytes() for array in arrays), 9)
-    counts = {"splats": len(rows), "of": int(visible.sum()), "paints": len(paints), "starts": starts}
-    ranges = {"unit": unit, "reach": reach, "largest": largest, "span": _SPAN}
-    return {"title": title, **counts, **ranges, "data": base64.b64encode(packed).decode()}
+    return {
+        "title": title,
+        "splats": len(rows),
+        "of": int(visible.sum()),
+        "paints": len(paints),
+        "starts": starts,
+        "unit": unit,
+        "reach": reach,
+        "largest": largest,
+        "span": _SPAN,
+        "data": base64.b64encode(packed).decode(),
+    }
 
 
 def _sampled(rows: Rows, weights: Float32 | Float64) -> Rows:
-    """Return at most `MOST` of the rows, drawn without repetition: a row of mean weight twice as likely as one of 0."""
+    """Return at most `MOST` of the rows, drawn without repetition.
+
+    A row of mean weight is twice as likely as one of weight 0: rows get random times of arrival, at rates that grow
+    with their weights, and the first ones are drawn.
+    """
     if len(rows) <= MOST:
         return rows
-    shares = weights[rows] / (weights[rows].mean(dtype=np.float64) or 1) + 1
-    times = np.random.default_rng(0).exponential(size=len(rows)) / shares
+    rates = weights[rows] / (weights[rows].mean(dtype=np.float64) or 1) + 1
+    times = np.random.default_rng(0).exponential(size=len(rows)) / rates
     return rows[np.argpartition(times, MOST)[:MOST]]
 
 
 def _view(
     clouds: list[Data], modes: list[Data], means: Float32, centre: NDArray[np.floating], cameras: Sequence[Camera]
 ) -> Data:
-    """Return the view, with an overview and test cameras, in coordinates from `centre`, to choose from."""
+    """Return the view, with an overview and test cameras to choose from, in coordinates from `centre`."""
     test = split(cameras)[1]
-    views = [("overview", choose_camera(means, cameras)), *((view.name, view) for view in test[:: len(test) // _PRESETS + 1])]
-    presets = {
-        "up": world_axes(means, cameras)[1].tolist(),
-        "views": [_preset(name, view, means, centre) for name, view in views],
-    }
-    return {"clouds": clouds, "modes": modes, "cameras": presets, "removed": {}}
+    step = len(test) // _PRESETS + 1
+    presets = [_preset("overview", choose_camera(means, cameras), means, centre)]
+    presets += [_preset(camera.name, camera, means, centre) for camera in test[::step]]
+    up = world_axes(means, cameras)[1].tolist()
+    return {"clouds": clouds, "modes": modes, "cameras": {"up": up, "views": presets}, "removed": {}}
 
 
 def _preset(name: str, camera: Camera, means: Float32, centre: NDArray[np.floating]) -> Data:
-    """Return a camera, with the depth of what it shows, around which the view is turned."""
-    depths, K, size = project(means, camera)[1][in_view(means, camera)], camera.K, (camera.width, camera.height)
+    """Return a camera, with the median depth of what it shows: the view is turned around a point at this depth."""
+    depths = project(means, camera)[1][in_view(means, camera)]
+    cx, cy = camera.K[:2, 2]
     return {
         "name": name,
         "axes": camera.viewmat[:3, :3].tolist(),
         "eye": (camera.centre - centre).tolist(),
         "distance": float(np.median(depths)) if len(depths) else 1.0,
-        "focal": K[1, 1] / camera.height,
+        "focal": camera.K[1, 1] / camera.height,
         "aspect": camera.width / camera.height,
-        "middle": [(2 * place - side) / 2 / camera.height for place, side in zip(K[:2, 2], size, strict=True)],
+        "middle": [(2 * cx - camera.width) / 2 / camera.height, (2 * cy - camera.height) / 2 / camera.height],
     }
 
 
 def _css(public: PublicModel) -> str:
-    return "rgb({} {} {})".format(*(round(255 * channel) for channel in public.model.background))
+    """Return the background of a model as a CSS colour."""
+    red, green, blue = (round(255 * channel) for channel in public.model.background)
+    return f"rgb({red} {green} {blue})"

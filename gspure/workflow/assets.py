@@ -16,7 +16,7 @@ from gspure.workflow.pairs import require_path
 
 @dataclass(frozen=True)
 class Asset:
-    """A user's model: its entry, the file of the model (None if it is trained first), the scheme of its key, its files."""
+    """A user's model: its entry, its file (None if it is trained first), the scheme of its key, and all its files."""
 
     config: AssetConfig
     model: Path | None

@@ -29,8 +29,6 @@ from gspure.settings import (
     Setting,
 )
 
-
-
 SEEDS: Final = Range(0, 4_000_000_000)  # repetitions add to a seed
 REPETITIONS: Final = Range(1, 100)
 GENERATED_VIEWS: Final = Range(2, 10_000)
@@ -57,7 +55,9 @@ class TrainingConfig:
     """Training of a model from photographs."""
 
     iterations: Annotated[int, STEPS, "Number of training steps."] = 3000
-    resolution: Annotated[Resolution, "Size of the training images, in the format of `resolution` of `assets`."] = "320px"
+    resolution: Annotated[Resolution, "Size of the training images, in the format of `resolution` of `assets`."] = (
+        "320px"
+    )
     seed: Annotated[Seed, "Random seed."] = 0
     max_gaussians: Annotated[
         Annotated[int, MAX_GAUSSIANS] | None,
@@ -75,8 +75,8 @@ class GeneratedViews:
     fov: Annotated[float, FIELD_OF_VIEW, "Horizontal field of view in degrees."] = 50
     up: Annotated[
         tuple[Annotated[float, COORDINATE], Annotated[float, COORDINATE], Annotated[float, COORDINATE]] | None,
-        "Up direction of the model's world: 0 -1 0 for models from COLMAP, often 0 0 1 for others. null: guessed from the "
-        "model's shape.",
+        "Up direction of the model's world: 0 -1 0 for models from COLMAP, often 0 0 1 for others. null: guessed from "
+        "the model's shape.",
     ] = None
 
 
@@ -100,8 +100,8 @@ class AssetConfig:
     ] = None
     message: Annotated[
         File | None,
-        "Photographs of the message with their cameras, as for `train`, to compare extractions with; by default they are "
-        "compared with that of the unattacked model, in the views of `cameras`.",
+        "Photographs of the message with their cameras, as for `train`, to compare extractions with; by default they "
+        "are compared with that of the unattacked model, in the views of `cameras`.",
     ] = None
     clean: Annotated[
         Name | None,
@@ -116,8 +116,8 @@ class AssetConfig:
     training: Annotated[TrainingConfig, "Settings of training."] = TrainingConfig()
     resolution: Annotated[
         Resolution,
-        "Image size of the views of a camera file: `native`, `1/N`, `Wpx` (at most W pixels wide; 3DGS trains at 1600px), "
-        "or `photographs` (the size of the photographs, which may be downscaled copies).",
+        "Image size of the views of a camera file: `native`, `1/N`, `Wpx` (at most W pixels wide; 3DGS trains at "
+        "1600px), or `photographs` (the size of the photographs, which may be downscaled copies).",
     ] = "1600px"
     generated: Annotated[GeneratedViews, "Settings of generated views."] = GeneratedViews()
 
@@ -128,18 +128,18 @@ class PairConfig:
 
     scene: Annotated[
         File,
-        "The visible scene: `room`, `vault`, `interior-SEED`, `landscape-SEED` or `object-SEED`, which are ray-traced; or "
-        "photographs, as for `train`.",
+        "The visible scene: `room`, `vault`, `interior-SEED`, `landscape-SEED` or `object-SEED`, which are "
+        "ray-traced; or photographs, as for `train`.",
     ] = "room"
     message: Annotated[
         File,
-        "The hidden scene: one of the same names; or, if the scene is photographs, a trained model (.ply or its folder) or "
-        "photographs to train one from.",
+        "The hidden scene: one of the same names; or, if the scene is photographs, a trained model (.ply or its "
+        "folder) or photographs to train one from.",
     ] = "vault"
     protocol: Annotated[
         Literal["shared", "own"],
-        "Poses of the message's views: `shared` with the scene, or its `own`. With photographs and `own`, the message is "
-        "photographs too.",
+        "Poses of the message's views: `shared` with the scene, or its `own`. With photographs and `own`, the message "
+        "is photographs too.",
     ] = "shared"
     initialization: Annotated[
         Literal["both", "scene"],
@@ -173,8 +173,8 @@ class DetectorConfig:
 
     command: Annotated[
         File,
-        "A command; the folder of images is appended. The last line that it prints is a JSON object with an entry for each "
-        'image, by its name without .png: bits ("0110"), or a score, a number.',
+        "A command; the folder of images is appended. The last line that it prints is a JSON object with an entry for "
+        "each image, by its name without .png: bits (\"0110\"), or a score, a number.",
     ]
     message: Annotated[
         str, BITS_TEXT, "The embedded bits, such as 0110, in quotes; empty if the command returns scores."
@@ -188,12 +188,10 @@ class ViewsConfig:
 
     evaluate: Annotated[
         Literal["test", "train", "all"],
-        "Views to compare variants on. Sorted by name, every eighth view from the first on is a test view; contributions "
-        "are measured on the others.",
+        "Views to compare variants on. Sorted by name, every eighth view from the first on is a test view; "
+        "contributions are measured on the others.",
     ] = "test"
-    parts: Annotated[
-        int, VIEWS, "Number of jobs that share the views of one model. Results do not depend on it."
-    ] = 1
+    parts: Annotated[int, VIEWS, "Number of jobs that share the views of one model. Results do not depend on it."] = 1
 
 
 Damage = Annotated[float, DECIBELS]
@@ -207,14 +205,14 @@ class VariantConfig:
     attack: Annotated[Name | None, "Name of the attack."] = None
     decision: Annotated[
         Name | None,
-        "Name of the decision whose weights and prune mask the attack uses; by default that of `method`. If the attack has "
-        "a setting `tau`, its default is the decision's tau_n.",
+        "Name of the decision whose weights and prune mask the attack uses; by default that of `method`. If the "
+        "attack has a setting `tau`, its default is the decision's tau_n.",
     ] = None
     seed: Annotated[Seed, "Random seed of the attack."] = 0
     damage: Annotated[
         Damage | tuple[Damage, ...] | None,
-        "Drop of the scene's PSNR in dB, or a list of them, instead of the attack's strength: the strength is searched. "
-        "Each is a variant of its own, NAME@1dB; together they are a sweep.",
+        "Drop of the scene's PSNR in dB, or a list of them, instead of the attack's strength: the strength is "
+        "searched. Each is a variant of its own, NAME@1dB; together they are a sweep.",
     ] = None
 
 
@@ -241,12 +239,13 @@ class Config:
 
     assets: Annotated[
         Mapping[Name, AssetConfig],
-        "Your own models, by scene name. The name becomes a folder of results/vanilla or, with a key, of results/SCHEME.",
+        "Your own models, by scene name. The name becomes a folder of results/vanilla or, with a key, of "
+        "results/SCHEME.",
     ] = field(default_factory=dict)
     pairs: Annotated[
         Mapping[Name, PairConfig],
-        "Pairs of a scene and a message to hide in it, by name. Every scheme of `schemes` is trained on every pair. The "
-        "name becomes a folder of results/SCHEME.",
+        "Pairs of a scene and a message to hide in it, by name. Every scheme of `schemes` is trained on every pair. "
+        "The name becomes a folder of results/SCHEME.",
     ] = field(default_factory=dict)
     schemes: Annotated[
         Mapping[Name, SchemeConfig],
@@ -256,8 +255,8 @@ class Config:
     ] = field(default_factory=dict)
     detectors: Annotated[
         Mapping[Name, DetectorConfig],
-        "Commands that read a mark from the renders of the scene, by name. Each is run on every variant of every model, "
-        "and on the clean models.",
+        "Commands that read a mark from the renders of the scene, by name. Each is run on every variant of every "
+        "model, and on the clean models.",
     ] = field(default_factory=dict)
     extractions: Annotated[
         tuple[Name, ...] | None,
@@ -267,29 +266,29 @@ class Config:
     repetitions: Annotated[
         int,
         REPETITIONS,
-        "Number of times that every scheme is trained on every pair and attacked. Repetition N adds N, from 0 on, to the "
-        "seeds of `schemes` and `variants`; its results are in PAIR@N, those of repetition 0 in PAIR.",
+        "Number of times that every scheme is trained on every pair and attacked. Repetition N adds N, from 0 on, to "
+        "the seeds of `schemes` and `variants`; its results are in PAIR@N, those of repetition 0 in PAIR.",
     ] = 1
     views: Annotated[ViewsConfig, "Use of the views."] = ViewsConfig()
-    method: Annotated[MethodSettings, "Settings of GSPure."] = MethodSettings()
+    method: Annotated[MethodSettings, "Settings of GSPure."] = field(default_factory=MethodSettings)
     decisions: Annotated[
         Mapping[Name, MethodSettings],
-        "Further decisions, by name, for ablations and sweeps. Each inherits from `method` the settings it does not set "
-        "itself. Results that decisions share are computed once.",
+        "Further decisions, by name, for ablations and sweeps. Each inherits from `method` the settings it does not "
+        "set itself. Results that decisions share are computed once.",
     ] = field(default_factory=dict)
     variants: Annotated[
         Mapping[Name, VariantConfig],
-        "Variants of each model to evaluate, by name: the attack (default: the variant's name), a random seed, and the "
-        "attack's settings. A variant with the name of an attack must be that attack. `unattacked` (the model itself) and "
-        "`gspure` are required.",
+        "Variants of each model to evaluate, by name: the attack (default: the variant's name), a random seed, and "
+        "the attack's settings. A variant with the name of an attack must be that attack. `unattacked` (the model "
+        "itself) and `gspure` are required.",
     ] = field(default_factory=default_variants)
     device: Annotated[
         str, LINE, "OpenCL device: part of its name, or its index in `gspure doctor`. Empty: the first working device."
     ] = ""
     threads: Annotated[
         Annotated[int, CORES] | None,
-        "Threads per job on an OpenCL CPU. null: all cores, one such job at a time; for ray-traced pairs of small images, "
-        "one thread, and as many jobs at a time as there are cores. Results do not depend on it.",
+        "Threads per job on an OpenCL CPU. null: all cores, one such job at a time; for ray-traced pairs of small "
+        "images, one thread, and as many jobs at a time as there are cores. Results do not depend on it.",
     ] = None
 
 
@@ -333,7 +332,7 @@ def _require_consistent(config: Config, source: str) -> None:
 
 
 def _require_complete(asset: AssetConfig, source: str, place: str) -> None:
-    """Refuse an asset that lacks what others of its entries need, or has a model beside photographs to train one from."""
+    """Refuse an asset that lacks what its other entries need, or has a model beside photographs to train one from."""
     fields = ("model", "cameras", "key", "message")
     if asset.train:
         for name in fields:
@@ -367,7 +366,9 @@ class _TextKeys(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:  # noqa: FBT001, FBT002
         self._require_distinct(node)
         self.flatten_mapping(node)  # lays the entries of `<<` below the node's own
-        return {self._key(key_node): self.construct_object(value_node, deep=deep) for key_node, value_node in node.value}
+        return {
+            self._key(key_node): self.construct_object(value_node, deep=deep) for key_node, value_node in node.value
+        }
 
     def _key(self, node: yaml.Node) -> Hashable:
         if isinstance(node, yaml.ScalarNode):
@@ -400,5 +401,3 @@ def _inherited(content: Mapping[str, Any]) -> dict[str, Any]:
     base = method if isinstance(method, Mapping) else {}
     decisions: Mapping[str, Any] = content["decisions"]
     return {name: {**base, **entry} if isinstance(entry, Mapping) else entry for name, entry in decisions.items()}
-
-

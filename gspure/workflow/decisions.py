@@ -25,7 +25,7 @@ ARTIFACTS: Final[Mapping[str, Sequence[str]]] = {
     "clusters.npz": ("min_cluster_size", "selection", "max_cluster_share"),
     "prune_mask.npy": ("tau_c", "tau_n"),
 }
-"""The files of a decision, in the order of their steps, and the settings that each depends on besides those before it."""
+"""The files of a decision in the order of their steps, and the settings that each depends on besides those before."""
 
 
 class VariantSpec(NamedTuple):
@@ -63,7 +63,7 @@ def sharing_decision(settings: Settings, name: str, artifact: str) -> str:
 
 
 def decisions_of(settings: Settings, folder: Path) -> dict[str, Decision]:
-    """Return the decisions of a model with their files below its folder; those of the method are in the folder itself."""
+    """Return the decisions of a model with their files below its folder, those of the method in the folder itself."""
 
     def file(name: str, artifact: str) -> Path:
         owner = sharing_decision(settings, name, artifact)
@@ -85,8 +85,8 @@ def attack_groups(variants: Mapping[str, VariantSpec], settings: Settings) -> di
 def sweeps(variants: Mapping[str, VariantSpec], settings: Settings) -> dict[str, tuple[str, ...]]:
     """Return the variants of each sweep, that is, of one attack at several strengths, by its name.
 
-    A strength is a number: a setting of the attack, or a pruning factor of its decision. Variants that differ in anything
-    else are different sweeps. A single variant is no sweep.
+    A strength is a number: a setting of the attack, or a pruning factor of its decision. Variants that differ in
+    anything else are different sweeps. A single variant is no sweep.
     """
     swept = {}
     for name, members in attack_groups(variants, settings).items():

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gspure.datasets import SCENES
 from gspure.constants import TEST_EVERY
+from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.identity import RESULTS
 from gspure.evaluation.plan import Training
@@ -65,7 +65,7 @@ class Pair:
         return RESULTS / "messages" / self.message_name
 
     def decoys(self, others: list["Pair"]) -> tuple[Path, ...]:
-        """Return the folders of false candidates: the scene, other messages, random scenes of the size of a traced one."""
+        """Return the folders of false candidates: the scene, other messages and, of a traced pair, random scenes."""
         folders = [self.folder / "scene", *(pair.folder / "message" for pair in others)]
         if self.is_traced:
             config = self.config

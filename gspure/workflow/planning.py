@@ -33,7 +33,7 @@ _FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "tr
 
 
 def plan_of(config: Config, source: str) -> Plan:
-    """Return the plan of a configuration, or raise `InputError`, which names the `source`, for what no job could use."""
+    """Return the plan of a configuration, or raise `InputError` for the first entry that no job could use."""
     if not config.assets and not (config.pairs and config.schemes):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     variants = _variants(config, source)
@@ -119,7 +119,7 @@ class _Planner:
         public = asset.model or identity.folder / "public" / "point_cloud.ply"
         cameras = {SCENE: camera_source(asset, asset.config.cameras or str(trained))}
         sources = [cameras[SCENE].source]
-        photographed = (SCENE,) if asset.has_photographs else ()
+        photographed: tuple[str, ...] = (SCENE,) if asset.has_photographs else ()
         if scheme:
             cameras[MESSAGE] = cameras[SCENE]
         if scheme and asset.config.message:
@@ -182,7 +182,7 @@ class _Planner:
             decisions=decisions_of(self.settings(scheme), identity.folder),
             variants=(),
             owner=owner,
-            embedding=Embedding(pair.folder, pair.config.initialization, entry.seed + seed, entry.settings),
+            embedding=Embedding(pair.folder, pair.config.initialization, entry.seed + seed, entry.settings, pair.files),
             condition=Condition(scheme.name, pair.config.protocol, pair.config.initialization),
             targets=targets,
             photographs=pair.folder,

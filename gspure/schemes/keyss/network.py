@@ -56,4 +56,4 @@ def added(network: Network, key: Float32, rows: Float32) -> Any:
 
 def gaussians_of(rows: Float32) -> Gaussians:
     """Return rows [K,59] as a vanilla model."""
-    return as_gaussians(Parameters.of(rows[:, :GEOMETRY_ATTRIBUTES], rows[:, GEOMETRY_ATTRIBUTES:]))
+    return as_gaussians(Parameters.split(rows[:, :GEOMETRY_ATTRIBUTES], rows[:, GEOMETRY_ATTRIBUTES:]))

@@ -98,4 +98,4 @@ class SplatsInSplatsKey(Key):
         require_finite(hidden, hidden_path)
         if hidden.sh_degree < 0:
             raise InputError(hidden_path, "columns", expected="f_dc_0 to f_dc_2", found="no colours")
-        return SplatsInSplatsKey(arrays["positions"], OpacityMapping.of(arrays), shift, hidden)
+        return SplatsInSplatsKey(arrays["positions"], OpacityMapping.from_arrays(arrays), shift, hidden)

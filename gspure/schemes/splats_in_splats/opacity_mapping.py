@@ -35,19 +35,23 @@ _NAMES: Final = tuple(f"{kind}_{layer}" for kind in ("kernel", "bias") for layer
 
 @dataclass(frozen=True, eq=False)
 class OpacityMapping:
-    """The kernels [taps * in, out] of the four layers, encoder first, and their biases [out]."""
+    """The four layers, encoder first: their kernels [taps * in, out], then their biases [out]."""
 
     weights: tuple[Float32, ...]
 
     @classmethod
     def fresh(cls, rng: np.random.Generator) -> OpacityMapping:
         """Return untrained layers (He et al. 2015)."""
-        channels = [*pairwise(WIDTHS), *pairwise(WIDTHS[::-1])]
-        kernels = [rng.normal(0, np.sqrt(2 / (TAPS * a)), (TAPS * a, b)).astype(np.float32) for a, b in channels]
-        return cls((*kernels, *(np.zeros(b, np.float32) for _, b in channels)))
+        kernels: list[Float32] = []
+        biases: list[Float32] = []
+        for inputs, outputs in [*pairwise(WIDTHS), *pairwise(WIDTHS[::-1])]:
+            deviation = np.sqrt(2 / (TAPS * inputs))
+            kernels.append(rng.normal(0, deviation, (TAPS * inputs, outputs)).astype(np.float32))
+            biases.append(np.zeros(outputs, np.float32))
+        return cls((*kernels, *biases))
 
     @classmethod
-    def of(cls, arrays: Mapping[str, Float32]) -> OpacityMapping:
+    def from_arrays(cls, arrays: Mapping[str, Float32]) -> OpacityMapping:
         """Return the mapping with these weights, the inverse of `arrays`."""
         return cls(tuple(arrays[name] for name in _NAMES))
 
@@ -67,9 +71,12 @@ class OpacityMapping:
 def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> OpacityMapping:
     """Train a mapping from public opacities [N] to hidden ones [N], on a random stretch of the sequence per step."""
     weights = [*OpacityMapping.fresh(rng).weights]
-    first, second = ([np.zeros_like(array) for array in weights] for _ in range(2))
+    if not len(opacities):
+        return OpacityMapping(tuple(weights))
+    first = [np.zeros_like(array) for array in weights]
+    second = [np.zeros_like(array) for array in weights]
     with threadpool_limits(1, "blas"):
-        for step in range(1, STEPS + 1 if len(opacities) else 0):
+        for step in range(1, STEPS + 1):
             rate = np.float32(RATE * 0.5 * (1 + np.cos(np.pi * step / STEPS)))  # cosine decay
             start = _UNIT * int(rng.integers(max(len(opacities) - STRETCH, 0) // _UNIT + 1))
             stretch = slice(start, start + STRETCH)
@@ -82,13 +89,14 @@ def fit(opacities: Float32, hidden: Float32, rng: np.random.Generator) -> Opacit
 
 
 def _forward(weights: Sequence[Float32], opacities: Float32) -> list[Float32]:
-    """Return the input [L,1] and the output of each layer, the last one [L,1]; L is N rounded up to whole strides."""
+    """Return the input [L,1] and the output of each layer, the last one [L,1]; L is N, rounded up to whole strides."""
     filled = np.zeros(-(-len(opacities) // _UNIT) * _UNIT, np.float32)
     filled[: len(opacities)] = opacities
     values = [1 - filled[:, None]]
     for i, (kernel, bias) in enumerate(zip(weights[:LAYERS], weights[LAYERS:], strict=True)):
-        layer = _windows(values[-1], STRIDE) if i < LAYERS // 2 else _windows(_spread(values[-1]), 1)
-        value = layer @ kernel + bias
+        encodes = i < LAYERS // 2
+        windows = _windows(values[-1], STRIDE) if encodes else _windows(_spread(values[-1]), 1)
+        value = windows @ kernel + bias
         values.append(np.maximum(value, 0) if i < LAYERS - 1 else 1 / (1 + np.exp(-value)))
     return values
 
