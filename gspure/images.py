@@ -28,11 +28,11 @@ FORMATS: Final = {
     "TIFF": (".tif", ".tiff"),
     "WEBP": (".webp",),
 }
-"""What photographs come in, and their suffixes. Pillow knows more formats, some of which start other programs."""
+"""Formats of photographs, and their suffixes. Pillow knows more formats, some of which start other programs."""
 
-_DEEP: Final = re.compile(";16[BLN]")  # part of the name of 16-bit channels, which Pillow cuts to 8 bits
+_DEEP: Final = re.compile(";16[BLN]")  # in Pillow's name of 16-bit channels, which it cuts to 8 bits
 
-MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes as many
+MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes so many
 
 logging.getLogger("PIL").addHandler(logging.NullHandler())  # else its remarks on corrupt files go to standard error
 
@@ -46,7 +46,7 @@ _UNREAD: Final = {
     "Radiance HDR": rb"#\?RADIANCE",
     "Photoshop": rb"8BPS",
 }
-"""Other formats by their first bytes; raw photographs by their suffix, as most pose as TIFF."""
+"""Unsupported formats by their first bytes; `_RAW` lists suffixes, since most raw photographs look like TIFF."""
 
 _ORIENTATION: Final = 0x0112  # tag of EXIF: 1 if the pixels are stored upright
 _NOT_APPLIED: Final = "ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` applies it"
@@ -54,10 +54,10 @@ _NOT_APPLIED: Final = "ignored, as by COLMAP and 3DGS; `mogrify -auto-orient` ap
 
 @contextmanager
 def opened(path: str | Path) -> Iterator[ImageFile]:
-    """Open an image, the first one of a file; its pixels are not decoded.
+    """Open the first image of a file, without decoding its pixels.
 
-    Raise `InputError` if the file is missing or none of `FORMATS`, or has more than `MOST_PIXELS` or more than 8 bits
-    per channel; or the block fails.
+    Raise `InputError` if the file is missing, is none of `FORMATS`, or has more than `MOST_PIXELS` or more than 8 bits
+    per channel; also if the block fails.
     """
     from PIL import Image
 
@@ -67,8 +67,8 @@ def opened(path: str | Path) -> Iterator[ImageFile]:
             image.verify()  # compares the checksums of a PNG; decoding does not
         with Image.open(str(path), formats=(*FORMATS,)) as image:
             if image.width * image.height > MOST_PIXELS:
-                found = f"{image.width}x{image.height}"
-                raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=found)
+                actual = f"{image.width}x{image.height}"
+                raise InputError(path, "size", expected=f"at most {MOST_PIXELS} pixels", found=actual)
             if image.mode[0] in "IF" or any(_is_deep(tile.codec_name, tile.args) for tile in image.tile):
                 raise InputError(path, "pixels", expected="8 bits per channel", found="more")
             yield image
@@ -80,9 +80,9 @@ def read_image(
     """Read an 8-bit image of one of `FORMATS` as float32 [H,W,3] in 0..1.
 
     Transparent images are composited on the `levels` of the background; if it is None, they keep their alpha, [H,W,4].
-    The orientation in EXIF data is not applied, as camera poses belong to the pixels as stored; but Pillow applies that
-    of TIFF files. An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before
-    it becomes float, as in 3DGS.
+    EXIF orientation is not applied, since camera poses belong to the pixels as stored; but Pillow applies that of TIFF
+    files. An image larger than `size` (width, height) is reduced by Pillow's antialiased bicubic filter before it
+    becomes float, as in 3DGS.
 
     Raise `InputError` if the file is missing, corrupt, not 8-bit, too large, or smaller than `size`.
     """
@@ -95,9 +95,11 @@ def read_image(
         behind = Image.new("RGBA", pixels.size, (red, green, blue, 255))
         pixels = Image.alpha_composite(behind, pixels).convert("RGB")
     if size is not None and pixels.size != size:
-        if pixels.width < size[0] or pixels.height < size[1]:
-            found = f"{pixels.width}x{pixels.height}"
-            raise InputError(path, "size", expected=f"at least {size[0]}x{size[1]}", found=found, hint=turn(Path(path)))
+        width, height = size
+        if pixels.width < width or pixels.height < height:
+            actual = f"{pixels.width}x{pixels.height}"
+            hint = orientation_remark(Path(path))
+            raise InputError(path, "size", expected=f"at least {width}x{height}", found=actual, hint=hint)
         pixels = pixels.resize(size, Image.Resampling.BICUBIC)
     return np.asarray(pixels, np.float32) / np.float32(255)
 
@@ -124,7 +126,7 @@ def levels(array: NDArray[np.floating]) -> UInt8:
 
 
 def read_back(array: NDArray[np.floating]) -> Float32:
-    """Return an image as it is after `write_image` and `read_image`."""
+    """Return an image as `read_image` returns it after `write_image`."""
     return levels(array).astype(np.float32) / np.float32(255)
 
 
@@ -140,34 +142,36 @@ def is_blank(image: Float32) -> bool:
 
 
 def is_flat(image: Float32) -> bool:
-    """Return whether all pixels of an image [H,W,3] have one colour, and there are several."""
+    """Return whether an image [H,W,3] has several pixels, all of the same colour."""
     return image[:, :, 0].size > 1 and bool((image == image[0, 0]).all())
 
 
-def turn(path: Path) -> str | None:
-    """Return a remark on the EXIF orientation of an image, None if it is upright.
+def orientation_remark(path: Path) -> str | None:
+    """Return a remark on the EXIF orientation of an image; None if it is upright.
 
-    That of a PNG file, which is seldom, may follow the pixels and is not looked for. Pillow applies that of TIFF files.
+    PNG files are not checked: they seldom have an orientation, and it may follow the pixels. Pillow applies that of
+    TIFF files.
     """
     from PIL import Image
 
     with reading(path, "an image"), Image.open(str(path), formats=(*FORMATS,)) as image:
         orientation = 1 if image.format == "PNG" else image.getexif().get(_ORIENTATION, 1)
-        applied = "applied, as by 3DGS; COLMAP ignores it" if image.format == "TIFF" else _NOT_APPLIED
-    return None if orientation in (0, 1) else f"EXIF orientation {orientation} is {applied}"
+        treatment = "applied, as by 3DGS; COLMAP ignores it" if image.format == "TIFF" else _NOT_APPLIED
+    return None if orientation in (0, 1) else f"EXIF orientation {orientation} is {treatment}"
 
 
 def _refuse_unread(path: Path) -> None:
     """Refuse a known format that is not read."""
     with path.open("rb") as stream:
         head = stream.read(64)
-    known = (name for name, beginning in _UNREAD.items() if re.match(beginning, head, re.DOTALL))
-    if found := "a raw photograph" if path.suffix.lower() in _RAW else next(known, None):
-        raise InputError(path, "format", expected=", ".join(FORMATS), found=found, hint="convert it to PNG or JPEG")
+    matching = (name for name, beginning in _UNREAD.items() if re.match(beginning, head, re.DOTALL))
+    kind = "a raw photograph" if path.suffix.lower() in _RAW else next(matching, None)
+    if kind:
+        raise InputError(path, "format", expected=", ".join(FORMATS), found=kind, hint="convert it to PNG or JPEG")
 
 
 def _is_deep(codec: str, args: object) -> bool:
-    """Return whether Pillow cuts what it decodes to 8 bits per channel."""
+    """Return whether a codec decodes channels of more than 8 bits, which Pillow cuts to 8."""
     match codec, args:
         case "ppm", (_, int(largest)):
             return largest > 255

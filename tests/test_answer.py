@@ -16,7 +16,7 @@ def answer_of(outcomes) -> Answer:
 
 
 def adaptive(outcomes, drop: float) -> list[Outcome]:
-    """The outcomes with a second extraction, of which the attack takes less."""
+    """The outcomes with a second extraction, whose PSNR the attack lowers by `drop`."""
     levels = {"unattacked": 28.0, "gof": 28.0 - drop}
     return [
         replace(
@@ -53,15 +53,15 @@ def test_without_a_key_nothing_is_said_about_a_message():
     assert verdict.startswith("No verdict: only the owner's key can tell")
 
 
-def test_the_tiles_hold_the_numbers_of_the_verdict():
+def test_the_key_numbers_are_those_of_the_verdict():
     answer = answer_of(benchmark({"room": {"noise": (0.9, 2.0), "gof": (0.4, 20.0)}}))
-    assert [number for number, _ in answer.tiles()] == ["0.4 dB", "28.0 → 8.0 dB", "7.0 dB", "1 scene, 1 seed"]
+    assert [number for number, _ in answer.key_numbers()] == ["0.4 dB", "28.0 → 8.0 dB", "7.0 dB", "1 scene, 1 seed"]
     scans = [{"before": LIKELY, "after": NOTHING}, {"before": LIKELY, "after": UNLIKE}]
-    tiles = [[number for number, _ in answer.tiles(scans[:count])][3] for count in (1, 2)]
-    assert tiles == ["yes → no", "2 of 2 → 0 of 2"]
+    detected = [[number for number, _ in answer.key_numbers(scans[:count])][3] for count in (1, 2)]
+    assert detected == ["yes → no", "2 of 2 → 0 of 2"]
     assert answer.pictured({"noise", "gof", "unattacked"}) == ["unattacked", "gof", "noise"]
     held = answer_of(benchmark({"room": {"noise": (0.9, 2.0)}}))
-    assert [number for number, _ in held.tiles()][:2] == ["none", "28.0 → 26.0 dB"]
+    assert [number for number, _ in held.key_numbers()][:2] == ["none", "28.0 → 26.0 dB"]
 
 
 def test_a_failed_attack_comes_last():

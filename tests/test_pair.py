@@ -31,11 +31,12 @@ def similarity(seed=0):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_alignment_finds_how_a_copy_of_the_cameras_was_moved(seed):
-    cameras, by = ring(8), similarity(seed)
-    found = aligning(cameras, [by.camera(camera) for camera in cameras])
-    assert found.scale == pytest.approx(by.scale)
-    np.testing.assert_allclose(found.rotation, by.rotation, atol=1e-6)
-    np.testing.assert_allclose(found.translation, by.translation, atol=1e-6)
+    cameras = ring(8)
+    motion = similarity(seed)
+    estimate = aligning(cameras, [motion.camera(camera) for camera in cameras])
+    assert estimate.scale == pytest.approx(motion.scale)
+    np.testing.assert_allclose(estimate.rotation, motion.rotation, atol=1e-6)
+    np.testing.assert_allclose(estimate.translation, motion.translation, atol=1e-6)
 
 
 def test_a_traced_pair_has_views_points_and_both_scenes(pair_folder):

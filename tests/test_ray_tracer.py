@@ -80,13 +80,15 @@ def test_depth_of_a_sphere_is_the_analytic_one_along_rays_through_pixel_centres(
 
 
 def test_an_open_floor_gathers_exactly_the_sky():
-    scene, places = lit(FLOOR, sky=(0.6, 0.6, 0.6)), np.array([[0.1, 0.9], [0.5, 0.5]])
+    scene = lit(FLOOR, sky=(0.6, 0.6, 0.6))
+    places = np.array([[0.1, 0.9], [0.5, 0.5]])
     assert scene.radiance(0, np.array([5, 5]), places)[:, 0] == pytest.approx(0.6 * reflectance("#808080")[0])
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_photographs_are_the_same_bits_for_any_batch_of_rays(coarse, monkeypatch, name):
-    scene, view = scene_builder(name)(PLACEMENTS["raised"]), path_cameras(3, 40, 30)[1]
+    scene = scene_builder(name)(PLACEMENTS["raised"])
+    view = path_cameras(3, 40, 30)[1]
     image, depth = trace(bake(scene), view)
     monkeypatch.setattr(photography, "_RAYS_AT_ONCE", 77)
     monkeypatch.setattr(lighting, "_RAYS_AT_ONCE", 10)

@@ -16,9 +16,9 @@ from gspure.errors import InputError
 from gspure.settings import SIDE
 from gspure.text import Described
 
-COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # of a lens, as in OpenCV, in this order
+LENS_COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # distortion, in OpenCV's order
 
-_RIGID: Final = 1e-3  # admits rotations printed with four digits, not scaled, sheared or mirrored ones
+_RIGID: Final = 1e-3  # tolerance: admits rotations printed with four digits, not scale, shear or mirroring
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,10 +39,10 @@ class Camera(Described):
     viewmat : array [4,4]
         World to camera, rigid.
     image : Path, optional
-        The photograph taken here, if any.
+        The photograph of this view, if any.
     distortion : tuple of float
-        `COEFFICIENTS` of the lens, or the first of them, if it is not that of a pinhole. Only
-        `gspure.cameras.undistortion` knows of it.
+        The `LENS_COEFFICIENTS`, or the first few of them; empty for a pinhole. Only `gspure.cameras.undistortion` uses
+        them.
 
     Raises
     ------
@@ -61,23 +61,28 @@ class Camera(Described):
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the numbers, wherever they come from."""
+        """Check all numbers, whatever their source."""
         for name, side in (("width", self.width), ("height", self.height)):
             SIDE.require(self.name, name, side)
             object.__setattr__(self, name, int(side))  # the device takes no integers of numpy
-        if not (most := np.abs(self.numbers).max()) <= LARGEST:
-            raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{most:g}")
+        magnitude = np.abs(self.numbers).max()
+        if not magnitude <= LARGEST:
+            raise InputError(self.name, "camera", expected=f"numbers within ±{LARGEST:g}", found=f"{magnitude:g}")
         fx, fy, cx, cy = self.numbers[2:6]
         if min(fx, fy) <= 0 or not np.array_equal(self.K, intrinsics(fx, fy, cx, cy)):
-            found = " ".join(map(str, np.ravel(self.K)))
-            raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=found)
+            elements = " ".join(map(str, np.ravel(self.K)))
+            raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=elements)
         require_rigid(self.name, "viewmat", self.viewmat)
 
     @property
     def facts(self) -> dict[str, str]:
-        """Name, size, focal length and place."""
-        size, centre = f"{self.width}x{self.height}", " ".join(f"{x:.3g}" for x in self.centre)
-        return {"name": self.name, "size": size, "focal length": f"{self.K[0, 0]:.4g} px", "centre": centre}
+        """Name, size, focal length and centre."""
+        return {
+            "name": self.name,
+            "size": f"{self.width}x{self.height}",
+            "focal length": f"{self.K[0, 0]:.4g} px",
+            "centre": " ".join(f"{x:.3g}" for x in self.centre),
+        }
 
     @property
     def centre(self) -> Float64:
@@ -96,8 +101,9 @@ class Camera(Described):
         return replace(self, width=width, height=height, K=scale @ self.K)
 
     def moved(self, transform: Float64) -> Camera:
-        """Return the view moved by the similarity `transform` [4,4]; a model moved by it looks the same in it."""
-        viewmat, volume = self.viewmat @ np.linalg.inv(transform), np.linalg.det(transform[:3, :3])
+        """Return the view moved by the similarity `transform` [4,4]; in it, a model moved likewise looks the same."""
+        viewmat = self.viewmat @ np.linalg.inv(transform)
+        volume = np.linalg.det(transform[:3, :3])
         if abs(volume - 1) > _RIGID:
             viewmat[:3] *= np.cbrt(volume)
         return replace(self, viewmat=viewmat)
@@ -106,11 +112,12 @@ class Camera(Described):
 def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
     """Raise `InputError` for the `field` of a source unless a finite matrix [3,3] is a rotation, or [4,4] rigid."""
     rotation = transform[:3, :3]
-    with np.errstate(all="ignore"):  # of numbers that are very large or very small
-        error, volume = np.abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
+    with np.errstate(all="ignore"):  # very large or very small numbers
+        error = np.abs(rotation @ rotation.T - np.eye(3)).max()
+        volume = np.linalg.det(rotation)
     if not (error <= _RIGID and volume > 0):
-        found = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"
-        raise InputError(source, field, expected="a rotation without scale, shear or mirroring", found=found)
+        defect = f"|R R^T - 1| = {error:.3g}, det R = {volume:.3g}"
+        raise InputError(source, field, expected="a rotation without scale, shear or mirroring", found=defect)
     if transform[3:].ravel().tolist() not in ([], [0, 0, 0, 1]):
         raise InputError(source, field, expected="0 0 0 1 in the last row", found=" ".join(map(str, transform[3])))
 
@@ -118,7 +125,8 @@ def require_rigid(source: Path | str, field: str, transform: Float64) -> None:
 def rigid(rotation: Float64, translation: Float64) -> Float64:
     """Return the transform [4,4] x -> rotation x + translation."""
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, translation
+    transform[:3, :3] = rotation
+    transform[:3, 3] = translation
     return transform
 
 
@@ -128,7 +136,7 @@ def intrinsics(fx: float, fy: float, cx: float, cy: float) -> Float64:
 
 
 def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
-    """Return the world-to-camera matrix [4,4] of a camera at `centre` that looks at `target`; `up` is upright."""
+    """Return the viewmat [4,4] of a camera at `centre` that looks at `target`; `up` is upright in its image."""
     forward = target - centre
     forward /= np.sqrt((forward * forward).sum())
     right = np.cross(forward, up)
@@ -138,7 +146,7 @@ def looking_at(centre: Float64, target: Float64, up: Float64) -> Float64:
 
 
 def spread(cameras: Sequence[Camera]) -> float:
-    """Return the largest distance of a camera from the mean of all, in world units."""
+    """Return the largest distance of a camera from their mean centre, in world units."""
     centres = np.array([camera.centre for camera in cameras])
     return float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 
@@ -146,9 +154,9 @@ def spread(cameras: Sequence[Camera]) -> float:
 def points_shown(
     camera: Camera, points: NDArray[Any], margin: float = 0.0, near: float = NEAR_PLANE
 ) -> tuple[Indices, Float64]:
-    """Return the rows [S] of world `points` [P,3] in the image and deeper than `near`, and their positions [S,3].
+    """Return the rows [S] of the world `points` [P,3] in the image and deeper than `near`, and their positions [S,3].
 
-    Positions are column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
+    A position is column and row in pixels, and depth along the view axis. `margin` extends the image on every side, as
     a share of its size. A point that is not finite is not shown.
     """
     with np.errstate(all="ignore"):
@@ -156,7 +164,9 @@ def points_shown(
         x, y, z = camera.viewmat[:3, :3] @ points.T + camera.viewmat[:3, 3, None]
         u = camera.K[0, 0] * x / z + camera.K[0, 2]
         v = camera.K[1, 1] * y / z + camera.K[1, 2]
-        left, top = margin * camera.width, margin * camera.height
-        inside = (u >= -left) & (u < camera.width + left) & (v >= -top) & (v < camera.height + top)
-        rows = np.flatnonzero(inside & (z > near))
+        margin_x = margin * camera.width
+        margin_y = margin * camera.height
+        in_columns = (u >= -margin_x) & (u < camera.width + margin_x)
+        in_rows = (v >= -margin_y) & (v < camera.height + margin_y)
+        rows = np.flatnonzero(in_columns & in_rows & (z > near))
     return rows, np.stack([u, v, z], axis=1)[rows]

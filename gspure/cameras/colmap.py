@@ -1,8 +1,8 @@
 """COLMAP sparse models: cameras, images and points3D, binary or text.
 
-Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camera models are read but those of fisheye
-lenses. Binary files are little-endian: a 64-bit count, then records without padding. Text files have a record per line,
-images on two lines, and comments after ``#``. Source: https://colmap.github.io/format.html and
+Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camera models but fisheye lenses are read.
+Binary files are little-endian: a 64-bit count, then records without padding. Text files have one record per line, two
+lines per image, and comments after ``#``. Source: https://colmap.github.io/format.html and
 https://colmap.github.io/cameras.html.
 """
 
@@ -44,8 +44,10 @@ _HINT: Final = "undistort first: colmap image_undistorter --image_path DIR --inp
 
 def find_sparse(folder: Path) -> Path | None:
     """Return the folder with cameras.bin or cameras.txt: `folder`, its ``sparse/0`` or its ``sparse``; else None."""
-    candidates = (folder, folder / "sparse" / "0", folder / "sparse")
-    return next((path for path in candidates if any((path / f"cameras{s}").is_file() for s in _SUFFIXES)), None)
+    for candidate in (folder, folder / "sparse" / "0", folder / "sparse"):
+        if any((candidate / f"cameras{suffix}").is_file() for suffix in _SUFFIXES):
+            return candidate
+    return None
 
 
 def read_colmap(folder: Path) -> list[Camera]:
@@ -54,27 +56,30 @@ def read_colmap(folder: Path) -> list[Camera]:
     `folder` is the project's root, its ``sparse/0``, or the folder of the files. Photographs are in the nearest
     ``images`` folder beside or above the files.
     """
-    cameras_file, images_file = _file(folder, "cameras"), _file(folder, "images")
+    cameras_file = _file(folder, "cameras")
+    images_file = _file(folder, "images")
     with reading(cameras_file, "cameras of a COLMAP sparse model"):
         optics = dict(_optics(cameras_file))
     with reading(images_file, "images of a COLMAP sparse model"):
         poses = [_pose(images_file, *image) for image in _images(images_file)]
     _mention_larger(images_file)
-    above = images_file.absolute().parents[:3]
-    photographs = next((parent / "images" for parent in above if (parent / "images").is_dir()), None)
-    files, names = [pose.text("name") for pose in poses], view_names(poses, "name", images_file)
-    images = located(files, [photographs and photographs / file for file in files], images_file.parent)
+    folders = (parent / "images" for parent in images_file.absolute().parents[:3])
+    photographs = next(filter(Path.is_dir, folders), None)
+    files = [pose.text("name") for pose in poses]
+    names = view_names(poses, "name", images_file)
+    expected_images = [photographs / file if photographs else None for file in files]
+    images = located(files, expected_images, images_file.parent)
     views = zip(poses, names, images, strict=True)
     return [_camera(pose, optics, name, image) for pose, name, image in views]
 
 
 def _mention_larger(images_file: Path) -> None:
-    """Warn if another model of the same photographs, which COLMAP writes beside this one, is larger."""
+    """Warn if a larger model of the same photographs lies beside this one; COLMAP may write several."""
     sparse = images_file.parent
-    beside = sparse.parent.glob(f"*/{images_file.name}") if sparse.name.isdigit() else ()
-    larger = max(beside, key=lambda path: path.stat().st_size, default=images_file)
-    if larger.stat().st_size > images_file.stat().st_size:
-        warn(f"{sparse}: {larger.parent} holds a larger model: name that folder to read it instead")
+    siblings = sparse.parent.glob(f"*/{images_file.name}") if sparse.name.isdigit() else ()
+    largest = max(siblings, key=lambda path: path.stat().st_size, default=images_file)
+    if largest.stat().st_size > images_file.stat().st_size:
+        warn(f"{sparse}: {largest.parent} holds a larger model: name that folder to read it instead")
 
 
 def read_points(folder: Path) -> tuple[Float64, UInt8]:
@@ -90,22 +95,24 @@ def read_points(folder: Path) -> tuple[Float64, UInt8]:
 def write_colmap(
     folder: Path, views: Sequence[Camera], images: Iterable[Float32], points: tuple[Float64, UInt8]
 ) -> None:
-    """Write a project: ``images/00000.png`` and so on, one of each view, and ``sparse/0`` as text.
+    """Write a project: images ``images/00000.png`` and so on, one per view, and ``sparse/0`` as text.
 
     `images` are [H,W,3], `points` positions [P,3] and 8-bit colours [P,3].
     """
     from scipy.spatial.transform import Rotation
 
-    cameras, poses = [], []
+    camera_lines = []
+    image_lines = []
     for number, (view, image) in enumerate(zip(views, images, strict=True)):
         write_image(folder / "images" / f"{number:05d}.png", image)
         quat = Rotation.from_matrix(view.viewmat[:3, :3]).as_quat(scalar_first=True)
         lens = view.numbers[2:6]
-        cameras.append(f"{number + 1} PINHOLE {view.width} {view.height} {_numbers(lens)}\n")
+        camera_lines.append(f"{number + 1} PINHOLE {view.width} {view.height} {_numbers(lens)}\n")
         pose = _numbers([*quat, *view.viewmat[:3, 3]])
-        poses.append(f"{number + 1} {pose} {number + 1} {number:05d}.png\n\n")
-    rows = (f"{n} {_numbers(xyz)} {_numbers(rgb)} 0\n" for n, (xyz, rgb) in enumerate(zip(*points, strict=True), 1))
-    for name, lines in {"cameras": cameras, "images": poses, "points3D": rows}.items():
+        image_lines.append(f"{number + 1} {pose} {number + 1} {number:05d}.png\n\n")
+    numbered_points = enumerate(zip(*points, strict=True), 1)
+    point_lines = (f"{number} {_numbers(xyz)} {_numbers(rgb)} 0\n" for number, (xyz, rgb) in numbered_points)
+    for name, lines in {"cameras": camera_lines, "images": image_lines, "points3D": point_lines}.items():
         write_text(folder / "sparse" / "0" / f"{name}.txt", "".join(lines))
 
 
@@ -116,7 +123,8 @@ def _numbers(values: Iterable[float]) -> str:
 def _file(folder: Path, stem: str) -> Path:
     sparse = find_sparse(folder) or folder
     for suffix in _SUFFIXES:
-        if (path := sparse / f"{stem}{suffix}").is_file():
+        path = sparse / f"{stem}{suffix}"
+        if path.is_file():
             return path
     raise InputError(sparse, stem, expected=f"{stem}.bin or {stem}.txt of a COLMAP sparse model", found="neither")
 
@@ -139,19 +147,25 @@ def _camera(pose: Entry, optics: dict[int, dict[str, Any]], name: str, image: Pa
 def _optics(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
     """Yield the number of each camera of a file, and the fields of a `Camera` that it determines."""
     for number, model, width, height, *values in _lenses(path):
-        if not (names := _PARAMETERS.get(model)):
+        names = _PARAMETERS.get(model)
+        if not names:
             expected = f"one of {', '.join(name for name, names in _PARAMETERS.items() if names)}"
             raise InputError(path, f"camera {number}.model", expected=expected, found=model, hint=_HINT)
         parameters = dict(zip(names, values, strict=True))
         lens = Entry(path, f"camera {number}", {"width": width, "height": height, **parameters})
-        fx, fy = (lens.positive("f" if "f" in lens else key) for key in ("fx", "fy"))
-        K = intrinsics(fx, fy, lens.number("cx"), lens.number("cy"))
-        size = {"width": lens.pixels("width"), "height": lens.pixels("height")}
-        yield number, {**size, "K": K, "distortion": lens.distortion()}
+        fx = lens.positive("f" if "f" in lens else "fx")
+        fy = lens.positive("f" if "f" in lens else "fy")
+        fields = {
+            "K": intrinsics(fx, fy, lens.number("cx"), lens.number("cy")),
+            "width": lens.pixels("width"),
+            "height": lens.pixels("height"),
+            "distortion": lens.distortion(),
+        }
+        yield number, fields
 
 
 def _lenses(path: Path) -> Iterator[Record]:
-    """Yield number, model, width, height and parameters of each camera; no parameters of a model that is not read."""
+    """Yield number, model, width, height and parameters of each camera, without parameters for unsupported models."""
 
     def parsed(line: str) -> Record:
         number, model, width, height, *values = line.split()
@@ -160,10 +174,10 @@ def _lenses(path: Path) -> Iterator[Record]:
     if path.suffix == ".txt":
         yield from _from_text(path, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", parsed)
         return
-    for data in _records(path):
-        number, model_id, width, height = data.take("<iiQQ")
+    for reader in _records(path):
+        number, model_id, width, height = reader.take("<iiQQ")
         model = dict(enumerate(_PARAMETERS)).get(model_id, f"model {model_id}")
-        yield number, model, width, height, *data.take(f"<{len(_PARAMETERS.get(model, ()))}d")
+        yield number, model, width, height, *reader.take(f"<{len(_PARAMETERS.get(model, ()))}d")
 
 
 def _images(path: Path) -> Iterator[Record]:
@@ -176,9 +190,11 @@ def _images(path: Path) -> Iterator[Record]:
     if path.suffix == ".txt":
         yield from _from_text(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", parsed, has_points=True)
         return
-    for data in _records(path):
-        pose, name, (points,) = data.take("<i7di"), data.text(), data.take("<Q")
-        data.at += 24 * points  # x, y, point id of a 2-D point each
+    for reader in _records(path):
+        pose = reader.take("<i7di")
+        name = reader.text()
+        (points,) = reader.take("<Q")
+        reader.position += 24 * points  # x, y, point id of a 2-D point each
         yield *pose, name
 
 
@@ -192,42 +208,45 @@ def _points(path: Path) -> Iterator[Record]:
     if path.suffix == ".txt":
         yield from _from_text(path, "POINT3D_ID X Y Z R G B ERROR TRACK[]", parsed)
         return
-    for data in _records(path):
-        _, *point, _, track = data.take("<Q3d3BdQ")
-        data.at += 8 * track  # of image id and index of the 2-D point each
+    for reader in _records(path):
+        _, *point, _, track = reader.take("<Q3d3BdQ")
+        reader.position += 8 * track  # image id and index of the 2-D point each
         yield tuple(point)
 
 
-class _Data:
-    """A binary file's bytes and a position in them."""
+class _Reader:
+    """The bytes of a binary file, and a position in them."""
 
     def __init__(self, data: bytes) -> None:
-        self.data, self.at = data, 0
+        self.data = data
+        self.position = 0
 
     def take(self, layout: str) -> Record:
-        values = struct.unpack_from(layout, self.data, self.at)
-        self.at += struct.calcsize(layout)
+        values = struct.unpack_from(layout, self.data, self.position)
+        self.position += struct.calcsize(layout)
         return values
 
     def text(self) -> str:
         """Read a name, which ends with a zero."""
-        start, self.at = self.at, self.data.index(b"\0", self.at) + 1
-        return self.data[start : self.at - 1].decode(errors="replace")
+        end = self.data.index(b"\0", self.position)
+        name = self.data[self.position : end].decode(errors="replace")
+        self.position = end + 1
+        return name
 
 
-def _records(path: Path) -> Iterator[_Data]:
-    """Yield a binary file as often as it has records, each time at the next one; the file must end after the last."""
-    data = _Data(path.read_bytes())
-    for _ in range(data.take("<Q")[0]):
-        yield data
-    if data.at != len(data.data):
-        raise ValueError(f"{len(data.data)} bytes, not {data.at}")
+def _records(path: Path) -> Iterator[_Reader]:
+    """Yield a reader of a binary file once per record; the caller reads the record, the last of which ends the file."""
+    reader = _Reader(path.read_bytes())
+    for _ in range(reader.take("<Q")[0]):
+        yield reader
+    if reader.position != len(reader.data):
+        raise ValueError(f"{len(reader.data)} bytes, not {reader.position}")
 
 
 def _from_text(
     path: Path, expected: str, parse: Callable[[str], Record], *, has_points: bool = False
 ) -> Iterator[Record]:
-    """Yield the record of each line but comments, each of which has 2-D points in the line below if `has_points`."""
+    """Yield the record of each line, without comments; with `has_points`, the line below a record is one of points."""
     numbered = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
     lines = ((number, line) for number, line in numbered if not line.startswith("#"))
     for number, line in lines:
@@ -237,6 +256,8 @@ def _from_text(
             yield parse(line)
         except ValueError:
             raise InputError(path, f"line {number}", expected=expected, found=line[:60]) from None
-        if has_points and len((below := next(lines, (0, ""))[1]).split()) % 3:
-            expected = "the 2-D points as X Y POINT3D_ID (the line may be empty)"
-            raise InputError(path, f"line {number + 1}", expected=expected, found=below[:60])
+        if has_points:
+            _, points = next(lines, (0, ""))
+            if len(points.split()) % 3:
+                point_format = "the 2-D points as X Y POINT3D_ID (the line may be empty)"
+                raise InputError(path, f"line {number + 1}", expected=point_format, found=points[:60])

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gspure.arrays import Float64
-from gspure.cameras.camera import COEFFICIENTS, require_rigid
+from gspure.cameras.camera import LENS_COEFFICIENTS, require_rigid
 from gspure.constants import LARGEST
 from gspure.errors import InputError
 from gspure.settings import SIDE
@@ -19,32 +19,32 @@ from gspure.settings import SIDE
 
 @dataclass(frozen=True)
 class Entry:
-    """One object of a camera file; the constructor and every reader raise `InputError` for a value of another type.
+    """One object of a camera file; the constructor and all methods that read raise `InputError` for unsuitable values.
 
-    `where` is the place of the object in the `source`, such as ``[3]`` or ``camera 1``; empty for the whole file.
+    `place` is that of the object in the `source`, such as ``[3]`` or ``camera 1``; empty for the whole file.
     """
 
     source: Path | str
-    where: str
-    values: Any  # a mapping, or refused
+    place: str
+    values: Any  # the constructor refuses all but mappings
 
     def __post_init__(self) -> None:
         if not isinstance(self.values, Mapping):
-            found = reprlib.repr(self.values)
-            raise InputError(self.source, self.where or "file", expected="an object", found=found)
+            value = reprlib.repr(self.values)
+            raise InputError(self.source, self.place or "file", expected="an object", found=value)
 
     def refusal(self, key: str, *, expected: str, found: str, hint: str | None = None) -> InputError:
         """Return the error that names one key of this entry."""
         return InputError(self.source, self._field(key), expected=expected, found=found, hint=hint)
 
     def _field(self, key: str) -> str:
-        return f"{self.where}.{key}" if self.where else key
+        return f"{self.place}.{key}" if self.place else key
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
 
     def value(self, key: str, expected: str, accepts: Callable[[Any], bool]) -> Any:
-        """Return the value of a key, which must be there and accepted."""
+        """Return the value of a key; refuse a missing one, and one that `accepts` rejects."""
         if key not in self.values:
             raise self.refusal(key, expected=expected, found="nothing")
         if not accepts(self.values[key]):
@@ -56,7 +56,7 @@ class Entry:
         return str(self.value(key, "a text", lambda value: isinstance(value, str)))
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Return a finite number, or the default if there is one and no value."""
+        """Return a finite number, or the default, if any, where the key is missing."""
         if key not in self and default is not None:
             return default
         return float(self.value(key, f"a number within ±{LARGEST:g}", _is_finite))
@@ -72,14 +72,14 @@ class Entry:
         return int(self.value(key, expected, lambda value: _is_finite(value) and value % 1 == 0 and int(value) in SIDE))
 
     def distortion(self) -> tuple[float, ...]:
-        """Return the `COEFFICIENTS` of a lens, 0 where missing; nothing if all are 0. Lists of them are refused."""
+        """Return the `LENS_COEFFICIENTS`, 0 where missing; empty if all are 0. Refuse a list of them unless zero."""
         for key in {"distortion", "distortion_params"} & self.values.keys():
-            self.value(key, f"a key for each of {', '.join(COEFFICIENTS)}", lambda value: not np.any(value))
-        values = tuple(self.number(name, 0.0) for name in COEFFICIENTS)
+            self.value(key, f"a key for each of {', '.join(LENS_COEFFICIENTS)}", lambda value: not np.any(value))
+        values = tuple(self.number(name, 0.0) for name in LENS_COEFFICIENTS)
         return values if any(values) else ()
 
     def array(self, key: str, *shapes: tuple[int, ...]) -> Float64:
-        """Return finite numbers nested in one of the given shapes."""
+        """Return an array of finite numbers in one of these shapes."""
 
         def is_of_shape(value: Any) -> bool:
             array = np.array(value, dtype=object)

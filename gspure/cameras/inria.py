@@ -27,28 +27,31 @@ def parse(source: Path, content: list[Any]) -> list[Camera]:
     """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from."""
     entries = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
     names = view_names(entries, "img_name", source)
-    return [_camera(*pair, source.parent) for pair in zip(entries, names, strict=True)]
+    return [_camera(entry, name, source.parent) for entry, name in zip(entries, names, strict=True)]
 
 
 def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | None = None) -> None:
     """Write cameras as cameras.json, one view per line, with every digit of their float64 values.
 
-    Photographs are named relative to `place`, the folder that the file is for, by default its own.
+    Paths of photographs are relative to `place`, the final folder of the file, by default the folder of `path`.
     """
     path = Path(path)
-    if cameras and (most := Counter(camera.name for camera in cameras).most_common(1)[0])[1] > 1:
-        raise InputError(path, "view names", expected="each name once", found=f"{most[1]} times {most[0]!r}")
+    for name, count in Counter(camera.name for camera in cameras).most_common(1):
+        if count > 1:
+            raise InputError(path, "view names", expected="each name once", found=f"{count} times {name!r}")
     lines = (json.dumps(_values(i, camera, place or path.parent)) for i, camera in enumerate(cameras))
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 
 
 def _camera(entry: Entry, name: str, folder: Path) -> Camera:
-    width, height = entry.pixels("width"), entry.pixels("height")
+    width = entry.pixels("width")
+    height = entry.pixels("height")
     viewmat = np.eye(4)
     viewmat[:3, :3] = entry.rigid("rotation", (3, 3)).T
     viewmat[:3, 3] = -viewmat[:3, :3] @ entry.array("position", (3,))
-    centre = entry.number("cx", width / 2), entry.number("cy", height / 2)
-    K = intrinsics(entry.positive("fx"), entry.positive("fy"), *centre)
+    cx = entry.number("cx", width / 2)
+    cy = entry.number("cy", height / 2)
+    K = intrinsics(entry.positive("fx"), entry.positive("fy"), cx, cy)
     image = folder / entry.text("image") if "image" in entry else None
     return Camera(name, width, height, K, viewmat, image, entry.distortion())
 

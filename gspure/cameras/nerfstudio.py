@@ -2,7 +2,7 @@
 
 Both list ``frames`` with a ``transform_matrix``, camera to world, in OpenGL axes (x right, y up, z backward), which
 become COLMAP's by negating y and z. nerfstudio gives ``fl_x fl_y cx cy w h`` per file or per frame; Blender gives
-``camera_angle_x`` (radians, over the image's width); without ``w`` and ``h``, the size is that of the image file, or
+``camera_angle_x`` (radians, over the image's width). Without ``w`` and ``h``, the size is that of the image file, or,
 if that is missing, of the first image file that exists.
 
 World coordinates are those of the file, since a model trained from it uses them. nerfstudio's ``applied_transform``
@@ -26,7 +26,7 @@ from gspure.files import read_json
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
-"""Flags and coefficients of Instant NGP's lenses, next to its pinhole, and further ones, on which readers disagree."""
+"""Flags and coefficients of lenses that are no pinhole: Instant NGP's, and coefficients on which readers disagree."""
 _OTHER_AXES = ("from_na", "from_mitsuba")  # flags of Instant NGP
 _HINT = "undistort the photographs first, for example with colmap image_undistorter"
 _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
@@ -40,14 +40,16 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     entries = [Entry(source, f"frames[{i}]", frame) for i, frame in enumerate(completed)]
     names = view_names(entries, "file_path", source)
     files = [entry.text("file_path") for entry in entries]
-    named = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]  # Blender scenes omit it
-    images = located(files, named, source.parent)
-    existing = next((image for image in images if image and image.is_file()), None)
-    return [_camera(*parts, existing) for parts in zip(entries, names, images, strict=True)]
+    # Blender scenes omit the suffix.
+    expected_images = [source.parent / (file if Path(file).suffix else f"{file}.png") for file in files]
+    images = located(files, expected_images, source.parent)
+    existing = next(filter(Path.is_file, images), None)
+    views = zip(entries, names, images, strict=True)
+    return [_camera(entry, name, image, existing) for entry, name, image in views]
 
 
 def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
-    """Return the cameras of a list of poses that ``ns-export cameras`` has written, in the world of the model.
+    """Return the cameras of a list of poses written by ``ns-export cameras``, in the world of the model.
 
     Their optics are those of the transforms.json beside the file or above the photographs.
     """
@@ -63,15 +65,19 @@ def parse_poses(source: Path, content: list[Any]) -> list[Camera]:
     optics = {safe_name(str(frame.get("file_path"))): frame for frame in stored}
     frames = []
     for pose in poses:
-        file, matrix = pose.text("file_path"), pose.array("transform", (3, 4)).tolist()
+        file = pose.text("file_path")
+        matrix = pose.array("transform", (3, 4)).tolist()
         frames.append({**optics.get(safe_name(file), {}), "file_path": file, "transform_matrix": matrix})
     return parse(source, {**scene.values, "frames": frames})
 
 
 def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Camera:
     _require_opengl_pinhole(entry)
-    measured = image if image.is_file() else existing or image
-    width, height = (entry.pixels("w"), entry.pixels("h")) if "w" in entry else photograph_size(measured)
+    if "w" in entry:
+        width = entry.pixels("w")
+        height = entry.pixels("h")
+    else:
+        width, height = photograph_size(image if image.is_file() else existing or image)
     fx = _focal(entry, "x", width)
     fy = _focal(entry, "y", height) if "fl_y" in entry or "camera_angle_y" in entry else fx
     K = intrinsics(fx, fy, entry.number("cx", width / 2), entry.number("cy", height / 2))
@@ -81,11 +87,13 @@ def _camera(entry: Entry, name: str, image: Path, existing: Path | None) -> Came
 
 
 def _require_opengl_pinhole(entry: Entry) -> None:
-    if "camera_model" in entry and (model := entry.text("camera_model")) not in _PINHOLES:
+    if "camera_model" in entry and entry.text("camera_model") not in _PINHOLES:
+        model = entry.text("camera_model")
         raise entry.refusal("camera_model", expected="a pinhole camera", found=model, hint=_HINT)
-    for key in filter(entry.values.get, (*_OTHER_LENSES, *_OTHER_AXES)):
-        expected, hint = ("OpenGL axes", None) if key in _OTHER_AXES else ("a pinhole camera", _HINT)
-        raise entry.refusal(key, expected=expected, found=repr(entry.values[key]), hint=hint)
+    for key in filter(entry.values.get, _OTHER_LENSES):
+        raise entry.refusal(key, expected="a pinhole camera", found=repr(entry.values[key]), hint=_HINT)
+    for key in filter(entry.values.get, _OTHER_AXES):
+        raise entry.refusal(key, expected="OpenGL axes", found=repr(entry.values[key]))
 
 
 def _focal(entry: Entry, axis: str, length: int) -> float:

@@ -18,20 +18,23 @@ from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
 
 Floats = NDArray[np.floating[Any]]
 
-_BULK = 0.95  # share of the model's opacity whose middle is looked at; the rest may be floaters
-_FRAMED = 0.995  # share in view, unless that needs `_WIDER` views than the bulk
+_BULK = 0.95  # share of the model's opacity that determines its middle; the rest may be floaters
+_FRAMED = 0.995  # share of the opacity in view, unless it needs a radius of more than `_WIDER` times that of the bulk
 _WIDER = 1.3
 _ELEVATIONS: Final = (15.0, 45.0, -20.0)  # degrees above the horizon of the rings
 _RADII: Final = (0.6, 1.0, 1.6)  # radii of the shells, as multiples of the distance at which the model fills a view
 _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 
 _COLMAP = np.array([0.0, -1.0, 0.0])  # y points down, and 3DGS models use COLMAP's world
-_FLAT = 0.8  # largest ratio of the smallest to the second deviation for which a model counts as flat. Ours
-_UPRIGHT = 0.94  # cosine of 20 degrees: nearer axes are taken as they are. Ours
-_EVEN, _LOPSIDED = 0.15, 0.4  # skewness below which sides are alike, and above which not. Ours
+# Ours:
+_FLAT = 0.8  # largest ratio of the smallest to the second deviation for which a model counts as flat
+_UPRIGHT = 0.94  # cosine of 20 degrees: a direction nearer to an axis becomes that axis
+_EVEN = 0.15  # skewness below which two sides are alike
+_LOPSIDED = 0.4  # skewness above which they are not
+_SURE = 0.75  # a guess is sure if it stands with limits of flatness and skewness stricter by this factor
+_NEUTRAL = 1e-6  # a normal whose component along -y + z is smaller has no sense
+
 UP_SHEET: Final = "up.png"  # pictures of a model with each axis up, in the folder of results
-_SURE = 0.75  # share of the limits of flatness and skewness at which a guess is sure. Ours
-_NEUTRAL = 1e-6  # a normal with less of -y + z has no sense. Ours
 
 
 class Up(NamedTuple):
@@ -41,16 +44,17 @@ class Up(NamedTuple):
     is_sure: bool
 
     def __str__(self) -> str:
-        return " ".join(f"{x:.3g}" for x in self.direction + 0.0) + " (unsure)" * (not self.is_sure)
+        text = " ".join(f"{x:.3g}" for x in self.direction + 0.0)
+        return text if self.is_sure else f"{text} (unsure)"
 
 
 def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[Camera]:
-    """Return `count` views on rings around the `bounding_sphere` of a model, which fills them.
+    """Return `count` views on rings around a model; its `bounding_sphere` fills them.
 
     Consecutive views alternate between the rings, so that the test split, every eighth view, covers all sides.
 
-    The other parameters are `width` and `height` in pixels, `fov_degrees`, horizontal, and `up` [3], the up direction
-    of the world: (0, -1, 0) for models trained from COLMAP data, (0, 0, 1) for those from nerfstudio, Blender and most
+    Further parameters are `width` and `height` in pixels, `fov_degrees`, horizontal, and `up` [3], the up direction of
+    the world: (0, -1, 0) for models trained from COLMAP data, (0, 0, 1) for those from nerfstudio, Blender and most
     scanners. By default it is guessed, and printed. Raise `InputError` if the model has no finite row, or a setting is
     out of range.
     """
@@ -60,38 +64,41 @@ def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[
 
 
 def shell_cameras(model: Gaussians, *, count: int = 48, **framing: Any) -> list[Camera]:
-    """Return views from all directions, also from below, on spherical shells; the parameters are as above.
+    """Return `count` views from all directions, also from below, on spherical shells.
 
-    The directions are a Fibonacci spiral; consecutive views alternate between the shells.
+    The directions are a Fibonacci spiral; consecutive views alternate between the shells. The further parameters are
+    those of `orbit_cameras`.
     """
     VIEWS.require("shell views", "count", count)
-    sines = ((2 * i + 1) / count - 1 for i in range(count))
-    elevations = (math.degrees(math.asin(sine)) for sine in sines)
+    elevations = (math.degrees(math.asin((2 * i + 1) / count - 1)) for i in range(count))
     placements = [(elevation, i * _GOLDEN_ANGLE, _RADII[i % len(_RADII)]) for i, elevation in enumerate(elevations)]
     return _views("shell", model, placements, **framing)
 
 
 GENERATED: Final[Mapping[str, Callable[..., list[Camera]]]] = {"orbit": orbit_cameras, "shells": shell_cameras}
-"""What a command or a configuration may name in place of a camera file: views around a model."""
+"""Views around a model, by the name that a command or a configuration takes in place of a camera file."""
 
 
 def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     """Return centre [3] and radius of the sphere that holds most of a model's opacity.
 
-    The centre is that of the box between the opacity-weighted 5 % and 95 % quantiles of each coordinate, the radius the
-    weighted 99.5 % quantile of the distances to it, but at most 1.3 times the 95 % quantile: floaters change neither.
-    Rows that are not finite are ignored. A single point gets radius 1.
+    The centre is the middle of the box between the opacity-weighted 5 % and 95 % quantiles of each coordinate. The
+    radius is the weighted 99.5 % quantile of the distances to it, but at most 1.3 times the 95 % quantile. So floaters
+    change neither. Rows that are not finite are ignored. A single point gets radius 1.
     """
     points, weights = _finite(means, opacities)
-    low, high = ([_quantile(axis, weights, q) for axis in points.T] for q in (1 - _BULK, _BULK))
-    centre = (np.array(low) + np.array(high)) / 2
+    low = np.array([_quantile(axis, weights, 1 - _BULK) for axis in points.T])
+    high = np.array([_quantile(axis, weights, _BULK) for axis in points.T])
+    centre = (low + high) / 2
     distances = np.linalg.norm(points - centre, axis=1)
-    bulk, framed = (_quantile(distances, weights, q) for q in (_BULK, _FRAMED))
+    bulk = _quantile(distances, weights, _BULK)
+    framed = _quantile(distances, weights, _FRAMED)
     return centre, min(framed, _WIDER * bulk) or framed or 1.0
 
 
 def _finite(means: Floats, opacities: Floats) -> tuple[Float64, Float64]:
-    points, weights = np.asarray(means, np.float64), np.asarray(opacities, np.float64)
+    points = np.asarray(means, np.float64)
+    weights = np.asarray(opacities, np.float64)
     finite = np.isfinite(points).all(axis=1) & np.isfinite(weights)
     if not finite.any():
         raise InputError("model", "Gaussians", expected="at least one finite row", found="none")
@@ -117,8 +124,9 @@ def _views(
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
     centre, radius = bounding_sphere(model.means, model.opacities)
     if up is None:
-        up = (guess := up_of(model)).direction.tolist()
+        guess = up_of(model)
         say(f"up direction {guess}, guessed from the model's shape; --up X Y Z sets another")
+        up = guess.direction.tolist()
     frame = _frame(Entry(f"{kind} views", "", {"up": up}))
     SIDE.require(f"{kind} views", "width", width)
     SIDE.require(f"{kind} views", "height", height)
@@ -128,12 +136,15 @@ def _views(
     filling = radius / math.sin(math.atan(min(width, height) / 2 / focal))
     nearest = 1.25 * radius + NEAR_PLANE  # keeps the sphere of a small model, and a margin, beyond the near plane
     digits = max(3, len(str(len(placements) - 1)))
-    poses = (_looking_at(centre, frame, e, a, max(filling * shell, nearest)) for e, a, shell in placements)
-    return [Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat) for i, viewmat in enumerate(poses)]
+    cameras = []
+    for i, (elevation, azimuth, shell) in enumerate(placements):
+        viewmat = _looking_at(centre, frame, elevation, azimuth, max(filling * shell, nearest))
+        cameras.append(Camera(f"{kind}_{i:0{digits}d}", width, height, K, viewmat))
+    return cameras
 
 
 def up_of(model: Gaussians) -> Up:
-    """Return `guessed_up` of the rows in the bounding sphere of a model."""
+    """Return `guessed_up` for the rows of a model in its bounding sphere."""
     points, weights = _finite(model.means, model.opacities)
     centre, radius = bounding_sphere(points, weights)
     inside = np.linalg.norm(points - centre, axis=1) <= radius
@@ -141,7 +152,7 @@ def up_of(model: Gaussians) -> Up:
 
 
 def _frame(settings: Entry) -> Float64:
-    """Return the world axes front, right-hand side and up [3,3]; the front is -z, or -y if z is up."""
+    """Return the world axes front, right and up [3,3]; the front is -z, or -y if z is up."""
     up = settings.array("up", (3,))
     if not np.linalg.norm(up) > 0:
         raise settings.refusal("up", expected="a direction", found="0 0 0")
@@ -153,9 +164,10 @@ def _frame(settings: Entry) -> Float64:
 
 
 def _looking_at(centre: Float64, frame: Float64, elevation: float, azimuth: float, distance: float) -> Float64:
-    """Return the view matrix of a camera that looks at `centre`; its axes are well defined at the poles too."""
+    """Return the viewmat of a camera that looks at `centre`; its axes are well defined at the poles too."""
     front, side, up = frame
-    a, e = math.radians(azimuth), math.radians(elevation)
+    a = math.radians(azimuth)
+    e = math.radians(elevation)
     horizontal = math.cos(a) * front + math.sin(a) * side
     backward = math.cos(e) * horizontal + math.sin(e) * up
     right = math.cos(a) * side - math.sin(a) * front
@@ -164,29 +176,35 @@ def _looking_at(centre: Float64, frame: Float64, elevation: float, azimuth: floa
     return rigid(rotation, -rotation @ (centre + distance * backward))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of points in one plane
+@np.errstate(over="ignore", invalid="ignore")  # points in one plane
 def guessed_up(points: Float64, weights: NDArray[Any]) -> Up:
-    """Return the unit vector [3] normal to the plane in which a model extends: its ground, or that of a flat object.
+    """Return the normal [3] of the plane in which a model extends: of its ground, or of a flat object.
 
-    People and figurines with arms spread are flat, too, but alike in front and behind, and not above and below: the
-    vector is along their height. Its sense is that of the usual worlds, -y or +z up. A direction near an axis is that
-    axis. It is -y, as from COLMAP, if the model is not flat or its plane is upright in both worlds. Points [K,3] are
-    finite; their weights [K] may be opacities.
+    Standing people and figurines are flat, too, but in another plane: their front and back are alike, above and below
+    are not. For these the vector is along their height. Its sense is that of the usual worlds, -y or +z up. A direction
+    near an axis becomes that axis. If the model is not flat, or its plane is upright in both worlds, the guess is -y,
+    as in COLMAP's world. Points [K,3] are finite; their weights [K] may be opacities.
 
-    The guess is unsure if it is that last resort or no axis, or flatness or skewness are within 25 % of their limits.
+    The guess is unsure if it is this default or no axis, or if flatness or skewness is within 25 % of its limit.
     """
     weights = weights + np.finfo(np.float64).tiny  # some may be invisible, but not all
     offsets = points - np.average(points, axis=0, weights=weights)
     variances, axes = np.linalg.eigh((offsets * weights[:, None]).T @ offsets)
     spreads = np.sqrt(np.maximum(variances / weights.sum(), np.finfo(np.float64).tiny))
     skews = np.abs(weights @ (offsets @ axes / spreads) ** 3) / weights.sum()
-    stands, might, must = (skews[0] < _EVEN * m and skews[1:].max() > _LOPSIDED / m for m in (1, 1 / _SURE, _SURE))
-    axis = axes[:, 1 + skews[1:].argmax() if stands else 0]
+
+    def stands(factor: float) -> bool:
+        """Return whether only front and back of the model are alike, with limits looser by this factor."""
+        return bool(skews[0] < _EVEN * factor and skews[1:].max() > _LOPSIDED / factor)
+
+    axis = axes[:, 1 + skews[1:].argmax() if stands(1) else 0]
     sense = axis @ (0, -1, 1)
     normal = axis * np.sign(sense)
-    is_flat, is_neutral = variances[0] < _FLAT**2 * variances[1], abs(sense) < _NEUTRAL
+    is_flat = variances[0] < _FLAT**2 * variances[1]
+    is_neutral = abs(sense) < _NEUTRAL
     if not is_flat or is_neutral or abs(normal[0]) > max(-normal[1], normal[2]):
         return Up(_COLMAP, is_sure=False)
     nearest = np.round(normal * (np.abs(normal) > _UPRIGHT))
-    is_sure = might == must and nearest.any() and variances[0] < (_SURE * _FLAT) ** 2 * variances[1]
+    is_clearly_flat = variances[0] < (_SURE * _FLAT) ** 2 * variances[1]
+    is_sure = stands(1 / _SURE) == stands(_SURE) and nearest.any() and is_clearly_flat
     return Up(nearest if nearest.any() else normal, bool(is_sure))

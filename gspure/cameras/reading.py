@@ -1,4 +1,4 @@
-"""Reading of cameras in all formats, recognized by the content of the path, and of transforms."""
+"""Reading of cameras in all formats, recognized by content, and of transforms."""
 
 import re
 from fnmatch import fnmatch
@@ -18,11 +18,11 @@ from gspure.progress import say
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
 COLMAP_FILES: Final = ("cameras.bin", "images.bin", "cameras.txt", "images.txt")
-CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)  # that cameras are read from, of all formats
+CAMERA_FILES: Final = (*COLMAP_FILES, *IN_FOLDER)  # of all formats that are read
 
 _HEAD: Final = 4096  # bytes by which a file is recognized
 _XML: Final = r"(<\?xml[^>]*>)?\s*"
-_ROW: Final = r"(#.*\s+)*([-+.\dena]+[ \t,]+){%d}[-+.\dena]+[ \t]*[\r\n]+"  # of this many numbers and one more
+_ROW: Final = r"(#.*\s+)*([-+.\dena]+[ \t,]+){%d}[-+.\dena]+[ \t]*[\r\n]+"  # one more number than the count
 _EXPORT: Final = "export a COLMAP model from the program that wrote it"
 _WRITE: Final = "write its poses and intrinsics into a transforms.json"
 
@@ -50,29 +50,29 @@ _FORMATS: Final = (
     ("*.ps[xz]", "", "Metashape (a project)", "export COLMAP from Metashape"),
     ("*.r[cs]proj", "", "RealityCapture (a project)", "export COLMAP from RealityCapture"),
 )
-"""Pattern of the name in lower case, beginning, format, and a way to convert it."""
+"""Pattern of the file name in lower case, pattern of the beginning, program, and a way to convert its cameras."""
 
-_LISTED: Final = 8  # most folders that an error names
+_LISTED: Final = 8  # most folders in an error
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder as `read_lenses` does; a distorted one is refused with an `InputError`."""
+    """Read the cameras of a file or folder as `read_lenses` does; raise `InputError` for a distorted one."""
     cameras = read_lenses(path)
     for camera in cameras:
         if camera.distortion:
-            found = " ".join(f"{value:g}" for value in camera.distortion)
+            coefficients = " ".join(f"{value:g}" for value in camera.distortion)
             hint = "undistort first: gspure cameras SOURCE --undistort --out FOLDER/cameras.json"
-            raise InputError(path, f"{camera.name}.distortion", expected="none", found=found, hint=hint)
+            raise InputError(path, f"{camera.name}.distortion", expected="none", found=coefficients, hint=hint)
     return cameras
 
 
 def read_lenses(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder, in its order; COLMAP's have priority: they have photographs.
+    """Read the cameras of a file or folder, in its order, with the distortion of their lenses.
 
     `path` is a cameras.json of 3DGS or of ours, a transforms.json of nerfstudio, Instant NGP or Blender, the poses of
-    ``ns-export cameras``, or a folder: with a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``), else with
-    one of those files; or with one subfolder, up to two levels deeper, that has them. Raise `InputError` if there are
-    no cameras, or a field is invalid.
+    ``ns-export cameras``, or a folder. A folder holds a COLMAP sparse model (in itself, ``sparse/0`` or ``sparse``),
+    which has priority since it names photographs, or one of those files; or one of its subfolders, up to two levels
+    deeper, does. Raise `InputError` if there are no cameras, or a field is invalid.
     """
     path = Path(path)
     place = camera_place(path)
@@ -84,7 +84,8 @@ def read_lenses(path: str | Path) -> list[Camera]:
 def _read_file(path: Path) -> list[Camera]:
     """Read the cameras of a file."""
     refuse_foreign(path)
-    match content := read_json(path):
+    content = read_json(path)
+    match content:
         case [{"transform": _}, *_]:
             return nerfstudio.parse_poses(path, content)
         case list():
@@ -95,9 +96,11 @@ def _read_file(path: Path) -> list[Camera]:
 
 
 def camera_object(source: Path) -> Entry | None:
-    """Return the object in a camera file or that of a folder, such as a transforms.json; None if it holds no object."""
+    """Return the JSON object in a camera file, or in that of a folder, such as a transforms.json; else None."""
     path = camera_place(source)
-    content = None if path.is_dir() else read_json(path)
+    if path.is_dir():
+        return None
+    content = read_json(path)
     return Entry(path, "", content) if isinstance(content, dict) else None
 
 
@@ -111,9 +114,9 @@ def read_transform(path: Path) -> Float64:
 
 
 def camera_place(source: Path) -> Path:
-    """Return the camera file, or the folder of a COLMAP sparse model, that a path stands for.
+    """Return the camera file of a path, or the folder of its COLMAP sparse model.
 
-    A folder without either stands for one in its subfolders, if that is the only one.
+    A folder without either stands for that in its subfolders, if there is exactly one.
     """
     if not source.is_dir():
         return source.parent if source.name in COLMAP_FILES else source
@@ -123,17 +126,19 @@ def camera_place(source: Path) -> Path:
     if not places:
         refuse_foreign(source)
     expected = f"a COLMAP sparse model, {', '.join(IN_FOLDER[:-1])} or {IN_FOLDER[-1]}"
-    found = ", ".join(str(path.relative_to(source)) for path in places) or "none of them"
+    if places:
+        names = ", ".join(str(path.relative_to(source)) for path in places)
+        raise InputError(source, "folder", expected=expected, found=names, hint="name one of them")
     folders = ", ".join(sorted(path.name for path in source.iterdir() if path.is_dir())[:_LISTED])
-    hint = "name one of them" if places else f"its folders are {folders}" if folders else None
-    raise InputError(source, "folder", expected=expected, found=found, hint=hint)
+    hint = f"its folders are {folders}" if folders else None
+    raise InputError(source, "folder", expected=expected, found="none of them", hint=hint)
 
 
 def camera_places(folder: Path) -> list[Path]:
     """Return the camera file or sparse model of a folder, or else those of its subfolders, up to two levels deeper."""
     for pattern in ("", "*", "*/*"):
-        folders = sorted(path for path in folder.glob(pattern) if path.is_dir()) if pattern else [folder]
-        places = {place: None for path in folders if (place := place_in(path))}
+        folders = sorted(filter(Path.is_dir, folder.glob(pattern))) if pattern else [folder]
+        places = dict.fromkeys(filter(None, map(place_in, folders)))
         if places:
             return [*places]
     return []
@@ -146,16 +151,17 @@ def place_in(folder: Path) -> Path | None:
 
 
 def refuse_foreign(path: Path) -> None:
-    """Refuse a file of another program or kind, or a folder that holds cameras of one, with a way to convert them."""
+    """Refuse a camera file of another program, or a folder with one, and any other foreign file, with a remedy."""
     expected = "cameras of 3DGS, COLMAP or nerfstudio"
     for file in sorted(path.glob("*")) if path.is_dir() else [path]:
-        known = [row for row in _FORMATS if fnmatch(file.name.lower(), row[0])]
-        if not file.is_file() or not (known or file == path):
+        candidates = [row for row in _FORMATS if fnmatch(file.name.lower(), row[0])]
+        if not file.is_file() or not (candidates or file == path):
             continue
         with reading(file, "cameras"), file.open("rb") as stream:
             head = stream.read(_HEAD).decode("utf-8-sig", errors="replace")
-        for name, way in (row[2:] for row in known if re.match(row[1], head)):
-            found = f"those of {name}" + (f" in {file.name}" if file != path else "")
-            raise InputError(path, "format", expected=expected, found=found, hint=way)
+        for _, beginning, program, remedy in candidates:
+            if re.match(beginning, head):
+                origin = f"those of {program}" if file == path else f"those of {program} in {file.name}"
+                raise InputError(path, "format", expected=expected, found=origin, hint=remedy)
         if file == path and file.suffix.lower() != ".json" and not head.lstrip().startswith(("[", "{")):
             raise InputError(path, "format", expected=expected, found="a file of another kind", hint=_EXPORT)

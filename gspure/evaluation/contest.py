@@ -66,8 +66,8 @@ def _quantity_of(known: Curves, variant: str, quantity: Quantity) -> Cells:
     values = {}
     for cell, curve in known.items():
         if variant in curve:
-            scene_drop, message_drop = curve[variant]
-            values[cell] = scene_weight * scene_drop + message_weight * message_drop
+            drops = curve[variant]
+            values[cell] = scene_weight * drops.scene + message_weight * drops.message
     return values
 
 
@@ -127,7 +127,7 @@ def _best_rivals(
 def _within(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point]:
     """Return the points of a sweep that do at most a damage, those of gentler strengths where a search missed it."""
     gentle = {
-        cell: {variant: drops for variant, drops in curve.items() if drops[0] <= damage}
+        cell: {variant: drops for variant, drops in curve.items() if drops.scene <= damage}
         for cell, curve in known.items()
     }
     within: dict[tuple[str, int], Point] = {}

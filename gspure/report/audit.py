@@ -1,4 +1,4 @@
-"""The owner's audit under one condition: the damage at which the message is lost, and what limits the answer."""
+"""The owner's audit under one condition: the damage at which the message is lost, and the limits of the verdict."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from gspure.text import decimal
 
 ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene of an attack that counts for the verdict, dB
 
-BROKEN: Final = 1.0  # damage to the scene, dB, of an attack that breaks a mark; from there to `ALLOWED`, it is weak
+BROKEN: Final = 1.0  # damage to the scene, dB: if less removes a message, it is broken; if more up to `ALLOWED`, weak
 
 Verdict = Literal["broken", "weak", "holds", "not present", "not affected", "unknown"]
 
@@ -40,8 +40,11 @@ class Loss(NamedTuple):
     traces: bool = False  # whether retrieval still tells the message from others
 
     def within(self, damage: float) -> bool:
-        """Return whether the attack does at most this damage; searched ones are inexact."""
+        """Return whether the attack does at most this damage, within the tolerance of a search for it."""
         return self.damage <= damage + DAMAGE_TOLERANCE
+
+    def __str__(self) -> str:
+        return f"{decimal(self.damage, 1)} dB of damage ({self.attack})"
 
 
 @dataclass(frozen=True)
@@ -49,11 +52,11 @@ class Audit:
     """The answer for one scheme, protocol and initialization."""
 
     condition: Condition
-    extraction: str  # what is judged: the scheme's own or, without one, a detector
+    extraction: str  # the judged one: the scheme's own or, without one, a detector
     verdict: Verdict
-    lost: Mapping[str, Loss]  # by extraction, also those of other owners
+    lost: Mapping[str, Loss]  # by extraction, also of other owners
     strongest: Survival | None  # attack with at most `ALLOWED` damage: fewest scenes left, then the largest drop
-    reason: str  # of an unknown verdict
+    reason: str  # reason of an unknown verdict
     remarks: list[str]
 
     @property
@@ -64,24 +67,25 @@ class Audit:
     @property
     def sentence(self) -> str:
         """The verdict in words."""
-        message, own = extraction_name(self.extraction), self.lost.get(self.extraction, Loss())
+        message = extraction_name(self.extraction)
+        loss = self.lost.get(self.extraction, Loss())
         if self.verdict in NO_VERDICT:
             return f"No verdict: {NO_VERDICT[self.verdict].format(message=message, reason=self.reason)}."
-        if own.within(ALLOWED):
-            said = [f"the {message} is lost at {_at(own)}{', but for traces that retrieval finds' * own.traces}"]
+        if loss.within(ALLOWED):
+            remark = ", but for traces that retrieval finds" if loss.traces else ""
+            clauses = [f"the {message} is lost at {loss}{remark}"]
         elif self.verdict == "weak":
-            said = [f"attacks with at most {ALLOWED:g} dB of damage remove the {message} from some scenes"]
+            clauses = [f"attacks with at most {ALLOWED:g} dB of damage remove the {message} from some scenes"]
         else:
-            said = [f"no tested attack with at most {ALLOWED:g} dB of damage removes the {message}"]
-        for name, loss in self.lost.items():
-            if name != self.extraction:
-                owner = _OWNERS.get(name, f"an owner of the {extraction_name(name)}")
-                said.append(f"{owner} {f'loses it at {_at(loss)}' if loss.attack else 'keeps it'}")
-        return f"{self.verdict.upper()}: {'; '.join(said)}."
+            clauses = [f"no tested attack with at most {ALLOWED:g} dB of damage removes the {message}"]
+        clauses += [_of_owner(name, loss) for name, loss in self.lost.items() if name != self.extraction]
+        return f"{self.verdict.upper()}: {'; '.join(clauses)}."
 
 
-def _at(loss: Loss) -> str:
-    return f"{decimal(loss.damage, 1)} dB of damage ({loss.attack})"
+def _of_owner(extraction: str, loss: Loss) -> str:
+    """Return in words whether the owner with another extraction loses the message."""
+    owner = _OWNERS.get(extraction, f"an owner of the {extraction_name(extraction)}")
+    return f"{owner} loses it at {loss}" if loss.attack else f"{owner} keeps it"
 
 
 def audits(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Audit]:
@@ -96,50 +100,63 @@ def _audit(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> Audit:
     extraction = _judged_by(outcomes, rows)
     known = {row.variant: row for row in rows if row.extraction == extraction}
     attacks = [row for variant, row in known.items() if variant != UNATTACKED]
-    judged = [row for row in attacks if row.present and row.reached is not False]
-    strongest, present = _strongest(judged), any(row.present for row in known.values())
+    affecting = [row for row in attacks if row.present and row.reached is not False]
+    strongest = _strongest(affecting)
     pictures = [row.extraction for row in rows if is_picture(row.extraction)]
     lost = {name: _loss(rows, name) for name in dict.fromkeys([extraction, *pictures])}
-    verdict: Verdict
     reason = ""
-    if strongest and lost[extraction].within(ALLOWED):
-        verdict = "broken" if lost[extraction].within(BROKEN) else "weak"
-    elif strongest:
-        verdict = "holds" if strongest.survived == strongest.present else "weak"
+    if strongest:
+        verdict = _verdict(strongest, lost[extraction])
     elif reason := _why_unknown(outcomes, known):
         verdict = "unknown"
-    elif not present:
+    elif not any(row.present for row in known.values()):
         verdict = "not present"
-    elif attacks and not judged:
+    elif attacks and not affecting:
         verdict = "not affected"
     else:
-        verdict, reason = "unknown", f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
+        verdict = "unknown"
+        reason = f"no attack was tested with at most {ALLOWED:g} dB of damage to the scene"
     return Audit(outcomes[0].condition, extraction, verdict, lost, strongest, reason, _remarks(outcomes, extraction))
 
 
+def _verdict(strongest: Survival, loss: Loss) -> Verdict:
+    """Return the verdict where an attack was tested with at most `ALLOWED` damage."""
+    if loss.within(BROKEN):
+        return "broken"
+    if loss.within(ALLOWED) or strongest.survived < strongest.present:
+        return "weak"
+    return "holds"
+
+
 def _loss(rows: Sequence[Survival], extraction: str) -> Loss:
-    gone = [
-        Loss(damage.mean, row.name, row.only_retrieved > 0)
-        for row in rows
-        if row.extraction == extraction and row.present and not row.survived
-        if (damage := row.scene_drop or row.damage)
-    ]
-    return min(gone, default=Loss())
+    losses = []
+    for row in rows:
+        damage = row.scene_drop or row.damage
+        if row.extraction == extraction and row.present and not row.survived and damage:
+            losses.append(Loss(damage.mean, row.name, row.only_retrieved > 0))
+    return min(losses, default=Loss())
 
 
 def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
     """Return the scheme's own extraction or, without one, the first detector that finds the mark before any attack."""
-    names = extractions(outcomes)
-    finding = {row.extraction for row in rows if row.variant == UNATTACKED and row.present}
-    names.sort(key=lambda name: 0 if is_picture(name) or name == BITS else 1 if name in finding else 2)
-    return next(iter(names), MESSAGE)
+    detecting = {row.extraction for row in rows if row.variant == UNATTACKED and row.present}
+
+    def rank(name: str) -> int:
+        if is_picture(name) or name == BITS:
+            return 0
+        return 1 if name in detecting else 2
+
+    return min(extractions(outcomes), key=rank, default=MESSAGE)
 
 
-def _strongest(judged: Sequence[Survival]) -> Survival | None:
-    """Return the strongest attack within `ALLOWED`; one of few scenes counts only if the message is lost in some."""
-    most = max((row.scenes for row in judged), default=0)
+def _strongest(affecting: Sequence[Survival]) -> Survival | None:
+    """Return the strongest attack within `ALLOWED`.
+
+    An attack that lacks some scenes counts only if it removes the message from a scene.
+    """
+    most = max((row.scenes for row in affecting), default=0)
     strength = {}
-    for row in judged:
+    for row in affecting:
         is_within = row.scene_drop and row.scene_drop.mean <= ALLOWED + DAMAGE_TOLERANCE  # searches are inexact
         if is_within and row.message_drop and (row.scenes == most or row.survived < row.present):
             left = (row.survived + row.only_retrieved) / row.present
@@ -148,7 +165,7 @@ def _strongest(judged: Sequence[Survival]) -> Survival | None:
 
 
 def _why_unknown(outcomes: Sequence[Outcome], known: Mapping[str, Survival]) -> str:
-    """Return why nothing can be judged; empty if it can."""
+    """Return why no verdict is possible; an empty text if it is."""
     if all(o.failure for o in outcomes):
         return "every variant is without results"
     if not any(o.messages for o in outcomes):
@@ -165,18 +182,18 @@ def _why_unknown(outcomes: Sequence[Outcome], known: Mapping[str, Survival]) -> 
 
 
 def _remarks(outcomes: Sequence[Outcome], extraction: str) -> list[str]:
-    """Return what limits the verdict, one sentence each."""
+    """Return the limits of the verdict, one sentence each."""
     known = [o for o in outcomes if not o.failure and extraction in o.messages]
     scenes = {o.scene for o in known if o.variant == UNATTACKED}
     controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
     unchecked = len(scenes - {o.scene for o in known if o.variant in controls})
-    in_clean = len(doubtful_scenes(known, extraction))
+    doubtful = len(doubtful_scenes(known, extraction))
     unaffected = dict.fromkeys(o.variant for o in known if not o.is_control and o.reaches(extraction) is False)
     unaffected.pop(UNATTACKED, None)
     facts = [
         (len(scenes) == 1, "Tested on one scene: the result may not hold for others."),
-        (unchecked, f"Read from no model without the message in {unchecked} of {len(scenes)} scenes."),
-        (in_clean, f"The clean model shows the mark, too, or is missing, in {in_clean} of {len(scenes)} scenes."),
-        (unaffected, f"Changed nothing that the extraction reads: {', '.join(map(display_name, unaffected))}."),
+        (unchecked > 0, f"Read from no model without the message in {unchecked} of {len(scenes)} scenes."),
+        (doubtful > 0, f"The clean model shows the mark, too, or is missing, in {doubtful} of {len(scenes)} scenes."),
+        (bool(unaffected), f"Changed nothing that the extraction reads: {', '.join(map(display_name, unaffected))}."),
     ]
     return [sentence for holds, sentence in facts if holds]

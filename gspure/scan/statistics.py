@@ -1,6 +1,6 @@
-r"""What a message changes in a model: statistics of its file and, with public cameras, of its weights.
+r"""Statistics that a message changes: of a model's file and, with public cameras, of its weights.
 
-A share has no distribution by chance alone: clean models differ, and `gspure.scan.verdict` compares with theirs.
+Clean models differ in them, too, so `gspure.scan.verdict` compares a model with clean ones.
 """
 
 from collections.abc import Iterator
@@ -14,11 +14,11 @@ from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.storage import morton_order
 
 WINDOWS: Final = 15  # of 8 neighbouring bits of a float32, whose mantissa has 23
-LEVELS: Final = 256  # a column with no more values is of a compressed format, and has no low bits
-ROWS: Final = 20_000  # most of a column, evenly spread, whose bits are counted; ours
+FEW_VALUES: Final = 256  # a column with at most as many distinct values comes from a compressed format: no low bits
+ROWS: Final = 20_000  # most rows of a column, evenly spread, whose bits are counted; ours
 LEAST_ROWS: Final = 1000  # fewer bytes are too few for an entropy of up to 8 bits; ours
 LEAST_MASK: Final = 20  # fewer rows do not show whether they clump; ours
-TRANSPARENT: Final = ALPHA_MIN * (1 + 1e-4)  # 1/255 in 8 bits, as it may be read
+TRANSPARENT: Final = ALPHA_MIN * (1 + 1e-4)  # 1/255 from 8 bits, with rounding
 
 
 class Statistic(NamedTuple):
@@ -52,15 +52,17 @@ def bit_entropy(model: Gaussians) -> float:
     :math:`2 n \ln 2\,(8 - \hat H)`, uncorrected, is then about :math:`\chi^2` with 255 degrees of freedom. Bits that
     hold another number's exponent are not. NaN if no column has low bits.
     """
-    names = (*(name for name in COLOUR if name in model.names), *model.columns_named("f_rest_"))
-    rows = model[:: -(-len(model) // ROWS) or 1]
-    return min((entropy for name in names for entropy in _entropies(rows.table[name])), default=np.nan)
+    names = [name for name in COLOUR if name in model.names] + [*model.columns_named("f_rest_")]
+    step = max(1, -(-len(model) // ROWS))
+    rows = model[::step]
+    entropies = (entropy for name in names for entropy in _entropies(rows.table[name]))
+    return min(entropies, default=np.nan)
 
 
 def _entropies(column: Float32) -> Iterator[float]:
     """Yield the entropies of the windows of a column."""
     words = np.ascontiguousarray(column[column != 0], np.float32).view(np.uint32)
-    if len(words) < LEAST_ROWS or len(np.unique(words)) <= LEVELS:
+    if len(words) < LEAST_ROWS or len(np.unique(words)) <= FEW_VALUES:
         return
     varying = int(np.bitwise_or.reduce(words ^ words[0]))
     lowest = (varying & -varying).bit_length() - 1
@@ -82,7 +84,8 @@ def repeated(model: Gaussians) -> Bools:
     order = np.argsort(mixed, kind="stable")
     equal = (words[order[1:]] == words[order[:-1]]).all(axis=1)
     twins = np.zeros(len(model), np.bool_)
-    twins[order[1:][equal]] = twins[order[:-1][equal]] = True
+    twins[order[1:][equal]] = True
+    twins[order[:-1][equal]] = True
     return twins
 
 
@@ -94,7 +97,8 @@ def clumping(mask: Bools, order: Indices | UInt32) -> float:
     for R runs of equal values, m of K true (Wald and Wolfowitz 1940). For a random mask, the mean is 0 and the standard
     deviation about :math:`K^{-1/2}`. The surfaces of a hidden scene clump, floaters hardly do. NaN for few rows.
     """
-    count, total = int(mask.sum()), len(mask)
+    count = int(mask.sum())
+    total = len(mask)
     if min(count, total - count) < LEAST_MASK:
         return np.nan
     changes = int(np.count_nonzero(np.diff(mask[order])))
@@ -114,8 +118,9 @@ def flatness(model: Gaussians, mask: Bools) -> float:
         return np.nan
     ratio = np.ptp(model.log_scales, axis=1)
     others = np.sort(ratio[~mask])
-    below, above = (np.searchsorted(others, ratio[mask], side).mean() for side in ("left", "right"))
-    return float(below + above) / (2 * len(others))
+    below = np.searchsorted(others, ratio[mask], "left").mean()
+    not_above = np.searchsorted(others, ratio[mask], "right").mean()
+    return float(below + not_above) / (2 * len(others))
 
 
 class Measured(NamedTuple):
@@ -126,7 +131,7 @@ class Measured(NamedTuple):
 
 
 def measure(model: Gaussians, weights: Float32 | None = None) -> Measured:
-    """Return the statistics of K >= 1 Gaussians and, given their weights [K] in the public views, those of these."""
+    """Return the statistics of K >= 1 Gaussians; with weights [K] in the public views, also those of the weights."""
     rows = {"never_drawn": never_drawn(model), "repeated": repeated(model)}
     if weights is not None:
         rows["unseen"] = (weights == 0) & ~rows["never_drawn"]
@@ -135,6 +140,6 @@ def measure(model: Gaussians, weights: Float32 | None = None) -> Measured:
     values |= {name: float(mask.mean()) for name, mask in rows.items()}
     values |= {f"{name}_clump": clumping(mask, order) for name, mask in rows.items()}
     values |= {f"{name}_flat": flatness(model, mask) for name, mask in rows.items()}
-    if len(np.unique(model.opacities)) <= LEVELS:
+    if len(np.unique(model.opacities)) <= FEW_VALUES:
         values |= {name: np.nan for name in values if name.startswith("never_drawn")}  # 8 bits round many to 1/255
     return Measured({s.name: values[s.name] for s in STATISTICS if s.name in values}, rows)

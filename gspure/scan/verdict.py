@@ -18,8 +18,8 @@ LIKELY: Final = "hidden content likely"
 NOTHING: Final = "nothing found"
 UNLIKE: Final = "unlike the calibration models"
 
-LIKENESS: Final = ("rows", "sh_degree", "median_opacity")  # outside of which the calibration says little
-NO_NOISE: Final = 4.0  # an entropy below it decides about any model: low bits of trained numbers are uniform; ours
+LIKENESS: Final = ("rows", "sh_degree", "median_opacity")  # outside their ranges, the calibration says little
+NO_NOISE: Final = 4.0  # a lower entropy decides about any model, since low bits of trained numbers are uniform; ours
 TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by benchmarks/scan.py
 
 
@@ -30,9 +30,9 @@ class Clean(NamedTuple):
     low: float  # 1 % quantile of the files in which it can be measured; of `LIKENESS`, the least
     median: float
     high: float  # 99 % quantile; of `LIKENESS`, the largest
-    threshold: float  # beyond which a message is likely; of all statistics together, at a false-positive rate of 1 %
+    threshold: float  # a message is likely beyond it; all thresholds together have a false-positive rate of 1 %
     files: int
-    models: int  # of which the files were made
+    models: int  # from which the files were made
 
 
 @cache
@@ -41,15 +41,15 @@ def calibration() -> dict[str, Clean]:
     return {row.statistic: row for row in read_table(TABLE, Clean)}
 
 
-def passes(statistic: Statistic, value: float, threshold: float) -> bool:
-    """Return whether a value lies beyond a threshold, on the side of a message; not if it cannot be measured."""
+def is_flagged(statistic: Statistic, value: float, threshold: float) -> bool:
+    """Return whether a value lies beyond a threshold, on the side of a message; false for NaN."""
     return bool(value > threshold if statistic.raised else value < threshold)
 
 
 def flagged(values: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
-    """Return the statistics that lie beyond their thresholds; those without one do not count."""
-    known = [s for s in STATISTICS if s.name in limits.keys() & values]
-    return [s.name for s in known if passes(s, values[s.name], limits[s.name])]
+    """Return the names of the statistics beyond their thresholds; statistics without a threshold do not count."""
+    limited = [s for s in STATISTICS if s.name in limits.keys() & values]
+    return [s.name for s in limited if is_flagged(s, values[s.name], limits[s.name])]
 
 
 def likeness(model: Gaussians) -> dict[str, float]:
@@ -69,27 +69,36 @@ class Verdict:
 
     def statistics(self) -> dict[str, dict[str, Any]]:
         """Return each statistic with its place among those of clean models, None where it cannot be measured."""
-        return {
-            name: calibration()[name]._asdict()
-            | {"value": None if np.isnan(value) else value, "threshold": self.limits.get(name)}
-            for name, value in self.measured.values.items()
-        }
+        records = {}
+        for name, value in self.measured.values.items():
+            record = calibration()[name]._asdict()
+            record["value"] = None if np.isnan(value) else value
+            record["threshold"] = self.limits.get(name)
+            records[name] = record
+        return records
 
     def lines(self) -> Iterator[str]:
         """Yield the statistics as aligned lines of text, after a header; nothing without any."""
-        if self.measured.values:
-            yield f"{'':<40}{'this file':>10}{'clean: 1st':>12}{'50th':>9}{'99th':>9}   flagged if"
-        for s in STATISTICS:
-            if s.name in self.measured.values:
-                value, clean = self.measured.values[s.name], calibration()[s.name]
-                cells = [_text(s, number) for number in (value, clean.low, clean.median, clean.high)]
-                limit = self.limits.get(s.name, np.nan)
-                flag = f"{'above' if s.raised else 'below'} {_text(s, limit)}" if s.name in self.limits else "-"
-                mark = "  <--" * passes(s, value, limit)
-                yield "{:<40}{:>10}{:>12}{:>9}{:>9}   {}{}".format(s.meaning, *cells, flag, mark)
-        if self.measured.values:
-            clean = calibration()[LIKENESS[0]]
-            yield f"percentiles of {clean.files} clean files from {clean.models} models; -: unknown, or does not count"
+        if not self.measured.values:
+            return
+        yield f"{'':<40}{'this file':>10}{'clean: 1st':>12}{'50th':>9}{'99th':>9}   flagged if"
+        for statistic in STATISTICS:
+            if statistic.name in self.measured.values:
+                yield self._line(statistic)
+        clean = calibration()[LIKENESS[0]]
+        yield f"percentiles of {clean.files} clean files from {clean.models} models; -: unknown, or does not count"
+
+    def _line(self, statistic: Statistic) -> str:
+        value = self.measured.values[statistic.name]
+        clean = calibration()[statistic.name]
+        cells = [_text(statistic, number) for number in (value, clean.low, clean.median, clean.high)]
+        condition = "-"
+        mark = ""
+        if statistic.name in self.limits:
+            limit = self.limits[statistic.name]
+            condition = f"{'above' if statistic.raised else 'below'} {_text(statistic, limit)}"
+            mark = "  <--" if is_flagged(statistic, value, limit) else ""
+        return "{:<40}{:>10}{:>12}{:>9}{:>9}   {}{}".format(statistic.meaning, *cells, condition, mark)
 
 
 def _text(statistic: Statistic, value: float) -> str:
@@ -104,24 +113,39 @@ def _limit(statistic: Statistic, limit: float) -> str:
 
 def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
     """Return the verdict about K >= 1 rows and, if they are known, their weights [K] in the public views."""
-    nothing = Measured({}, {})
-    if model.has_anchors:
-        reason = "its rows are anchors: SecureGS publishes what Scaffold-GS does, and keeps the message's networks"
-        return Verdict(UNLIKE, (reason,), nothing, {})
-    if model.sh_degree < 0:
-        scheme = recognized(model)
-        reason = f"it stores features that only a network decodes, as {scheme.name} does" if scheme else "no colours"
-        return Verdict(LIKELY if scheme else UNLIKE, (reason,), nothing, {})
+    if model.has_anchors or model.sh_degree < 0:
+        return _judge_without_colours(model)
     measured = measure(model, weights)
-    reasons = [_likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)]
-    limits = {"bit_entropy": NO_NOISE} if reasons else {s.name: calibration()[s.name].threshold for s in STATISTICS}
+    differences = [
+        _likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)
+    ]
+    limits = {s.name: calibration()[s.name].threshold for s in STATISTICS}
+    if differences:
+        limits = {"bit_entropy": NO_NOISE}
     names = flagged(measured.values, limits)
-    word = LIKELY if names else UNLIKE if reasons else NOTHING
-    suspects = [(s, measured.values[s.name], limits[s.name]) for s in STATISTICS if s.name in names]
-    reasons[:0] = [f"{s.meaning} {_text(s, value)}, {_limit(s, limit)} in clean models" for s, value, limit in suspects]
+    word = UNLIKE if differences else NOTHING
+    if names:
+        word = LIKELY
+    reasons = [_flag_reason(s, measured.values[s.name], limits[s.name]) for s in STATISTICS if s.name in names]
+    reasons += differences
     if np.isnan(measured.values["bit_entropy"]):
         reasons.append("the colours have too few values, as in compressed formats, or rows, to test their low bits")
     return Verdict(word, tuple(reasons), measured, limits)
+
+
+def _judge_without_colours(model: Gaussians) -> Verdict:
+    """Return the verdict about a model without spherical harmonics, whose statistics are not measured."""
+    scheme = None
+    if model.has_anchors:
+        reason = "its rows are anchors: SecureGS publishes what Scaffold-GS does, and keeps the message's networks"
+    else:
+        scheme = recognized(model)
+        reason = f"it stores features that only a network decodes, as {scheme.name} does" if scheme else "no colours"
+    return Verdict(LIKELY if scheme else UNLIKE, (reason,), Measured({}, {}), {})
+
+
+def _flag_reason(statistic: Statistic, value: float, limit: float) -> str:
+    return f"{statistic.meaning} {_text(statistic, value)}, {_limit(statistic, limit)} in clean models"
 
 
 def _is_alike(name: str, value: float) -> bool:
@@ -129,6 +153,10 @@ def _is_alike(name: str, value: float) -> bool:
 
 
 def _likeness_reason(name: str, value: float) -> str:
-    clean = calibration()[name]
-    found, *known = (f"{number:,.3f}".rstrip("0").rstrip(".") for number in (value, clean.low, clean.high))
-    return f"{name.replace('_', ' ')} {found}, where the calibration has {' to '.join(dict.fromkeys(known))}"
+    def shortened(number: float) -> str:
+        return f"{number:,.3f}".rstrip("0").rstrip(".")
+
+    low = shortened(calibration()[name].low)
+    high = shortened(calibration()[name].high)
+    limits = low if low == high else f"{low} to {high}"
+    return f"{name.replace('_', ' ')} {shortened(value)}, where the calibration has {limits}"

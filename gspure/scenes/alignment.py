@@ -37,7 +37,8 @@ class Similarity:
     @property
     def inverse(self) -> Similarity:
         """The similarity from coordinates of the message to those of the scene."""
-        scale, rotation = 1 / self.scale, self.rotation.T
+        scale = 1 / self.scale
+        rotation = self.rotation.T
         return Similarity(scale, rotation, -scale * rotation @ self.translation)
 
 
@@ -47,14 +48,15 @@ def aligning(scene: Sequence[Camera], message: Sequence[Camera]) -> Similarity:
     It aligns the gaze point, the mean up direction, the mean direction from the gaze point to the cameras, and their
     median distance from it.
     """
-    (here, axes, radius), (there, other_axes, other_radius) = _gaze(scene, "scene"), _gaze(message, "message")
-    scale = other_radius / radius
-    rotation = other_axes @ axes.T
-    return Similarity(scale, rotation, there - scale * rotation @ here)
+    scene_point, scene_axes, scene_distance = _gaze(scene, "scene")
+    message_point, message_axes, message_distance = _gaze(message, "message")
+    scale = message_distance / scene_distance
+    rotation = message_axes @ scene_axes.T
+    return Similarity(scale, rotation, message_point - scale * rotation @ scene_point)
 
 
 def _gaze(cameras: Sequence[Camera], capture: str) -> tuple[Float64, Float64, float]:
-    """Return the gaze point, axes [3,3] in columns (side, up, towards the cameras), and the cameras' distance."""
+    """Return the gaze point, axes [3,3] in columns (side, up, towards the cameras), and the median distance."""
     centres = np.array([camera.centre for camera in cameras])
     gazes = np.array([camera.viewmat[2, :3] for camera in cameras])
     across = np.eye(3) - gazes[:, :, None] * gazes[:, None, :]
@@ -69,6 +71,6 @@ def _gaze(cameras: Sequence[Camera], capture: str) -> tuple[Float64, Float64, fl
     towards = centres.mean(axis=0) - point
     towards -= up * (up @ towards)
     if not (distance > 0 and np.linalg.norm(towards) > 1e-3 * distance):
-        towards = up * (up @ gazes[0]) - gazes[0]  # cameras all around: that of the first one will do
+        towards = up * (up @ gazes[0]) - gazes[0]  # cameras all around: the direction of the first
     towards /= np.linalg.norm(towards)
     return point, np.column_stack([np.cross(up, towards), up, towards]), distance

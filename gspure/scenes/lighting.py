@@ -1,4 +1,4 @@
-"""Scenes, what a ray meets first in them, and their diffuse light, baked once: a soft lamp, the sky, and one bounce.
+"""Scenes, where rays hit them first, and their diffuse light, baked once: a soft lamp, the sky, and one bounce.
 
 Light is kept on a grid of nodes per face (a light map) and interpolated between them. All views read the same maps, so
 they show the same colours, free of sampling noise.
@@ -18,9 +18,9 @@ NODES = (6, 80)  # fewest and most nodes along a face
 LAMP_SAMPLES = 8  # the lamp is sampled at the centres of this many by this many squares
 DIRECTIONS = 64  # the bounce is gathered from this many directions, spread evenly by cosine along a golden-angle spiral
 _CLEARANCE = 1e-4  # metres by which nodes stand off their surface
-_ROUNDING = 1e-2  # metres by which bounds are too large, so that rounding makes no solid seem out of reach
-_FAR = np.float32(1e6)  # metres, in place of infinity, of which matrix products make no number
-_RAYS_AT_ONCE = 1 << 13  # rays followed together: bounds the memory of their reach
+_ROUNDING = 1e-2  # metres by which bounding spheres are too large, so that float32 rounding loses no hit
+_FAR = np.float32(1e6)  # metres, in place of infinity, which becomes NaN in matrix products
+_RAYS_AT_ONCE = 1 << 13  # rays followed together: bounds the memory of `_in_reach`
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,8 @@ class LitScene:
 
     def radiance(self, index: int, faces: Indices, uv: Float64) -> Float64:
         """Return the linear radiance [N,3] that leaves places of solid `index`."""
-        solid, light = self.scene.solids[index], _interpolated(self.lightmaps[index], faces, uv)
+        solid = self.scene.solids[index]
+        light = _interpolated(self.lightmaps[index], faces, uv)
         places = uv * solid.extents[faces]
         if len(solid.textures) == 1:
             return solid.textures[0](places) * light
@@ -71,42 +72,50 @@ class LitScene:
 
 def first_hits(scene: Scene, origins: Float64, directions: Float64) -> tuple[Float64, Indices]:
     """Return distances and numbers [N] of the solids that rays [N,3] meet first; inf and -1 if there is none."""
-    distances, solids = np.full(len(origins), np.inf), np.full(len(origins), -1, np.intp)
+    distances = np.full(len(origins), np.inf)
+    solids = np.full(len(origins), -1, np.intp)
     for start in range(0, len(origins), _RAYS_AT_ONCE):
         part = slice(start, start + _RAYS_AT_ONCE)
-        rays = np.ascontiguousarray(origins[part]), directions[part]
-        for index, reached in enumerate(_reached(scene, *rays)):
-            rows = np.flatnonzero(reached)
-            there = scene.solids[index].distance(*(ends.take(rows, axis=0) for ends in rays))
-            nearer = np.flatnonzero(there < distances[part].take(rows))
-            distances[part][rows[nearer]] = there[nearer]
+        starts = np.ascontiguousarray(origins[part])
+        gazes = directions[part]
+        for index, in_reach in enumerate(_in_reach(scene, starts, gazes)):
+            rows = np.flatnonzero(in_reach)
+            hits = scene.solids[index].distance(starts.take(rows, axis=0), gazes.take(rows, axis=0))
+            nearer = np.flatnonzero(hits < distances[part].take(rows))
+            distances[part][rows[nearer]] = hits[nearer]
             solids[part][rows[nearer]] = index
     return distances, solids
 
 
-def _reached(scene: Scene, origins: Float64, directions: Float64) -> Bools:
-    """Return the solids [S,N] whose bounding spheres rays [N,3] meet, in float32."""
-    centres, radii = (np.array(part, np.float32) for part in zip(*(solid.bound for solid in scene.solids), strict=True))
+def _in_reach(scene: Scene, origins: Float64, directions: Float64) -> Bools:
+    """Return a mask [S,N], true where rays [N,3] meet the solids' bounding spheres, in float32."""
+    bounds = [solid.bound for solid in scene.solids]
+    centres = np.array([centre for centre, _ in bounds], np.float32)
+    radii = np.array([radius for _, radius in bounds], np.float32)
     radii = np.minimum(radii + np.float32(_ROUNDING), _FAR)
     ones = np.ones(len(centres), np.float32)
     units = directions / np.sqrt(np.einsum("ni,ni->n", directions, directions))[:, None]
     rays = np.ones((5, len(units)), np.float32)
-    rays[:3], rays[3] = units.T, np.einsum("ni,ni->n", origins, units)
+    rays[:3] = units.T
+    rays[3] = np.einsum("ni,ni->n", origins, units)
     along = np.column_stack([centres, -ones]) @ rays[:4]
-    rays[:3], rays[3] = origins.T, np.einsum("ni,ni->n", origins, origins)
+    rays[:3] = origins.T
+    rays[3] = np.einsum("ni,ni->n", origins, origins)
     squared = np.column_stack([-2.0 * centres, ones, (centres**2).sum(axis=1) - radii**2]) @ rays
     return np.asarray((squared < along * along) & (along > -radii[:, None]))
 
 
 def bake(scene: Scene, *, coarseness: int = 1) -> LitScene:
-    """Return the scene with its light: what reaches each node from the lamp, from the sky, and from other surfaces.
+    """Return the scene with the light at its nodes: from the lamp, from the sky, and from other surfaces.
 
-    Nodes lie `coarseness` times as far apart, and the lamp's squares and the directions of the bounce are that many
-    times as wide, along each of two axes. The cost falls with the fourth power.
+    Along each of two axes, nodes lie `coarseness` times as far apart, and the lamp's squares and the directions of the
+    bounce are as many times as wide. So the cost falls with the fourth power.
     """
     spacing = NODE_SPACING * coarseness
     counts = [int(np.clip(np.ceil(solid.extents.max() / spacing) + 1, *NODES)) for solid in scene.solids]
-    points, normals = (np.concatenate(parts) for parts in zip(*map(_nodes, scene.solids, counts), strict=True))
+    nodes = [_nodes(solid, n) for solid, n in zip(scene.solids, counts, strict=True)]
+    points = np.concatenate([places for places, _ in nodes])
+    normals = np.concatenate([directions for _, directions in nodes])
     direct = _from_lamp(scene, points, normals, LAMP_SAMPLES // coarseness)
     once = LitScene(scene, _maps(scene, direct, counts))
     bounced = _gathered(once, points, normals, DIRECTIONS // coarseness**2)
@@ -117,17 +126,20 @@ def _nodes(solid: Solid, n: int) -> tuple[Float64, Float64]:
     """Return points and normals [len(faces) * n * n, 3] of a solid's nodes, n along each side of a face."""
     line = np.clip(np.linspace(0.0, 1.0, n), 0.01 / n, 1.0 - 0.01 / n)
     uv = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
-    points, normals = (np.concatenate(parts) for parts in zip(*(solid.chart(f, uv) for f in solid.faces), strict=True))
+    charts = [solid.chart(face, uv) for face in solid.faces]
+    points = np.concatenate([places for places, _ in charts])
+    normals = np.concatenate([directions for _, directions in charts])
     return points + _CLEARANCE * normals, normals
 
 
 def _maps(scene: Scene, light: Float64, counts: Sequence[int]) -> tuple[Lightmap, ...]:
-    """Deal the light of all nodes out to the solids' maps; faces that do not exist stay dark."""
+    """Return the light of all nodes as one map per solid; faces that do not exist stay dark."""
     maps = []
     ends = np.cumsum([len(solid.faces) * n * n for solid, n in zip(scene.solids, counts, strict=True)])
     for solid, n, part in zip(scene.solids, counts, np.split(light, ends[:-1]), strict=True):
-        maps.append(np.zeros((len(solid.extents), n, n, 3)))
-        maps[-1][list(solid.faces)] = part.reshape(-1, n, n, 3)
+        lightmap = np.zeros((len(solid.extents), n, n, 3))
+        lightmap[list(solid.faces)] = part.reshape(-1, n, n, 3)
+        maps.append(lightmap)
     return tuple(maps)
 
 
@@ -136,16 +148,21 @@ def _interpolated(lightmap: Lightmap, faces: Indices, uv: Float64) -> Float64:
     n = lightmap.shape[1]
     place = uv * (n - 1)
     low = np.minimum(place.astype(np.intp), n - 2)
-    (u0, v0), (fu, fv) = low.T, (place - low).T[..., None]
-    nodes, first = lightmap.reshape(-1, 3), (faces * n + v0) * n + u0
-    columns = ((nodes.take(left, axis=0), nodes.take(left + 1, axis=0)) for left in (first, first + n))
-    low_v, high_v = ((1 - fu) * left + fu * right for left, right in columns)
-    return np.asarray((1 - fv) * low_v + fv * high_v)
+    u0, v0 = low.T
+    fu, fv = (place - low).T[..., None]
+    nodes = lightmap.reshape(-1, 3)
+    first = (faces * n + v0) * n + u0
+
+    def along_u(left: Indices) -> Float64:
+        return np.asarray((1 - fu) * nodes.take(left, axis=0) + fu * nodes.take(left + 1, axis=0))
+
+    return np.asarray((1 - fv) * along_u(first) + fv * along_u(first + n))
 
 
 def _from_lamp(scene: Scene, points: Float64, normals: Float64, squares: int) -> Float64:
     """Return irradiance / pi [N,3] from the lamp: the mean of cos cos / distance^2 over its squares in sight."""
-    lamp, total = scene.lamp, np.zeros(len(points))
+    lamp = scene.lamp
+    total = np.zeros(len(points))
     line = ((np.arange(squares) + 0.5) / squares - 0.5) * lamp.side
     for y in line:
         for x in line:
@@ -161,13 +178,14 @@ def _from_lamp(scene: Scene, points: Float64, normals: Float64, squares: int) ->
 
 def _gathered(lit: LitScene, points: Float64, normals: Float64, directions: int) -> Float64:
     """Return the mean radiance [N,3] seen from points over cosine-distributed directions about their normals."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    tangents = np.cross(helper, normals)
+    slanted = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])  # against the normals
+    tangents = np.cross(slanted, normals)
     tangents /= np.sqrt(np.einsum("ij,ij->i", tangents, tangents))[:, None]
     bitangents = np.cross(normals, tangents)
     total = np.zeros((len(points), 3))
     for i in range(directions):
-        across, turn = np.sqrt((i + 0.5) / directions), i * np.pi * (3.0 - 5.0**0.5)
+        across = np.sqrt((i + 0.5) / directions)
+        turn = i * np.pi * (3.0 - 5.0**0.5)
         around = across * (np.cos(turn) * tangents + np.sin(turn) * bitangents)
         total += lit.traced(points, around + np.sqrt(1.0 - across**2) * normals)[0]
     return total / directions

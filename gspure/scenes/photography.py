@@ -1,4 +1,4 @@
-"""Photographs of a lit scene by a small deterministic ray tracer, its cameras, and points on what they show."""
+"""Photographs of a lit scene by a small deterministic ray tracer, its cameras, and points on the visible surfaces."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,18 +31,22 @@ def trace(scene: LitScene, camera: Camera) -> tuple[Float32, Float32]:
     image = flat.reshape(camera.height, camera.width, 3)
     edges = np.nonzero(_at_edges(image))
     down, right = (np.indices((SAMPLES, SAMPLES)).reshape(2, -1) + 0.5) / SAMPLES
-    others = np.delete(np.arange(SAMPLES**2), SAMPLES**2 // 2)
-    places = (np.add.outer(start, step[others]).ravel() for start, step in zip(edges[::-1], (right, down), strict=True))
-    fine = np.repeat(image[edges][:, None], SAMPLES**2, axis=1)
-    fine[:, others] = _colours(scene, camera, *places)[0].reshape(-1, len(others), 3)
-    image[edges] = fine.sum(axis=1) / SAMPLES**2
+    off_centre = np.delete(np.arange(SAMPLES**2), SAMPLES**2 // 2)
+    edge_rows, edge_columns = edges
+    u = np.add.outer(edge_columns, right[off_centre]).ravel()
+    v = np.add.outer(edge_rows, down[off_centre]).ravel()
+    around, _ = _colours(scene, camera, u, v)
+    samples = np.repeat(image[edges][:, None], SAMPLES**2, axis=1)
+    samples[:, off_centre] = around.reshape(-1, len(off_centre), 3)
+    image[edges] = samples.sum(axis=1) / SAMPLES**2
     return image.astype(np.float32), depth.reshape(camera.height, camera.width).astype(np.float32)
 
 
 def _colours(scene: LitScene, camera: Camera, u: Float64, v: Float64) -> tuple[Float64, Float64]:
     """Return display colours [N,3], with a soft shoulder instead of clipping, and depths [N] at pixels (u, v)."""
     right, down, forward = camera.viewmat[:3, :3]
-    colours, depths = np.empty((len(u), 3)), np.empty(len(u))
+    colours = np.empty((len(u), 3))
+    depths = np.empty(len(u))
     for start in range(0, len(u), _RAYS_AT_ONCE):
         part = slice(start, start + _RAYS_AT_ONCE)
         x = (u[part] - camera.K[0, 2]) / camera.K[0, 0]
@@ -69,7 +73,7 @@ def _at_edges(image: Float64) -> Bools:
 def photograph(
     scene: LitScene, cameras: Sequence[Camera], folder: Path, rng: np.random.Generator
 ) -> tuple[Float64, UInt8]:
-    """Write ``folder/VIEW.png`` of each view; return points [P,3] on what they show and their 8-bit colours [P,3]."""
+    """Write ``folder/VIEW.png`` of each view; return `visible_points` [P,3] and their 8-bit colours [P,3]."""
     points = []
     for camera in track(cameras, f"photograph {folder.name}"):
         image, depth = trace(scene, camera)
@@ -80,13 +84,13 @@ def photograph(
 
 
 def visible_points(camera: Camera, image: Float32, depth: Float32, rng: np.random.Generator) -> tuple[Float64, UInt8]:
-    """Return positions [P,3] and 8-bit colours [P,3] of what random pixels of a photograph (`trace`) show."""
+    """Return positions [P,3] and 8-bit colours [P,3] of the surface at random pixels of a photograph (`trace`)."""
     hits = np.flatnonzero(np.isfinite(depth))
     chosen = np.sort(rng.choice(hits, min(PER_VIEW, len(hits)), replace=False))
     rows, columns = np.divmod(chosen, camera.width)
     pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(chosen))])
-    there = np.linalg.solve(camera.K, pixels) * depth[rows, columns]
-    xyz = (there - camera.viewmat[:3, 3:]).T @ camera.viewmat[:3, :3]
+    in_camera = np.linalg.solve(camera.K, pixels) * depth[rows, columns]
+    xyz = (in_camera - camera.viewmat[:3, 3:]).T @ camera.viewmat[:3, :3]
     return xyz, np.floor(255 * image[rows, columns] + 0.5).astype(np.uint8)
 
 
@@ -94,7 +98,8 @@ def path_cameras(count: int, width: int, height: int) -> list[Camera]:
     """Return `count` views, 62 degrees wide, along a path that sways to both sides, to and fro, up and down."""
     focal = 0.83 * width
     K = intrinsics(focal, focal, width / 2, height / 2)
-    digits, up = max(3, len(str(count - 1))), np.array([0.0, 0.0, 1.0])
+    digits = max(3, len(str(count - 1)))
+    up = np.array([0.0, 0.0, 1.0])
     poses = (looking_at(_station(i / count), TARGET, up) for i in range(count))
     return [Camera(f"view_{i:0{digits}d}", width, height, K, pose) for i, pose in enumerate(poses)]
 

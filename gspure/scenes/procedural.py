@@ -27,7 +27,7 @@ from gspure.scenes.solids import (
 from gspure.settings import SEED
 
 Random = np.random.Generator
-Range = tuple[float, float]
+Interval = tuple[float, float]
 BuildScene = Callable[[Placement], Scene]
 BuildSolids = Callable[[Vector, Random], Iterator[Solid]]  # on a foot's place
 
@@ -53,7 +53,8 @@ def interior(seed: int, placement: Placement) -> Scene:
     rng = np.random.default_rng([0, seed])
     walls = _pattern(rng, 0.5, 1.1, lightness=(0.55, 0.95))
     back = inlaid(walls, _pattern(rng, 0.12, 0.3), centre=(rng.uniform(1.5, 4.5), 2.0), size=(1.5, 1.1))
-    tiles, rug = _pattern(rng, 0.3, 0.7), _pattern(rng, 0.15, 0.4)
+    tiles = _pattern(rng, 0.3, 0.7)
+    rug = _pattern(rng, 0.15, 0.4)
     floor = inlaid(tiles, rug, centre=(rng.uniform(2, 4), 2.9), size=(2.6, 1.8))
     objects = _arranged((_table, _tower, _shelf, _balls, _balls), placement.floor, rng)
     return Scene((placement.room(walls=walls, back=back, floor=floor), *objects), _lamp(rng), _light(rng, 0.48))
@@ -146,7 +147,9 @@ def _tree(foot: Vector, rng: Random) -> Iterator[Solid]:
 
 def _hut(foot: Vector, rng: Random) -> Iterator[Solid]:
     x, y, z = foot
-    wide, high, yaw = rng.uniform(0.7, 1.1), rng.uniform(0.5, 0.9), rng.uniform(-0.6, 0.6)
+    wide = rng.uniform(0.7, 1.1)
+    high = rng.uniform(0.5, 0.9)
+    yaw = rng.uniform(-0.6, 0.6)
     yield Box((x, y, z + high / 2), (wide, wide, high), (_pattern(rng, 0.15, 0.3),), yaw=yaw)
     for layer in range(4):
         side = (wide + 0.2) * (1 - layer / 4)
@@ -167,10 +170,11 @@ def _hills(floor: float, rng: Random) -> Iterator[Solid]:
 
 
 def _pattern(
-    rng: Random, least: float, most: float, *, hue: Range = (0.0, 1.0), lightness: Range = (0.2, 0.95)
+    rng: Random, least: float, most: float, *, hue: Interval = (0.0, 1.0), lightness: Interval = (0.2, 0.95)
 ) -> Texture:
     """Return a random pattern of two colours whose parts are `least` to `most` metres wide."""
-    first, second = (_colour(rng, hue=hue, value=lightness) for _ in range(2))
+    first = _colour(rng, hue=hue, value=lightness)
+    second = _colour(rng, hue=hue, value=lightness)
     size = rng.uniform(least, most)
     patterns = (
         lambda: plain(first),
@@ -182,7 +186,7 @@ def _pattern(
     return patterns[rng.integers(len(patterns))]()
 
 
-def _colour(rng: Random, *, hue: Range = (0.0, 1.0), value: Range = (0.2, 0.95)) -> str:
+def _colour(rng: Random, *, hue: Interval = (0.0, 1.0), value: Interval = (0.2, 0.95)) -> str:
     """Return a random colour ``#rrggbb``."""
     channels = hsv_to_rgb(rng.uniform(*hue), rng.uniform(0.15, 0.75), rng.uniform(*value))
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)

@@ -40,7 +40,8 @@ class Placement:
 
     def room(self, *, walls: Texture, back: Texture, floor: Texture) -> Room:
         """Return the room, with the textures of its side walls, back wall and floor."""
-        width, height = 2.0 * (HALF_WIDTH - self.inset), WALL_HEIGHT - self.floor
+        width = 2.0 * (HALF_WIDTH - self.inset)
+        height = WALL_HEIGHT - self.floor
         textures = (walls, walls, walls, back, floor, walls)
         return Room((0.0, 0.0, self.floor + height / 2.0), (width, width, height), textures, faces=self.faces)
 
@@ -73,7 +74,8 @@ def room(placement: Placement) -> Scene:
     """Return the studio: cream walls, a tiled floor, a rug, a table, coloured boxes and balls."""
     z = placement.floor
     walls = banded("#c4764e", "#f3e3c6", 1.0)
-    picture, rug = rings("#d9a441", "#20506b", 0.16), stripes("#2f5d73", "#f0e4cf", 0.3, along=0)
+    picture = rings("#d9a441", "#20506b", 0.16)
+    rug = stripes("#2f5d73", "#f0e4cf", 0.3, along=0)
     wood = (plain("#8a5a3a"),)
     return Scene(
         solids=(
@@ -132,7 +134,7 @@ _STROKES = {
 
 
 def _word(word: str, foot: Vector) -> Iterator[Box]:
-    """Yield the letters of a word, its foot's middle at `foot`."""
+    """Yield the letters of a word; `foot` is the middle of its lower edge."""
     x, y, z = foot
     left = x - _CELL * (4 * len(word) - 1) / 2
     for i, letter in enumerate(word):
@@ -147,6 +149,7 @@ def _pyramid(foot: Vector, *, radius: float) -> Iterator[Sphere]:
     for layer in range(3):
         for j in range(3 - layer):
             for i in range(3 - layer - j):
-                right, back = 2 * i + j + layer - 2, j + layer / 3 - 2 / 3
+                right = 2 * i + j + layer - 2
+                back = j + layer / 3 - 2 / 3
                 place = (x + radius * right, y + radius * 3**0.5 * back, z + radius * (1 + layer * (8 / 3) ** 0.5))
                 yield Sphere(place, radius, (plain("#e0a526"),))

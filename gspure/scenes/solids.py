@@ -50,7 +50,8 @@ class Box:
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Return the ray parameter [N] where rays [N,3] enter the box; inf where they miss it."""
-        near, far = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
+        near = np.full(len(origins), -np.inf)
+        far = np.full(len(origins), np.inf)
         for enters, leaves, _ in self._slabs(origins, directions):
             np.maximum(near, enters, out=near)
             np.minimum(far, leaves, out=far)
@@ -66,7 +67,8 @@ class Box:
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
         """Return points [N,3] and outward unit normals [N,3] at unit coordinates [N,2] of a face."""
-        axis, side = face // 2, 2.0 * (face % 2) - 1.0
+        axis = face // 2
+        side = 2.0 * (face % 2) - 1.0
         local = np.empty((len(uv), 3))
         local[:, axis] = 0.5 * side
         local[:, _IN_FACE_AXES[axis]] = uv - 0.5
@@ -89,8 +91,10 @@ class Box:
     def _turned(vectors: Float64, yaw: float) -> Float64:
         if yaw == 0.0:
             return vectors
-        x, y, cos, sin = vectors[:, 0], vectors[:, 1], np.cos(yaw), np.sin(yaw)
-        return np.stack([cos * x - sin * y, sin * x + cos * y, vectors[:, 2]], axis=1)
+        x, y, z = vectors.T
+        cos = np.cos(yaw)
+        sin = np.sin(yaw)
+        return np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +110,13 @@ class Room(Box):
 
     def distance(self, origins: Float64, directions: Float64) -> Float64:
         """Return the ray parameter [N] where rays leave the box through one of its faces."""
-        near, far = np.full(len(origins), -np.inf), np.full(len(origins), np.inf)
+        near = np.full(len(origins), -np.inf)
+        far = np.full(len(origins), np.inf)
         exists = np.zeros(len(origins), np.bool_)
         for axis, (enters, leaves, along) in enumerate(self._slabs(origins, directions)):
-            low, high = (2 * axis + side in self.faces for side in (0, 1))
-            exists = np.where(leaves < far, np.where(along > 0.0, high, low), exists)
+            has_low = 2 * axis in self.faces
+            has_high = 2 * axis + 1 in self.faces
+            exists = np.where(leaves < far, np.where(along > 0.0, has_high, has_low), exists)
             np.maximum(near, enters, out=near)
             np.minimum(far, leaves, out=far)
         return np.where(exists & (near < far) & (far > _NO_HIT_BEFORE), far, np.inf)
@@ -159,7 +165,8 @@ class Sphere:
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:  # noqa: ARG002  (one face only)
         """Return points and outward normals."""
-        longitude, colatitude = 2.0 * np.pi * (uv[:, 0] - 0.5), np.pi * uv[:, 1]
+        longitude = 2.0 * np.pi * (uv[:, 0] - 0.5)
+        colatitude = np.pi * uv[:, 1]
         ring = np.sin(colatitude)
         normals = np.stack([ring * np.cos(longitude), ring * np.sin(longitude), np.cos(colatitude)], axis=1)
         return np.array(self.centre) + self.radius * normals, normals

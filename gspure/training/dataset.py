@@ -14,7 +14,7 @@ from gspure.cameras.camera import spread
 from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.entry import Entry
 from gspure.cameras.photographs import (
-    kept_apart,
+    disambiguated_names,
     located,
     missing_photographs,
     photograph,
@@ -26,7 +26,7 @@ from gspure.cameras.reading import camera_object, camera_place
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import digest
-from gspure.images import read_image, turn
+from gspure.images import orientation_remark, read_image
 from gspure.model.ply import read_point_ply
 from gspure.progress import say, warn
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
@@ -139,7 +139,7 @@ def read_views(source: Path) -> Views:
     if not (file and scene and Path(scene.source).name == BLENDER):
         return Views(cameras)
     both = [*cameras, *read_cameras(file)]
-    names = kept_apart([camera.name for camera in both], [str(camera.image) for camera in both], file)
+    names = disambiguated_names([camera.name for camera in both], [str(camera.image) for camera in both], file)
     views = [replace(camera, name=name) for camera, name in zip(both, names, strict=True)]
     return Views(views, frozenset(names[len(cameras) :]))
 
@@ -206,7 +206,7 @@ def _with_photographs(cameras: list[Camera], photographs: Path | None, source: P
     files = sorted(path for path in photographs.rglob("*") if path.is_file())
     below = [file.relative_to(photographs).as_posix() for file in files]
     names = [safe_name(path) for path in below]
-    apart = names if views <= {*names} else kept_apart(names, below, photographs)
+    apart = names if views <= {*names} else disambiguated_names(names, below, photographs)
     for file, shared_name, distinct_name in zip(files, names, apart, strict=True):
         name = shared_name if shared_name in views else distinct_name
         if name not in views:
@@ -226,7 +226,7 @@ def _require_shapes(cameras: Sequence[Camera], source: Path) -> None:
     for camera in cameras:
         file = photograph(camera)
         width, height = photograph_size(file)
-        hint = turn(file)
+        hint = orientation_remark(file)
         if hint:
             remarks.append(f"{camera.name}: {hint}")
         if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
