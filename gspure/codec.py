@@ -136,7 +136,8 @@ def _defaults(kind: type) -> dict[str, Any]:
 
 def _plain_object(value: Any) -> dict[str, Any]:
     content: dict[str, Any] = {}
-    for name, hint in hints(type(value)).items():
+    kind: Any = type(value)
+    for name, hint in hints(kind).items():
         item = getattr(value, name)
         if REST in getattr(hint, "__metadata__", ()):
             content |= plain(item)

@@ -20,7 +20,6 @@ from typing import Any, Final
 from gspure.cli.options import QUIET, add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
-from gspure.files import read_json
 from gspure.progress import say, tell
 from gspure.settings import CORES
 
@@ -96,13 +95,12 @@ def audited(args: Arguments, configuration: Path) -> int:
 def _answer(args: Arguments) -> int:
     """Print the verdict of every condition; return 1 if the message is lost below the limit, else 0."""
     from gspure.evaluation.collecting import collect
+    from gspure.evaluation.plan import read_plan
     from gspure.evaluation.survival import Survival
     from gspure.metrics.csv_tables import read_table
     from gspure.report.answer import answers
-    from gspure.workflow.plan import Plan
-    from gspure.workflow.variants import report_plan
 
-    plan = report_plan(Plan(read_json(_RESULTS / "configuration.json")))
+    plan = read_plan(_RESULTS)
     survivals = read_table(_RESULTS / "tables" / "survival.csv", Survival)
     found = answers(collect(_RESULTS, plan.models), survivals)
     if args.json:

@@ -150,16 +150,17 @@ def write_views(folder: Path, views: Sequence[Camera]) -> None:
     write_cameras(folder / "cameras.json", [replace(view, image=None) for view in views])
 
 
-def record_command(args: Arguments, folder: Path, run: str = "") -> None:
+def record_command(args: Arguments, folder: Path, run: str = "", **settled: object) -> None:
     """Write ``provenance.json`` to a folder of results: arguments that are paths are inputs, others are settings.
 
-    `run` is the run ID if the inputs have none (`gspure.provenance.write_provenance`).
+    `run` is the run ID if the inputs have none (`gspure.provenance.write_provenance`). `settled` are values in place of
+    those of the command line, such as the settings of an attack with their defaults.
     """
     from gspure.model import model_file
     from gspure.provenance import write_provenance
 
     skipped = {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
-    known = {name: value for name, value in vars(args).items() if name not in skipped}
+    known = {name: value for name, value in {**vars(args), **settled}.items() if name not in skipped}
     inputs = {name: value for name, value in known.items() if isinstance(value, Path)}
     settings = {name: value for name, value in known.items() if name not in inputs}
     if "model" in inputs:

@@ -140,9 +140,7 @@ def run_attack(
     context = Context(
         views=read_split(job.views.cameras, "train"),
         device=device,
-        measure_damage=damage_measure(
-            views[SCENE], device, is_photographed=SCENE in job.views.photographed
-        ),
+        measure_damage=damage_measure(views[SCENE], device, is_photographed=SCENE in job.views.photographed),
     )
     try:
         result = attacked(before, spec, context)

@@ -9,7 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Final, Literal
 
+from gspure.codec import read
 from gspure.evaluation.identity import Condition, ModelId
+from gspure.files import read_json
 from gspure.method.settings import MethodSettings
 from gspure.metrics.names import BASELINES, WRONG_KEY
 from gspure.metrics.targets import MESSAGE, SCENE
@@ -199,7 +201,7 @@ class ModelPlan:
 
 @dataclass(frozen=True)
 class Training:
-    """A command that makes a pair, or a model of photographs: its sources and options, and the user's files it reads."""
+    """A command that makes a pair, or trains a model: its sources, its options, and the user's files it reads."""
 
     sources: tuple[str, ...]
     options: Mapping[str, str | int | None]
@@ -235,6 +237,12 @@ class Plan:
     def schemes(self) -> dict[str, None]:
         """The schemes of marked models, in their order."""
         return dict.fromkeys(model.id.scheme for model in self.models if model.owner)
+
+
+def read_plan(results: Path) -> Plan:
+    """Return the plan of a folder of results, or raise `InputError`."""
+    plan: Plan = read(Plan, read_json(results / PLAN), results / PLAN)
+    return plan
 
 
 def kind_of(target: str) -> str:

@@ -174,7 +174,7 @@ class DetectorConfig:
     command: Annotated[
         File,
         "A command; the folder of images is appended. The last line that it prints is a JSON object with an entry for "
-        "each image, by its name without .png: bits (\"0110\"), or a score, a number.",
+        'each image, by its name without .png: bits ("0110"), or a score, a number.',
     ]
     message: Annotated[
         str, BITS_TEXT, "The embedded bits, such as 0110, in quotes; empty if the command returns scores."

@@ -11,7 +11,7 @@ from gspure.errors import InputError
 from gspure.evaluation.identity import RESULTS
 from gspure.evaluation.plan import Training
 from gspure.files import digest
-from gspure.model.inria import is_model
+from gspure.model import is_trained_model
 from gspure.scenes.procedural import DECOYS, NAMES, scene_builder
 from gspure.workflow.config import PairConfig
 from gspure.workflow.inputs import camera_files, capture_files, model_files
@@ -50,7 +50,7 @@ class Pair:
     @property
     def trains_message(self) -> bool:
         """Whether a model of its message is trained from photographs first."""
-        return not self.is_traced and self.config.protocol == "shared" and not is_model(self.config.message)
+        return not self.is_traced and self.config.protocol == "shared" and not is_trained_model(self.config.message)
 
     @property
     def message_name(self) -> str:
