@@ -81,7 +81,7 @@ def gs_hider() -> PublicModel:
     for name, parameter in decoder.named_parameters():
         parameter.data *= 2.4 if name.endswith("weight") else 1  # else its image hardly depends on the features
     decoder.conv5.bias.data += 0.5
-    return FeatureModel(opaque, DecoderFile.of(decoder, 1, SCENE_DECODER))
+    return FeatureModel(opaque, DecoderFile.from_network(decoder, 1, SCENE_DECODER))
 
 
 def secure_gs() -> PublicModel:

@@ -5,7 +5,7 @@ import pytest
 
 from gspure.metrics.targets import MESSAGE
 from gspure.public_model import PublicModel
-from gspure.schemes.keyss import NetworkKey
+from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import SHAPES, added, fresh, random_key
 from gspure.schemes.pair import read_pair
 from tests.models import blobs

@@ -1,4 +1,4 @@
-"""One model of a table: the same cells in HTML, Markdown and LaTeX."""
+"""A table as data: the same cells in HTML, Markdown and LaTeX."""
 
 import re
 from html import unescape
@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from gspure.metrics.statistics import Interval
 from gspure.report.page import environment
-from gspure.report.table import Cell, Column, Row, Table, interval
+from gspure.report.table import Cell, Column, Table, TableRow, interval
 
 TABLE = Table(
     "Drops",
     [Column("attack"), Column("message", "PSNR drop"), Column("scene", "PSNR drop")],
     [
-        Row([Cell("GSPure"), Cell("12.50", "(11.00 to 14.00)", best=True), Cell("1.00")], "best"),
-        Row([Cell("clean <model>"), Cell(), Cell("−0.50")], "control"),
+        TableRow([Cell("GSPure"), Cell("12.50", "(11.00 to 14.00)", best=True), Cell("1.00")], "best"),
+        TableRow([Cell("clean <model>"), Cell(), Cell("−0.50")], "control"),
     ],
     "In dB.",
 )
@@ -65,10 +65,10 @@ def test_intervals_have_brackets_ranges_parentheses_and_fewer_scenes_a_count(mea
 
 @given(TEXTS, TEXTS)
 def test_no_character_of_a_text_is_markup(first: str, second: str) -> None:
-    table = Table("t", [Column("a"), Column("b")], [Row([Cell(first), Cell(second)])])
+    table = Table("t", [Column("a"), Column("b")], [TableRow([Cell(first), Cell(second)])])
     assert cells_of_html(page(table))[-1] == [first, second]
     assert len(re.findall(r"(?<!\\)\|", table.markdown().splitlines()[-1])) == 3
-    row = Table("t", [Column("a")], [Row([Cell(first)])]).latex().splitlines()[-3].removesuffix(r" \\")
+    row = Table("t", [Column("a")], [TableRow([Cell(first)])]).latex().splitlines()[-3].removesuffix(r" \\")
     commands = {r"\textbackslash{}": "\\", r"\textasciitilde{}": "~", r"\textasciicircum{}": "^", r"\textless{}": "<"}
     commands |= {r"\textgreater{}": ">"} | {f"\\{character}": character for character in "&%$#_{}"}
     tokens = re.findall("|".join(map(re.escape, commands)) + "|[^\\\\{}$&#_%~^<>]", row)

@@ -8,7 +8,7 @@ from gspure.evaluation.survival import Survival
 from gspure.files import write_text
 from gspure.metrics.csv_tables import csv_text, read_table
 from gspure.metrics.names import display_name
-from gspure.report.table import Cell, Column, Row, Table, interval
+from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
 from gspure.text import decimal, signed
 
@@ -67,4 +67,4 @@ def _all(checks: Sequence[paper.Check]) -> str:
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     headings = [Column(name, text=name in {"attack", "follows"}) for name in columns]
-    return Table(title, headings, [Row([Cell(text) for text in row]) for row in rows])
+    return Table(title, headings, [TableRow([Cell(text) for text in row]) for row in rows])

@@ -15,8 +15,8 @@ from gspure.grouping import grouped
 from gspure.metrics.image_metrics import MARGIN
 from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.metrics.targets import is_picture
-from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
-from gspure.report.tables import scenes_of, text_of
+from gspure.report.table import Cell, Column, Table, TableRow, interval, markdown_document, scene_count
+from gspure.report.tables import number_format, scenes_of
 from gspure.text import decimal, percent, significant
 
 _SPREAD: Final = (
@@ -51,10 +51,12 @@ _MATCHED: Final = (
 
 def conditions_markdown(survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched]) -> str:
     """Return the tables of every condition over all of its scenes."""
-    rows = (survivals, contests, matched)
     conditions = dict.fromkeys([*(row.condition for row in survivals), *(row.condition for row in matched)])
-    tables = {known.title: [*chain(*condition_tables(known, *rows).values())] for known in conditions}
-    return markdown_document(tables) if tables else "No model with a message was attacked.\n"
+    sections = {}
+    for condition in conditions:
+        by_extraction = condition_tables(condition, survivals, contests, matched)
+        sections[condition.title] = [*chain(*by_extraction.values())]
+    return markdown_document(sections) if sections else "No model with a message was attacked.\n"
 
 
 def condition_tables(
@@ -69,98 +71,127 @@ def condition_tables(
         (partial(equal_damage_table, titles=titles), [row for row in contests if not isnan(row.damage)]),
         (partial(matched_table, titles=titles), matched),
     ]
-    alike = [(kind, [row for row in rows if row.condition == condition]) for kind, rows in kinds]
-    extractions = ordered({row.extraction for _, rows in alike for row in rows})
-    return {
-        extraction: [
-            kind(chosen) for kind, rows in alike if (chosen := [r for r in rows if r.extraction == extraction])
-        ]
-        for extraction in extractions
-    }
+    alike = [(table, [row for row in rows if row.condition == condition]) for table, rows in kinds]
+    tables = {}
+    for extraction in ordered({row.extraction for _, rows in alike for row in rows}):
+        by_extraction = [(table, [row for row in rows if row.extraction == extraction]) for table, rows in alike]
+        tables[extraction] = [table(rows) for table, rows in by_extraction if rows]
+    return tables
 
 
 def survival_table(attacks: Sequence[Survival]) -> Table:
     """Return the survival of one extraction of the message after each attack."""
-    is_shown = is_picture(attacks[0].extraction)
+    extraction = attacks[0].extraction
+    is_shown = is_picture(extraction)
     has_controls = any(row.above_floor or row.present for row in attacks)
     scenes = max(row.scenes for row in attacks)
-    columns = [Column("attack"), Column(*_dropped(attacks[0].extraction)), Column("scene", "PSNR drop")]
-    columns += [Column("RMS ratio", main=False)] * is_shown
+    columns = [Column("attack"), Column(*_dropped(extraction)), Column("scene", "PSNR drop")]
+    if is_shown:
+        columns.append(Column("RMS ratio", main=False))
     if has_controls:
         above = "message above" if is_shown else "mark above"
         columns += [Column("survived"), Column("share left")]
-        columns += [Column(name, above, main=False) for name in ("controls", "wrong key")]
-        columns += [Column("detectability", main=False)] * (scenes > 1)
-    rows, text = [], text_of(attacks[0].extraction)
+        columns += [Column("controls", above, main=False), Column("wrong key", above, main=False)]
+    if has_controls and scenes > 1:
+        columns.append(Column("detectability", main=False))
+    rows = []
     for row in attacks:
-        name = row.name + (" †" if row.reached is False and row.variant != UNATTACKED else "")
-        cells = [Cell(name, few(row.scenes, scenes)), interval(row.message_drop, row.scenes, text)]
-        cells += [interval(row.scene_drop, row.scenes), *[Cell(decimal(row.rms_ratio))] * is_shown]
+        is_unaffected = row.reached is False and row.variant != UNATTACKED
+        name = f"{row.name} †" if is_unaffected else row.name
+        cells = [Cell(name, scene_count(row.scenes, scenes))]
+        cells.append(interval(row.message_drop, row.scenes, number_format(extraction)))
+        cells.append(interval(row.scene_drop, row.scenes))
+        if is_shown:
+            cells.append(Cell(decimal(row.rms_ratio)))
         if has_controls:
-            retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
-            cells.append(Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell())
-            cells.append(Cell(percent(row.share_left.mean if row.share_left else nan)))
-            cells += [interval(above, row.scenes, text) for above in (row.above_floor, row.above_wrong_key)]
-            if scenes > 1:
-                auc = row.detectability
-                spread = f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}" if auc else ""
-                cells.append(Cell(decimal(auc.auc if auc else nan), spread))
-        rows.append(Row(cells))
-    return Table(f"Survival of the {extraction_name(attacks[0].extraction)}", columns, rows, _SURVIVAL)
+            cells += _beside_controls(row)
+        if has_controls and scenes > 1:
+            cells.append(_detectability(row))
+        rows.append(TableRow(cells))
+    return Table(f"Survival of the {extraction_name(extraction)}", columns, rows, _SURVIVAL)
+
+
+def _beside_controls(row: Survival) -> list[Cell]:
+    """Return the scenes in which the message survived, its share left, and its margins above controls and wrong key."""
+    retrieved = f"(+{row.only_retrieved})" if row.only_retrieved else ""
+    text = number_format(row.extraction)
+    return [
+        Cell(f"{row.survived} of {row.present}", retrieved) if row.present else Cell(),
+        Cell(percent(row.share_left.mean if row.share_left else nan)),
+        interval(row.above_floor, row.scenes, text),
+        interval(row.above_wrong_key, row.scenes, text),
+    ]
+
+
+def _detectability(row: Survival) -> Cell:
+    """Return the AUC with its interval, and the control model that is hardest to distinguish."""
+    auc = row.detectability
+    if auc is None:
+        return Cell()
+    return Cell(decimal(auc.auc), f"[{decimal(auc.low)}, {decimal(auc.high)}], {display_name(row.control)}")
 
 
 def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -> Table:
     """Return GSPure minus every other attack as both were run; some have other `names` than their display names."""
-    scenes, extraction = scenes_of(row.difference for row in contests), contests[0].extraction
+    extraction = contests[0].extraction
+    scenes = scenes_of(row.difference for row in contests)
     has_score = is_picture(extraction)
-    columns = [Column("attack"), *[Column("Score")] * has_score, Column(*_dropped(extraction))]
-    columns += [Column("scene", "PSNR drop"), *[Column("p")] * (has_score and scenes > 1)]
+    has_test = has_score and scenes > 1
+    columns = [Column("attack")]
+    if has_score:
+        columns.append(Column("Score"))
+    columns += [Column(*_dropped(extraction)), Column("scene", "PSNR drop")]
+    if has_test:
+        columns.append(Column("p"))
     rows = []
     for attack, alike in grouped(contests, lambda row: row.attack).items():
-        quantities = {row.quantity: row for row in alike}
-        shown = [quantities[name] for name in (SCORE, MESSAGE_DROP, SCENE_DROP) if name in quantities]
+        by_quantity = {row.quantity: row for row in alike}
+        shown = [by_quantity[name] for name in (SCORE, MESSAGE_DROP, SCENE_DROP) if name in by_quantity]
         compared = scenes_of(row.difference for row in shown)
-        texts = [decimal if row.quantity == SCENE_DROP else text_of(extraction) for row in shown]
-        cells = [interval(row.difference, compared, text) for row, text in zip(shown, texts, strict=True)]
-        if has_score and scenes > 1:
-            p = [significant(value, 2) for value in (shown[0].p_adjusted, shown[0].p_attainable)]
-            cells.append(Cell(p[0], f"(≥ {p[1]})"))
-        rows.append(Row([Cell(names.get(attack, display_name(attack)), few(compared, scenes)), *cells]))
+        cells = [Cell(names.get(attack, display_name(attack)), scene_count(compared, scenes))]
+        for row in shown:
+            text = decimal if row.quantity == SCENE_DROP else number_format(extraction)
+            cells.append(interval(row.difference, compared, text))
+        if has_test:
+            p = significant(shown[0].p_adjusted, 2)
+            smallest_p = significant(shown[0].p_attainable, 2)
+            cells.append(Cell(p, f"(≥ {smallest_p})"))
+        rows.append(TableRow(cells))
     title = f"GSPure minus other attacks: {extraction_name(extraction)}"
     return Table(title, columns, rows, _OTHERS)
 
 
 def equal_damage_table(contests: Sequence[Contest], titles: Mapping[str, str]) -> Table:
     """Return GSPure minus every other attack at equal damage to the scene; `titles` are those of variants."""
-    damages, scenes = dict.fromkeys(row.damage for row in contests), scenes_of(row.difference for row in contests)
-    rows, extraction = [], contests[0].extraction
+    extraction = contests[0].extraction
+    text = number_format(extraction)
+    damages = dict.fromkeys(row.damage for row in contests)
+    scenes = scenes_of(row.difference for row in contests)
+    rows = []
     for attack, alike in grouped(contests, lambda row: row.attack).items():
-        at, text = {row.damage: row.difference for row in alike}, text_of(extraction)
-        rows.append(
-            Row(
-                [
-                    Cell(titles.get(attack) or display_name(attack)),
-                    *(interval(at.get(damage), scenes, text) for damage in damages),
-                ]
-            )
-        )
+        by_damage = {row.damage: row.difference for row in alike}
+        differences = [interval(by_damage.get(damage), scenes, text) for damage in damages]
+        rows.append(TableRow([Cell(titles.get(attack) or display_name(attack)), *differences]))
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
     return Table(title, [Column("attack"), *_permitted(damages)], rows, _EQUAL)
 
 
 def matched_table(matched: Sequence[Matched], titles: Mapping[str, str]) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
-    most: dict[float, float] = {}
     scenes = scenes_of(row.drop for row in matched)
+    damages = sorted({row.damage for row in matched})
+    most: dict[float, float] = {}
     for row in matched:
         if row.scene_drop <= row.damage and row.drop.scenes == scenes:
             most[row.damage] = max(row.drop.mean, most.get(row.damage, -inf))
-    damages, rows = sorted({row.damage for row in matched}), []
-    for sweep, group in grouped(matched, lambda row: row.sweep).items():
-        at = {row.damage: row for row in group}
-        drops = [_drop_at(at[damage], most.get(damage), scenes) if damage in at else Cell() for damage in damages]
-        strengths = Cell(f"{next(iter(at.values())).strengths}")
-        rows.append(Row([Cell(titles.get(sweep) or display_name(sweep)), strengths, *drops]))
+    rows = []
+    for sweep, alike in grouped(matched, lambda row: row.sweep).items():
+        by_damage = {row.damage: row for row in alike}
+        drops = [
+            _drop_at(by_damage[damage], most.get(damage), scenes) if damage in by_damage else Cell()
+            for damage in damages
+        ]
+        rows.append(TableRow([Cell(titles.get(sweep) or display_name(sweep)), Cell(f"{alike[0].strengths}"), *drops]))
     title = f"Drop of the {extraction_name(matched[0].extraction)} at equal damage to the scene"
     return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, _MATCHED)
 
@@ -175,8 +206,8 @@ def _permitted(damages: Iterable[float]) -> list[Column]:
 
 
 def _drop_at(row: Matched, most: float | None, scenes: int) -> Cell:
-    """Return a drop, with the drop of the scene where it is not the permitted one."""
-    cell = interval(row.drop, scenes, text_of(row.extraction))
+    """Return a drop, with the drop of the scene if it is not the permitted one."""
+    cell = interval(row.drop, scenes, number_format(row.extraction))
     cell = cell._replace(best=row.scene_drop <= row.damage and row.drop.mean == most)
     if row.scene_drop == row.damage:
         return cell

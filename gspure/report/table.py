@@ -1,6 +1,6 @@
-"""One model of a table, rendered as Markdown or LaTeX."""
+"""A table as data, rendered as Markdown or LaTeX."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
@@ -17,7 +17,7 @@ class Cell(NamedTuple):
     """One cell of a table."""
 
     text: str = UNKNOWN
-    detail: str = ""  # small print after the text: an interval, a change
+    detail: str = ""  # small print after the text: an interval or a change
     best: bool = False  # whether it is the best of its column
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class Column(NamedTuple):
         return f"{self.group} {self.title}".strip()
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """The cells of a row, one per column."""
 
     cells: Sequence[Cell]
@@ -52,12 +52,12 @@ class Table:
 
     title: str
     columns: Sequence[Column]
-    rows: Sequence[Row]
+    rows: Sequence[TableRow]
     note: str = ""
 
     @property
     def main_first(self) -> list[tuple[int, Column]]:
-        """The columns with their numbers, main ones first."""
+        """The columns with their indices, main ones first."""
         return sorted(enumerate(self.columns), key=lambda column: not column[1].main)
 
     def markdown(self) -> str:
@@ -66,52 +66,67 @@ class Table:
         lines += [[f"**{cell}**" if cell.best else str(cell) for cell in row.cells] for row in self.rows]
         lines = [[text.replace("|", r"\|") for text in line] for line in lines]
         widths = [max(3, *map(len, texts)) for texts in zip(*lines, strict=True)]
-        signs = [f"<{width}" if words else f">{width}" for width, words in zip(widths, self._words, strict=True)]
-        rule = ["-" * (width - 1) + "-:"[not words] for width, words in zip(widths, self._words, strict=True)]
+        signs = []
+        rule = []
+        for width, is_left in zip(widths, self._are_left, strict=True):
+            signs.append(f"<{width}" if is_left else f">{width}")
+            rule.append("-" * width if is_left else "-" * (width - 1) + ":")
         padded = [map(format, line, signs) for line in (lines[0], rule, *lines[1:])]
         return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
     def latex(self) -> str:
         """Return a booktabs ``tabular``, below its note as a comment."""
+        alignments = "".join("l" if is_left else "r" for is_left in self._are_left)
         lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
-        lines += [r"\begin{tabular}{" + "".join("l" if words else "r" for words in self._words) + "}", r"\toprule"]
-        texts = [[column.full_title for column in self.columns], *([*map(str, row.cells)] for row in self.rows)]
-        heading, *body = (" & ".join(text.translate(_LATEX) for text in line) + r" \\" for line in texts)
-        lines.append(heading)
-        for i, (row, line) in enumerate(zip(self.rows, body, strict=True)):
-            lines += [r"\midrule"] * (row.begins or not i) + [line]
+        lines += [rf"\begin{{tabular}}{{{alignments}}}", r"\toprule"]
+        lines.append(_latex_line(column.full_title for column in self.columns))
+        for i, row in enumerate(self.rows):
+            if row.begins or i == 0:
+                lines.append(r"\midrule")
+            lines.append(_latex_line(map(str, row.cells)))
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
     @property
-    def _words(self) -> list[bool]:
-        """Whether each column holds words."""
-        return [column.text or not i for i, column in enumerate(self.columns)]
+    def _are_left(self) -> list[bool]:
+        """Whether each column is aligned left: the first, and those of words."""
+        return [column.text or i == 0 for i, column in enumerate(self.columns)]
+
+
+def _latex_line(texts: Iterable[str]) -> str:
+    return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"
 
 
 def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
-    """Return tables below the headings of their sections; a note that several share stands below the last of them."""
+    """Return tables below the headings of their sections; a note of several tables stands below the last of them."""
     last = {table.note: table for tables in sections.values() for table in tables}
     lines: list[str] = []
     for heading, tables in sections.items():
         lines += [f"## {heading}", ""]
         for table in tables:
             lines += [f"### {table.title}", "", table.markdown(), ""]
-            lines += [table.note, ""] if last[table.note] is table and table.note else []
+            if table.note and last[table.note] is table:
+                lines += [table.note, ""]
     return "\n".join(lines)
 
 
 def interval(value: Interval | None, scenes: int, text: Callable[[float], str] = decimal) -> Cell:
     """Return a mean with its 95% interval in brackets, or with the range of fewer than six scenes in parentheses.
 
-    Its scenes are counted if they are fewer than `scenes`, those that the place of the cell states.
+    `scenes` is the number of scenes that the row or the table states: the cell counts its scenes if they are fewer.
     """
     if value is None:
         return Cell()
-    low, high = text(value.low), text(value.high)
-    spread = f"[{low}, {high}]" if value.level >= LEVEL else f"({low} to {high})" if value.scenes > 1 else ""
-    return Cell(text(value.mean), f"{spread} {few(value.scenes, scenes)}".strip())
+    spread = ""
+    if value.level >= LEVEL:
+        spread = f"[{text(value.low)}, {text(value.high)}]"
+    elif value.scenes > 1:
+        spread = f"({text(value.low)} to {text(value.high)})"
+    return Cell(text(value.mean), f"{spread} {scene_count(value.scenes, scenes)}".strip())
 
 
-def few(measured: int, scenes: int) -> str:
-    """Return the count of scenes in parentheses if it is below `scenes`."""
-    return f"({measured} of {scenes} scene{'s' * (scenes != 1)})" if measured < scenes else ""
+def scene_count(measured: int, scenes: int) -> str:
+    """Return the number of measured scenes in parentheses if it is below `scenes`; otherwise an empty text."""
+    if measured >= scenes:
+        return ""
+    noun = "scene" if scenes == 1 else "scenes"
+    return f"({measured} of {scenes} {noun})"

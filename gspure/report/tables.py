@@ -15,7 +15,7 @@ from gspure.metrics.image_metrics import METRICS
 from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.metrics.statistics import Interval
 from gspure.metrics.targets import MESSAGE, SCENE, is_picture
-from gspure.report.table import Cell, Column, Row, Table, few, interval, markdown_document
+from gspure.report.table import Cell, Column, Table, TableRow, interval, markdown_document, scene_count
 from gspure.text import UNKNOWN, decimal, percent, signed, significant
 
 SHARES: Final = ("pruned_share", "precision", "recall")
@@ -40,19 +40,35 @@ _BESIDE: Final = (
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
     """Return one table per model, and the reason of every failure."""
-    document = markdown_document({model.title: [model_table(group)] for model, group in by_model(outcomes).items()})
-    return "\n".join([document, *(f"{sentence}\n" for sentence in failures(outcomes))])
+    tables = {model.title: [model_table(variants)] for model, variants in by_model(outcomes).items()}
+    sentences = [f"{sentence}\n" for sentence in failures(outcomes)]
+    return "\n".join([markdown_document(tables), *sentences])
 
 
 def model_table(outcomes: Sequence[Outcome]) -> Table:
     """Return every variant of one model with its metrics."""
     measured = [o for o in outcomes if not o.failure]
-    names, targets = titles_with_damage(measured), ordered({target for o in measured for target in o.targets})
+    names = titles_with_damage(measured)
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
-    detectors = {name: read.bits for o in measured for name, read in o.detections.items()}
     columns = {Column("variant"): [Cell(names[o.variant]) for o in measured]}
-    if any(o.strength_text for o in measured):
+    if any(o.strength for o in measured):
         columns[Column("strength", main=False)] = [Cell(o.strength_text or UNKNOWN) for o in measured]
+    columns |= _metric_columns(measured, best)
+    columns |= _detector_columns(measured)
+    columns |= _share_columns(measured)
+    rows = []
+    for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True):
+        if o.is_control:
+            rows.append(TableRow(cells, "control"))
+        else:
+            rows.append(TableRow(cells, "best" if o.score == best else ""))
+    return Table("Metrics of every variant", [*columns], rows, _MODEL)
+
+
+def _metric_columns(measured: Sequence[Outcome], best: float) -> dict[Column, list[Cell]]:
+    """Return the metrics of every target, and the Score of every extraction; the `best` Score is bold."""
+    targets = ordered({target for o in measured for target in o.targets})
+    columns = {}
     for target in targets:
         for metric in METRICS:
             is_main = target in (SCENE, MESSAGE) and metric == "psnr"
@@ -61,22 +77,33 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     for i, target in enumerate(filter(is_picture, targets)):
         scores = [o.score_of(target) for o in measured]
         column = Column(display_name(target), "Score", main=target == MESSAGE)
-        columns[column] = [Cell(signed(score), best=not i and score == best) for score in scores]
-    for name, bits in detectors.items():
-        group, reads = display_name(name), [o.detections.get(name) for o in measured]
-        columns[Column("correct bits" if bits else "score", group)] = [*map(_reading, reads)]
+        columns[column] = [Cell(signed(score), best=i == 0 and score == best) for score in scores]
+    return columns
+
+
+def _detector_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
+    """Return the readings of every detector, and its true positive rates."""
+    bits_of = {name: detection.bits for o in measured for name, detection in o.detections.items()}
+    columns = {}
+    for name, bits in bits_of.items():
+        group = display_name(name)
+        detections = [o.detections.get(name) for o in measured]
+        columns[Column("correct bits" if bits else "score", group)] = [*map(_reading, detections)]
         for title, rate in (("TPR 1%", "tpr"), ("TPR 0.1%", "tpr_strict")):
-            rates = [getattr(read, rate, nan) for read in reads]  # unknown where nothing was read
+            rates = [getattr(detection, rate, nan) for detection in detections]  # unknown without a detection
             columns[Column(title, group, main=rate == "tpr")] = [Cell(percent(value)) for value in rates]
+    return columns
+
+
+def _share_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
+    """Return the share of pruned rows, and precision and recall, where they are known."""
+    columns = {}
     for name in SHARES:
-        if any(map(isfinite, shares := [getattr(o, name) for o in measured])):
+        shares = [getattr(o, name) for o in measured]
+        if any(map(isfinite, shares)):
             column = Column(name.removesuffix("_share"), main=name == "pruned_share")
             columns[column] = [Cell(percent(share)) for share in shares]
-    rows = [
-        Row(cells, "control" if o.is_control else "best" if o.score == best else "")
-        for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True)
-    ]
-    return Table("Metrics of every variant", [*columns], rows, _MODEL)
+    return columns
 
 
 def _metric(o: Outcome, target: str, name: str) -> Cell:
@@ -86,52 +113,66 @@ def _metric(o: Outcome, target: str, name: str) -> Cell:
     text = METRICS[name].text(o.targets[target].values[name])
     if name != "psnr":
         return Cell(text)
-    missed, drop = o.variant != UNATTACKED and o.reaches(target) is False, o.psnr_drop(target)
-    return Cell(text + " †" * missed, f"({signed(-drop)})" if isfinite(drop) and drop != 0 else "")
+    if o.variant != UNATTACKED and o.reaches(target) is False:
+        text += " †"
+    drop = o.psnr_drop(target)
+    return Cell(text, f"({signed(-drop)})" if isfinite(drop) and drop != 0 else "")
 
 
-def _reading(read: Detection | None) -> Cell:
+def _reading(detection: Detection | None) -> Cell:
     """Return the mean reading of a detector with its standard deviation."""
-    if read is None:
+    if detection is None:
         return Cell()
-    level = percent(read.level / 100) if read.bits else significant(read.level)
-    return Cell(level, f"(± {significant(read.spread, 2)})")
+    level = percent(detection.level / 100) if detection.bits else significant(detection.level)
+    return Cell(level, f"(± {significant(detection.spread, 2)})")
 
 
 def summary_table(outcomes: Sequence[Outcome]) -> Table:
-    """Return the means over scenes, with what the paper prints for its scenes."""
+    """Return the means over scenes, with the paper's Score for its scenes."""
     titles = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
-    rows, body = summarize(outcomes), []
-    for condition, alike in grouped(rows, lambda row: row.condition).items():
+    rows = []
+    for condition, alike in grouped(summarize(outcomes), lambda row: row.condition).items():
         names = titles_with_damage(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
-            extraction = "" if row.extraction == MESSAGE else f", {extraction_name(row.extraction)}"
-            shown = [Cell("" if i else condition.title), Cell(names[row.variant] + extraction)]
+            attack = names[row.variant]
+            if row.extraction != MESSAGE:
+                attack += f", {extraction_name(row.extraction)}"
             scenes = scenes_of((row.scene, row.message, row.score))
-            means = [
-                Cell(text(value.mean), few(value.scenes, scenes)) if value else Cell()
-                for value, text in ((row.scene, decimal), (row.message, text_of(row.extraction)))
+            cells = [
+                Cell("" if i else condition.title),
+                Cell(attack),
+                Cell(f"{scenes}"),
+                _mean(row.scene, scenes, decimal),
+                _mean(row.message, scenes, number_format(row.extraction)),
+                interval(row.score, scenes),
+                Cell(decimal(row.paper_score)),
             ]
-            numbers = [*means, interval(row.score, scenes), Cell(decimal(row.paper_score))]
-            body.append(Row([*shown, Cell(f"{scenes}"), *numbers], begins=not i))
-    return Table("Means over scenes", columns, body, _SUMMARY)
+            rows.append(TableRow(cells, begins=i == 0))
+    return Table("Means over scenes", columns, rows, _SUMMARY)
+
+
+def _mean(value: Interval | None, scenes: int, text: Callable[[float], str]) -> Cell:
+    """Return a mean without its interval."""
+    return Cell(text(value.mean), scene_count(value.scenes, scenes)) if value else Cell()
 
 
 def beside_table(rows: Sequence[Beside]) -> Table:
     """Return the attacks of the paper's Table 1 beside ours."""
     quantities = ("scene drop", "message drop", "Score", "RMS ratio")
-    pairs = [Column(source, name) for name in quantities for source in ("paper", "ours")]
-    body = []
-    for condition, group in grouped(rows, lambda row: row.condition).items():
-        for i, row in enumerate(group):
-            names = [Cell("" if i else condition.title), Cell(display_name(row.variant))]
+    columns = [Column("condition"), Column("attack", text=True), Column("our scenes")]
+    columns += [Column(source, name) for name in quantities for source in ("paper", "ours")]
+    table_rows = []
+    for condition, alike in grouped(rows, lambda row: row.condition).items():
+        for i, row in enumerate(alike):
+            cells = [Cell("" if i else condition.title), Cell(display_name(row.variant))]
+            cells.append(Cell(str(row.scenes or UNKNOWN)))
             paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
             ours = (row.scene_drop, row.message_drop, row.score, row.rms_ratio)
-            numbers = [Cell(decimal(value)) for pair in zip(paper, ours, strict=True) for value in pair]
-            body.append(Row([*names, Cell(str(row.scenes or UNKNOWN)), *numbers], begins=not i))
-    columns = [Column("condition"), Column("attack", text=True), Column("our scenes"), *pairs]
-    return Table("The attacks of Table 1", columns, body, _BESIDE)
+            for printed, measured in zip(paper, ours, strict=True):
+                cells += [Cell(decimal(printed)), Cell(decimal(measured))]
+            table_rows.append(TableRow(cells, begins=i == 0))
+    return Table("The attacks of Table 1", columns, table_rows, _BESIDE)
 
 
 def failures(outcomes: Sequence[Outcome]) -> list[str]:
@@ -143,11 +184,11 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
     return [f"Without results: {'; '.join(names)} ({reason})." for reason, names in failed.items()]
 
 
-def text_of(extraction: str) -> Callable[[float], str]:
-    """Return how to write numbers of an extraction: dB with fixed decimals; scores of detectors have any magnitude."""
+def number_format(extraction: str) -> Callable[[float], str]:
+    """Return the function that writes numbers of an extraction: fixed decimals for dB, first digits for readings."""
     return decimal if is_picture(extraction) else significant
 
 
 def scenes_of(intervals: Iterable[Interval | None]) -> int:
-    """Return the number of scenes behind some means; 0 if none is known."""
+    """Return the largest number of scenes of some means; 0 if none is known."""
     return max((value.scenes for value in intervals if value), default=0)

@@ -1,6 +1,6 @@
-"""Adapters: schemes whose programs are those of an author's checkout, unmodified.
+"""Adapters: schemes that run the programs of an author's unmodified checkout.
 
-Programs are processes of their own and exchange files with gspure; nothing is copied or imported. ``NAME.toml``
+The programs are processes of their own and exchange files with gspure; nothing is copied or imported. ``NAME.toml``
 describes the scheme NAME; docs/schemes.md, "Code of authors", explains its fields.
 """
 
@@ -41,6 +41,7 @@ MESSAGE_FILE: Final = "message.txt"  # in a key: the bits, as a text of 0 and 1
 PROGRAMS: Final = ("embed", "extract", "detect", "wrong")
 FIELDS: Final = ("checkout", "commit", "cuda", "public", *PROGRAMS)
 VANILLA: Final = "splats_in_splats"  # a built-in scheme whose public files are vanilla 3DGS
+VANILLA_COLUMNS: Final = ("x", "y", "z", "f_*", "opacity", "scale_*", "rot_*")
 DAY: Final = 86_400.0  # seconds
 
 
@@ -49,29 +50,40 @@ class Adapter:
     """A checkout, and the commands that run its programs."""
 
     source: Path
-    base: Scheme  # reads public files, trains clean models and, if no command does, reads the key and the message
+    base: Scheme  # reads public files and trains clean models; reads the key too, unless the programs do
     checkout: Path
     commit: str
     cuda: bool
-    commands: Mapping[str, str]  # of some of `PROGRAMS`
+    commands: Mapping[str, str]  # by program, some of `PROGRAMS`
+
+    @property
+    def reads_key(self) -> bool:
+        """Whether a program reads the key, not `base`."""
+        return "extract" in self.commands or "detect" in self.commands
 
     def words(self, program: str, **values: object) -> list[str]:
-        """Return the words of a command, or raise `InputError` if the program cannot run here, or not as published."""
+        """Return the words of a command.
+
+        Raise `InputError` if it needs CUDA and there is no driver, if the checkout is not at the commit or has changes,
+        or if a placeholder is unknown.
+        """
         if self.cuda:
             try:
                 ctypes.CDLL("libcuda.so.1")
             except OSError:
                 hint = f"the programs of {self.checkout} need CUDA"
                 raise InputError(self.source, "cuda", expected="an NVIDIA driver", found="none", hint=hint) from None
-        if (head := self._git("rev-parse", "HEAD")) != self.commit:
+        head = self._git("rev-parse", "HEAD")
+        if head != self.commit:
             raise InputError(self.checkout, "commit", expected=self.commit, found=head)
-        if changed := self._git("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=untracked"):
-            raise InputError(self.checkout, "files", expected=f"those of {self.commit}", found=f"changes: {changed}")
+        changes = self._git("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=untracked")
+        if changes:
+            raise InputError(self.checkout, "files", expected=f"those of {self.commit}", found=f"changes: {changes}")
+        placeholders = {"here": self.source.parent, **values}
         try:
-            known = {"here": self.source.parent, **values}
-            return [word.format_map(known) for word in words_of(self.commands[program])]
+            return [word.format_map(placeholders) for word in words_of(self.commands[program])]
         except (AttributeError, IndexError, KeyError, ValueError):
-            expected = f"no placeholders but {', '.join(known)}"
+            expected = f"no placeholders but {', '.join(placeholders)}"
             raise InputError(self.source, program, expected=expected, found=self.commands[program]) from None
 
     def run(self, program: str, **values: object) -> None:
@@ -86,31 +98,57 @@ def read_adapter(source: Path, built_in: Sequence[Scheme]) -> Scheme:
     """Return the scheme that a TOML file describes, or raise `InputError` for its first fault."""
     with reading(source, "the description of an adapter"):
         fields = tomllib.loads(source.read_text(encoding="utf-8"))
-    commands: dict[str, str] = {program: fields[program] for program in PROGRAMS if program in fields}
-    for name in (*fields, "checkout", "commit", "embed", *(["wrong"] if "extract" in commands else [])):
-        if name not in FIELDS or not isinstance(value := fields.get(name), bool if name == "cuda" else str):
-            expected = "a text, or of `cuda` true or false" if name in FIELDS else f"one of {', '.join(FIELDS)}"
-            raise InputError(source, name, expected=expected, found=repr(value) if name in fields else "nothing")
+    _require_fields(source, fields)
     schemes = {scheme.name: scheme for scheme in built_in}
     if source.stem in schemes:
         raise InputError(source, "name", expected="a name not in use", found=repr(source.stem))
-    if (name := fields.get("public", VANILLA)) not in schemes:
-        raise InputError(source, "public", expected=f"one of {', '.join(schemes)}", found=repr(name))
-    readers = sorted({"extract", "detect", "public"} & {*fields})
-    if not readers or {"extract", "detect"} <= {*readers}:
+    base = fields.get("public", VANILLA)
+    if base not in schemes:
+        raise InputError(source, "public", expected=f"one of {', '.join(schemes)}", found=repr(base))
+    readers = {"extract", "detect", "public"} & fields.keys()
+    if not readers or {"extract", "detect"} <= readers:
         expected = "`extract` or `detect`, or a `public` scheme that reads the key"
-        raise InputError(source, "fields", expected=expected, found=" and ".join(readers) or "none")
-    source, checkout = source.resolve(), Path(fields["checkout"]).expanduser()
-    base, where = schemes[name], (source.parent / checkout).resolve()
-    adapter = Adapter(source, base, where, fields["commit"], fields.get("cuda", False), commands)
-    named = (files_of(command.replace("{here}", str(source.parent)), source) for command in commands.values())
-    sources = (source, *(Path(file) for files in named for file in files))
-    scheme = replace(base, name=source.stem, embed=partial(embed, adapter), signature=(), sources=sources)
-    if readers == ["public"]:
+        raise InputError(source, "fields", expected=expected, found=" and ".join(sorted(readers)) or "none")
+    source = source.resolve()
+    checkout = (source.parent / Path(fields["checkout"]).expanduser()).resolve()
+    commands: dict[str, str] = {program: fields[program] for program in PROGRAMS if program in fields}
+    return _scheme(Adapter(source, schemes[base], checkout, fields["commit"], fields.get("cuda", False), commands))
+
+
+def _require_fields(source: Path, fields: Mapping[str, Any]) -> None:
+    """Raise `InputError` for the first field that is unknown, has another type or is missing."""
+    required = ["checkout", "commit", "embed"]
+    if "extract" in fields:
+        required.append("wrong")
+    for name in (*fields, *required):
+        value = repr(fields[name]) if name in fields else "nothing"
+        if name not in FIELDS:
+            raise InputError(source, name, expected=f"one of {', '.join(FIELDS)}", found=value)
+        if not isinstance(fields.get(name), bool if name == "cuda" else str):
+            raise InputError(source, name, expected="a text, or of `cuda` true or false", found=value)
+
+
+def _scheme(adapter: Adapter) -> Scheme:
+    """Return the scheme of an adapter, under the name of its file."""
+    base = adapter.base
+    sources = [adapter.source]
+    for command in adapter.commands.values():
+        local_command = command.replace("{here}", str(adapter.source.parent))
+        sources += map(Path, files_of(local_command, adapter.source))
+    scheme = replace(
+        base, name=adapter.source.stem, embed=partial(embed, adapter), signature=(), sources=tuple(sources)
+    )
+    if not adapter.reads_key:
         return scheme
-    columns = ("x", "y", "z", "f_*", "opacity", "scale_*", "rot_*") if name == VANILLA else base.extractions[MESSAGE]
-    extractions = dict.fromkeys((BITS,) if "detect" in commands else (MESSAGE, ADAPTIVE), columns)
-    return replace(scheme, read_key=partial(FilesKey, adapter), extractions=extractions, fits=False, reveals=False)
+    columns = VANILLA_COLUMNS if base.name == VANILLA else base.extractions[MESSAGE]
+    targets = (BITS,) if "detect" in adapter.commands else (MESSAGE, ADAPTIVE)
+    return replace(
+        scheme,
+        read_key=partial(FilesKey, adapter),
+        extractions=dict.fromkeys(targets, columns),
+        fits=False,
+        reveals=False,
+    )
 
 
 def embed(
@@ -127,42 +165,53 @@ def embed(
 
     The other settings are those of models that gspure trains.
     """
-    base, train = adapter.base, {"iterations": iterations, "max_gaussians": max_gaussians}
+    base = adapter.base
     if not message_weight:
-        known = {name: value for name, value in train.items() if name in base.settings}
-        return base.embed(replace(pair, initialization="scene"), seed, device, message_weight=0, **known)
+        settings = {"iterations": iterations, "max_gaussians": max_gaussians}
+        common = {name: value for name, value in settings.items() if name in base.settings}
+        return base.embed(replace(pair, initialization="scene"), seed, device, message_weight=0, **common)
     with ExitStack() as stack:
         place = Path(stack.enter_context(TemporaryDirectory(prefix="gspure-")))
         values: dict[str, Any] = {"seed": seed, "iterations": iterations}
         values |= {name: place / name for name in ("out", "scene", "message", "scene_model", "message_model")}
         adapter.words("embed", **values)  # refuses before models are trained
-        for folder in (public := place / "out/public", key := place / "out/key"):
-            folder.mkdir(parents=True)
+        out = place / "out"
+        public = out / "public"
+        key = out / "key"
+        public.mkdir(parents=True)
+        key.mkdir()
         for name, capture in {"scene": pair.scene, "message": pair.message}.items():
-            points = capture.dataset.xyz, capture.dataset.rgb
+            points = (capture.dataset.xyz, capture.dataset.rgb)
             write_colmap(place / name, capture.views, capture.images, points)
             if f"{{{name}_model}}" in adapter.commands["embed"]:
                 begin = gaussians_at(*thinned(*points, max_gaussians, seed))
                 model = capture.trained(begin, iterations, max_gaussians, seed, device)
                 write_model(place / f"{name}_model/point_cloud/iteration_{iterations}/point_cloud.ply", model)
         adapter.run("embed", **values)
-        for missing in (name for name in ("public/point_cloud.ply", "key/*") if not any((place / "out").glob(name))):
-            raise InputError(adapter.source, "embed", expected=f"{missing} in {{out}}", found="no such file")
+        for pattern in ("public/point_cloud.ply", "key/*"):
+            if not any(out.glob(pattern)):
+                raise InputError(adapter.source, "embed", expected=f"{pattern} in {{out}}", found="no such file")
         marked = base.read_public(public)
-        if {"extract", "detect"} & {*adapter.commands}:
+        if adapter.reads_key:
             return marked, FilesKey(adapter, key, stack.pop_all().close)
         return marked, base.read_key(key)
 
 
 class FilesKey(Key):
-    """A key that only the authors' programs read: a folder of files, with `MESSAGE_FILE` if it hides bits."""
+    """A key that only the authors' programs read: a folder of files, with `MESSAGE_FILE` if it hides bits.
+
+    `end` is called when the key is no longer used, to remove a temporary folder.
+    """
 
     def __init__(self, adapter: Adapter, folder: Path, end: Callable[[], None] = lambda: None) -> None:
-        self._adapter, self._folder = adapter, folder.resolve()
+        self._adapter = adapter
+        self._folder = folder.resolve()
         weakref.finalize(self, end)
         if "detect" in adapter.commands:
-            with reading(file := folder / MESSAGE_FILE, "bits, as a text of 0 and 1"):
-                if {*(text := file.read_text().strip())} - {*"01"} or not text:
+            file = folder / MESSAGE_FILE
+            with reading(file, "bits, as a text of 0 and 1"):
+                text = file.read_text().strip()
+                if not text or {*text} - {*"01"}:
                     raise ValueError(text or "nothing")
             self.bits = np.array([*text]) == "1"
 
@@ -173,7 +222,7 @@ class FilesKey(Key):
     def readings(self, images: Path) -> list[Reading]:
         """Return what the authors' program reads from each PNG file of a folder."""
         words = self._adapter.words("detect", key=self._folder)
-        message = "".join("01"[bit] for bit in self.bits.tolist())
+        message = "".join("1" if bit else "0" for bit in self.bits)
         return read_marks(shlex.join(words), images.resolve(), message, DAY, self._adapter.checkout)
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
@@ -187,29 +236,36 @@ class FilesKey(Key):
         views: Sequence[Camera],
         device: Device | None = None,  # noqa: ARG002
     ) -> Iterator[Float32]:
-        """Yield what the authors' program shows in each of the views."""
+        """Yield the image that the authors' program renders of each view."""
         with TemporaryDirectory(prefix="gspure-") as place:
-            model, cameras, out = (Path(place, name) for name in ("model", "cameras", "out"))
+            model = Path(place, "model")
+            cameras = Path(place, "cameras")
+            out = Path(place, "out")
             public.write(model / "point_cloud.ply")
             black = (np.zeros((view.height, view.width, 3), np.float32) for view in views)
             write_colmap(cameras, views, black, (public.model.means[:1].astype(np.float64), np.zeros((1, 3), np.uint8)))
             out.mkdir()
             self._adapter.run("extract", model=model, key=self._folder, cameras=cameras, out=out)
             for number, view in enumerate(views):
-                file, shape = f"{number:05d}.png", (view.height, view.width, 3)
-                image = read_image(out / file) if (out / file).is_file() else np.zeros(0, np.float32)
-                if image.shape != shape:
-                    expected, found = (f"{each}" if each[1:] else "no such file" for each in (shape, image.shape))
-                    raise InputError(self._adapter.source, f"extract: {file}", expected=expected, found=found)
-                yield image
+                yield self._extracted(out / f"{number:05d}.png", view)
+
+    def _extracted(self, file: Path, view: Camera) -> Float32:
+        """Return the image of a view that the program wrote, or raise `InputError` if its size is wrong."""
+        shape = (view.height, view.width, 3)
+        image = read_image(file) if file.is_file() else None
+        if image is None or image.shape != shape:
+            actual = "no such file" if image is None else str(image.shape)
+            raise InputError(self._adapter.source, f"extract: {file.name}", expected=str(shape), found=actual)
+        return image
 
     def wrong(self, rng: np.random.Generator) -> FilesKey:
-        """Return the same files with other bits, or what the program `wrong` makes of them."""
+        """Return the same files with other bits, or the files that the program `wrong` makes of them."""
         with ExitStack() as stack:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="gspure-")))
             if len(self.bits):
                 self.write(folder)
-                (folder / MESSAGE_FILE).write_text("".join(map(str, rng.integers(2, size=len(self.bits)))))
+                bits = rng.integers(2, size=len(self.bits))
+                (folder / MESSAGE_FILE).write_text("".join(map(str, bits)))
             else:
                 self._adapter.run("wrong", key=self._folder, out=folder, seed=rng.integers(1 << 31))
             return FilesKey(self._adapter, folder, stack.pop_all().close)

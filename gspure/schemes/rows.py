@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.opencl.adam import adam_step
-from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainState
 from gspure.schemes.scheme import Run
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import densified
 
 ENDS: Final = (3, 7, 10, 11)
 """Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
-
 
 CACHED: Final = 1500  # rows that fit a CPU's cache, with what is computed of them
 
@@ -25,14 +24,15 @@ class TrainedRows:
 
     def __init__(self, begin: Parameters, run: Run, rng: np.random.Generator) -> None:
         self.schedule = Schedule.scaled(run.iterations)
-        self._run, self._rng = run, rng
+        self._run = run
+        self._rng = rng
         self._replace(TrainState.fresh(begin))
 
     def __len__(self) -> int:
         return len(self.values)
 
     def count_view(self, norms: Float32) -> None:
-        """Count a view for the rows whose projected centres its loss depends on: the `norms` [K] of their gradients."""
+        """Add the norms [K] of a view's gradients of projected centres, and count it for the rows above 0."""
         self._norms += norms
         self._views += norms > 0
 
@@ -40,15 +40,23 @@ class TrainedRows:
         """Take an optimizer step in some columns against a gradient [K,11 + C], with one rate or one per column."""
         for start in range(0, len(self), CACHED):
             block = slice(start, start + CACHED)
-            parts = (part[block, columns] for part in (self.values, self._first, self._second, gradient))
-            values, first, second, of_block = parts
-            adam_step(values, first, second, of_block, rates, iteration)
+            adam_step(
+                self.values[block, columns],
+                self._first[block, columns],
+                self._second[block, columns],
+                gradient[block, columns],
+                rates,
+                iteration,
+            )
 
     def densify(self, iteration: int, opacities: Float32 | None = None) -> None:
         """Clone, split and prune rows; `opacities` [K] decide about pruning, by default their own."""
-        state = TrainState(*map(parameters_of, (self.values, self._first, self._second)))
+        state = TrainState(parameters_of(self.values), parameters_of(self._first), parameters_of(self._second))
         (after,) = densified(
-            *([state], Statistics(self._norms, self._views), self.schedule, iteration),
+            [state],
+            DensificationStatistics(self._norms, self._views),
+            self.schedule,
+            iteration,
             extent=self._run.pair.extent,
             rng=self._rng,
             max_gaussians=self._run.most_rows,
@@ -57,8 +65,11 @@ class TrainedRows:
         self._replace(after)
 
     def _replace(self, state: TrainState) -> None:
-        self.values, self._first, self._second = map(rows_of, vars(state).values())
-        self._norms, self._views = np.zeros(len(self), np.float32), np.zeros(len(self), np.uint32)
+        self.values = rows_of(state.parameters)
+        self._first = rows_of(state.first)
+        self._second = rows_of(state.second)
+        self._norms = np.zeros(len(self), np.float32)
+        self._views = np.zeros(len(self), np.uint32)
 
 
 def rows_of(parameters: Parameters) -> Float32:
@@ -73,8 +84,12 @@ def parameters_of(rows: Float32) -> Parameters:
 
 
 def screen_norms(camera: Camera, means: NDArray[Any], gradients: NDArray[Any]) -> Float32:
-    """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, about those due to dL/d(centre) [A,3]."""
+    """Return the norms [A] of dL/d(projected centre), in 3DGS's NDC units, for gradients dL/d(centre) [A,3].
+
+    They are approximate: the part of a gradient along the view is left out.
+    """
     rotation = camera.viewmat[:3, :3]
     depths = means @ rotation[2] + camera.viewmat[2, 3]
     across = gradients @ rotation[:2].T * depths[:, None] / np.diag(camera.K)[:2]
-    return np.asarray(np.linalg.norm(across * (camera.width / 2, camera.height / 2), axis=1), np.float32)
+    half_size = np.array([camera.width / 2, camera.height / 2])
+    return np.asarray(np.linalg.norm(across * half_size, axis=1), np.float32)

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
-from gspure.schemes.gs_hider.model import ROLES, DecoderFile, DecoderKey, FeatureModel, decoder_name
+from gspure.schemes.gs_hider.key import DecoderKey
+from gspure.schemes.gs_hider.model import MESSAGE_DECODER, SCENE_DECODER, DecoderFile, FeatureModel, decoder_name
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import PYTORCH, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
@@ -26,9 +27,10 @@ def embed(
 ) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
-    `message_weight` is the share of the message's loss, that of the scene is 1; `max_gaussians` bounds growth.
-    With a `constant_rate` of 1, the authors', the decoders' learning rate does not fall at the end. `hardened` trains
-    the message also without the rows that ``plain_weight`` removes with this tau, 0 as in the paper. Needs PyTorch.
+    `message_weight` is the weight of the message's loss (the scene's is 1); `max_gaussians` bounds growth. With a
+    `constant_rate` of 1, as in the authors' code, the decoders' learning rate does not fall at the end. `hardened`
+    trains the message also without the rows that ``plain_weight`` removes with this tau; 0 trains as in the paper.
+    Needs PyTorch.
     """
     begin = pair.initial_gaussians(max_gaussians, seed)
     from gspure.schemes.gs_hider.training import Training
@@ -37,17 +39,23 @@ def embed(
     run = Training(settings, begin, falls=not constant_rate)
     for _ in watched(run, iterations, lambda: f"{len(run.rows)} Gaussians"):
         pass
-    named = zip(ROLES, run.branches, strict=False)
-    decoders = [DecoderFile.of(branch.decoder, iterations, role) for role, branch in named]
-    return FeatureModel(run.model(), decoders[0]), DecoderKey(decoders[1]) if message_weight else None
+    scene_decoder = DecoderFile.from_network(run.branches[0].decoder, iterations, SCENE_DECODER)
+    public = FeatureModel(run.model(), scene_decoder)
+    if not message_weight:
+        return public, None
+    return public, DecoderKey(DecoderFile.from_network(run.branches[1].decoder, iterations, MESSAGE_DECODER))
 
 
 READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*"))
 
 SCHEME = Scheme(
-    *("gs_hider", embed, FeatureModel.read, DecoderKey.read, READS),
+    "gs_hider",
+    embed,
+    FeatureModel.read,
+    DecoderKey.read,
+    READS,
     signature=("semantic_0",),
-    beside=(decoder_name("*", ROLES[0]),),
+    beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,
     fits=True,
 )

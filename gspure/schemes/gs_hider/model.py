@@ -1,4 +1,4 @@
-"""GS-Hider's public model, Gaussians with features and the decoder of the scene; its key, that of the message.
+"""GS-Hider's public model: Gaussians with features, and the decoder of the scene. The files of decoders.
 
 The files are those of its authors' code::
 
@@ -15,7 +15,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,9 +33,8 @@ from gspure.model.gaussians import CORE, NORMALS, sigmoid
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
-from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows
+from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import Key
 
 if TYPE_CHECKING:
     from gspure.schemes.gs_hider.decoder import Decoder
@@ -46,7 +44,6 @@ FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
 COLUMNS: Final = ("x", "y", "z", *NORMALS, *CORE[3:], *FEATURES)
 ROLES: Final = ("net", "waternet")  # suffixes of the files' names: of the scene's decoder, and of the message's
 SCENE_DECODER, MESSAGE_DECODER = ROLES
-FIT_RATE: Final = 1e-3  # first learning rate of `DecoderKey.fitted`: that of the training
 
 
 def decoder_name(iteration: int | str, role: str) -> str:
@@ -58,7 +55,11 @@ def find_decoder(folder: Path, role: str) -> Path | None:
     """Return the newest decoder in a folder, or ``<model>/chkpntN_net.pth`` for ``<model>/point_cloud/iteration_N``."""
     folder = Path(folder).resolve()
     numbered = re.compile(decoder_name("([0-9]+)", role))
-    files = {int(m[1]): file for file in folder.glob(decoder_name("*", role)) if (m := numbered.fullmatch(file.name))}
+    files: dict[int, Path] = {}
+    for file in folder.glob(decoder_name("*", role)):
+        match = numbered.fullmatch(file.name)
+        if match:
+            files[int(match[1])] = file
     if files:
         return files[max(files)]
     file = folder.parents[1] / decoder_name(folder.name.removeprefix("iteration_"), role)
@@ -79,7 +80,7 @@ class DecoderFile:
             return DecoderFile(path, path.read_bytes())
 
     @staticmethod
-    def of(decoder: Decoder, iteration: int, role: str) -> DecoderFile:
+    def from_network(decoder: Decoder, iteration: int, role: str) -> DecoderFile:
         """Return the file of a decoder; the same weights give the same bytes."""
         from gspure.training.pytorch import torch
 
@@ -94,18 +95,20 @@ class DecoderFile:
 
     @cached_property
     def network(self) -> Decoder:
-        """The decoder, or `InputError` if the file is no finite state dict of it; no code in the file is executed."""
+        """The decoder, or `InputError` if the file is no finite state dict of it; code in the file is not executed."""
         from gspure.schemes.gs_hider.decoder import Decoder
         from gspure.training.pytorch import DEVICE, read_tensors, torch
 
-        decoder, state = Decoder(), read_tensors(self.source, self.content)
-        expected = {name: f"float32 {list(tensor.shape)}" for name, tensor in decoder.state_dict().items()}
-        found = {name: f"{tensor.dtype} {list(tensor.shape)}".removeprefix("torch.") for name, tensor in state.items()}
-        for name in sorted(expected.keys() | found.keys()):
-            here, there = (tensors.get(name, "no such tensor") for tensors in (expected, found))
-            if here != there or not torch.isfinite(state[name]).all():
+        decoder = Decoder()
+        state = read_tensors(self.source, self.content)
+        expected_types = {name: f"float32 {list(tensor.shape)}" for name, tensor in decoder.state_dict().items()}
+        types = {name: f"{tensor.dtype} {list(tensor.shape)}".removeprefix("torch.") for name, tensor in state.items()}
+        for name in sorted(expected_types.keys() | types.keys()):
+            expected = expected_types.get(name, "no such tensor")
+            actual = types.get(name, "no such tensor")
+            if actual != expected or not torch.isfinite(state[name]).all():
                 hint = "decoders of forks, with batch normalization or channel attention, are not read"
-                raise InputError(self.source, name[:80], expected=f"{here}, finite", found=there, hint=hint)
+                raise InputError(self.source, name[:80], expected=f"{expected}, finite", found=actual, hint=hint)
         decoder.load_state_dict({name: tensor.to(DEVICE) for name, tensor in state.items()})
         return decoder
 
@@ -140,8 +143,10 @@ class FeatureModel(PublicModel):
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the decoder beside it or in the authors' layout."""
         ply = model_file(Path(path))
-        model, decoder = read_model(ply), find_decoder(ply.parent, SCENE_DECODER)
-        if (channels := len(model.columns_named("semantic_"))) != CHANNELS:
+        model = read_model(ply)
+        decoder = find_decoder(ply.parent, SCENE_DECODER)
+        channels = len(model.columns_named("semantic_"))
+        if channels != CHANNELS:
             raise InputError(ply, "semantic_*", expected=f"{CHANNELS} properties", found=f"{channels} properties")
         return cls(model, DecoderFile.read(decoder) if decoder else None)
 
@@ -174,10 +179,13 @@ class FeatureModel(PublicModel):
         from gspure.schemes.gs_hider.decoder import differentiated
         from gspure.training.pytorch import single_threaded
 
-        raw, renderer = self.model.columns(*FEATURES).copy(), Renderer(self.model, lesson.device)
+        raw = self.model.columns(*FEATURES).copy()
+        first = np.zeros_like(raw)
+        second = np.zeros_like(raw)
+        renderer = Renderer(self.model, lesson.device)
         photographs = Photographs(lesson.images, lesson.device)
-        first, second = np.zeros_like(raw), np.zeros_like(raw)
-        rate, background = lesson.rates(self.rates).get("colour", 0.0), [lesson.background[0]] * CHANNELS
+        rate = lesson.rates(self.rates).get("colour", 0.0)
+        background = _feature_background(lesson.background)
         with single_threaded():
             for number, (view, factor) in enumerate(lesson.schedule(), start=1):
                 features = sigmoid(raw)
@@ -195,63 +203,12 @@ class FeatureModel(PublicModel):
     def feature_map(
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"
     ) -> RenderView:
-        """Return the renderer of the features [H,W,16]; all have the first value of `background`, as the authors'."""
+        """Return the renderer of the features [H,W,16], on the first value of `background` as in the authors' code."""
         renderer = Renderer(self.model, device, energy=energy)
         features = sigmoid(self.model.columns(*FEATURES))
-        return lambda camera: renderer.feature_map(camera, features, [background[0]] * CHANNELS)
+        return lambda camera: renderer.feature_map(camera, features, _feature_background(background))
 
 
-class DecoderKey(Key):
-    """The private decoder, of the message."""
-
-    def __init__(self, decoder: DecoderFile) -> None:
-        self.decoder = decoder
-
-    @classmethod
-    def read(cls, folder: Path) -> Self:
-        """Read the newest key in a folder, or raise `InputError`."""
-        file = find_decoder(folder, MESSAGE_DECODER)
-        if file is None:
-            raise InputError(folder, "key", expected=decoder_name("N", MESSAGE_DECODER), found="no such file")
-        return cls(DecoderFile.read(file))
-
-    def write(self, folder: Path) -> None:
-        """Write the decoder."""
-        self.decoder.write(folder)
-
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:  # noqa: ARG002
-        """Return the renderer of the private decoder's image."""
-        return self.decoder.image_of(_feature_map(public, device))
-
-    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
-        """Return the decoder after training on the model's feature maps; the model stays as it is."""
-        from gspure.schemes.gs_hider.decoder import differentiated
-        from gspure.training.pytorch import single_threaded, torch
-
-        feature_map, decoder = _feature_map(public, lesson.device), deepcopy(self.decoder.network)
-        photographs = Photographs(lesson.images, lesson.device)
-        optimizer = torch.optim.Adam(decoder.parameters())
-        with single_threaded():
-            for view, factor in lesson.schedule():
-                differentiated(feature_map(lesson.views[view]), view, decoder, photographs)
-                optimizer.param_groups[0]["lr"] = factor * FIT_RATE
-                optimizer.step()
-        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
-
-    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the Gaussians of the scene, which are also those of the message."""
-        return public.gaussians(camera)
-
-    def wrong(self, rng: np.random.Generator) -> Self:
-        """Return an untrained decoder."""
-        from gspure.schemes.gs_hider.decoder import untrained
-
-        (decoder,) = untrained(1, int(rng.integers(1 << 31)))
-        return type(self)(DecoderFile.of(decoder, 0, MESSAGE_DECODER))
-
-
-def _feature_map(public: PublicModel, device: Device | None) -> RenderView:
-    """Return the renderer of a model's features."""
-    if not isinstance(public, FeatureModel):
-        raise InputError("model", "semantic_*", expected="the features of GS-Hider", found="none")
-    return public.feature_map(device)
+def _feature_background(background: Background) -> list[float]:
+    """Return a background for all channels: the first value of a background of images."""
+    return [background[0] for _ in range(CHANNELS)]

@@ -35,9 +35,11 @@ class Branch:
         """Add the gradients of a view's weighted loss; return the loss, and the norms [K] of projected centres."""
         means, quats, log_scales, logits, *colours = rows.split(_SIZES, dim=1)
         means.retain_grad()
-        geometry = (means, quats, log_scales.exp(), logits[:, 0].sigmoid())
-        camera, sh_coeffs = self.views[view], torch.cat(colours, dim=1).reshape(len(rows), -1, 3)
-        image = self._render(camera, *geometry, sh_coeffs=sh_coeffs)
+        camera = self.views[view]
+        scales = log_scales.exp()
+        opacities = logits[:, 0].sigmoid()
+        sh_coeffs = torch.cat(colours, dim=1).reshape(len(rows), -1, 3)
+        image = self._render(camera, means, quats, scales, opacities, sh_coeffs=sh_coeffs)
         loss, gradient = self._photographs.compare(view, on_host(image))
         image.backward(weight * on_device(gradient))
         return weight * loss, screen_norms(camera, on_host(means), on_host(means.grad))
@@ -52,7 +54,8 @@ class Learner:
 
     def added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
         """Return the offsets from public rows to those of the message, as `network.added` does."""
-        first, layers = self._layers["weight_0"], self._layers
+        layers = self._layers
+        first = layers["weight_0"]
         bias = first[:, ROW:] @ on_device(key) + layers["bias_0"]
         values = torch.addmm(bias, rows, first[:, :ROW].T)
         for layer in (1, 2):
@@ -60,23 +63,24 @@ class Learner:
         return values
 
     def coarsely_added(self, rows: torch.Tensor, key: Float32) -> torch.Tensor:
-        """Return them for training, in bfloat16 if that is fast."""
+        """Return the offsets for training, computed in bfloat16 if that is fast."""
         with torch.autocast(DEVICE.type, torch.bfloat16, enabled=BFLOAT16):
             return self.added(rows, key).float()
 
     def differentiate(
         self, branch: Branch, rows: torch.Tensor, key: Float32, view: int, weight: float
     ) -> tuple[float, Float32, torch.Tensor, torch.Tensor]:
-        """Add the gradients of a view of the message to those of the network, from the V rows that it shows.
+        """Add the gradients of a view of the message, which shows V rows, to those of the network.
 
-        Return the weighted loss, the norms [K] of projected centres, these rows, and the gradients [V,59] of their
-        public values.
+        Return the weighted loss, the norms [K] of the gradients of projected centres, the indices [V] of these rows,
+        and the gradients [V,59] with respect to their public values.
         """
         with torch.no_grad():
             message = rows + self.coarsely_added(rows, key)
         loss, norms = branch.differentiate(message.requires_grad_(), view, weight)
         shown = on_device(np.flatnonzero(norms))
-        public, gradient = rows.index_select(0, shown).requires_grad_(), message.grad.index_select(0, shown)
+        public = rows.index_select(0, shown).requires_grad_()
+        gradient = message.grad.index_select(0, shown)
         self.coarsely_added(public, key).backward(gradient)
         return loss, norms, shown, gradient + public.grad
 
@@ -96,17 +100,18 @@ class Training:
 
     The same arguments give the same bits with one thread of PyTorch. The rules are those of 3DGS, with three changes:
     Gaussians grow by the gradients of scene and message; a Gaussian is pruned only if it is transparent in both; the
-    message does not train public opacities, so Gaussians outside all views of the scene stay transparent after a reset,
-    and show the message to nobody without the key. The network's learning rate falls from `network_rate` to zero.
+    message does not train public opacities. So Gaussians outside all views of the scene stay transparent after a reset,
+    and do not show the message without the key. The network's learning rate falls from `network_rate` to zero.
     """
 
     def __init__(self, run: Run, begin: Parameters, network_rate: float) -> None:
-        self._run, self._network_rate = run, network_rate
+        self._run = run
+        self._network_rate = network_rate
         self._rng = np.random.default_rng(run.seed)
         self.learner = Learner(fresh(self._rng))
         self.key = random_key(self._rng)  # not the generator's first numbers, which are a wrong key of the same seed
-        captures = (run.pair.scene, run.pair.message)
-        self._scene, self._message = (Branch(c.views, c.images, run.device) for c in captures)
+        self._scene = Branch(run.pair.scene.views, run.pair.scene.images, run.device)
+        self._message = Branch(run.pair.message.views, run.pair.message.images, run.device)
         self.rows = TrainedRows(begin, run, self._rng)
 
     def __iter__(self) -> Iterator[float]:
@@ -122,23 +127,26 @@ class Training:
         rows = on_device(self.rows.values).requires_grad_()
         loss, norms = self._scene.differentiate(rows, scene_view, 1.0)
         if self._run.message_weight:
-            public, weight = rows.detach(), self._run.message_weight
-            of_message = self.learner.differentiate(self._message, public, self.key, message_view, weight)
-            message_loss, message_norms, shown, gradient = of_message
+            public = rows.detach()
+            message_loss, message_norms, shown, gradient = self.learner.differentiate(
+                self._message, public, self.key, message_view, self._run.message_weight
+            )
             gradient[:, 10] = 0  # the message does not train public opacities
             rows.grad.index_add_(0, shown, gradient)
             sample = public[iteration % min(WRONG_EVERY, len(public)) :: WRONG_EVERY]
             wrong = WRONG_WEIGHT * self.learner.coarsely_added(sample, random_key(self._rng)).abs().mean()
             wrong.backward()
-            loss, norms = loss + message_loss + wrong.item(), norms + message_norms
+            loss = loss + message_loss + wrong.item()
+            norms = norms + message_norms
             self.learner.step(self._network_rate * schedule.settling(iteration))
         self.rows.count_view(norms)
-        rates = np.repeat(list(vars(schedule.rates(iteration, self._run.pair.extent)).values()), _SIZES)
-        self.rows.step(iteration, on_host(rows.grad), rates.astype(np.float32))
+        rates = vars(schedule.rates(iteration, self._run.pair.extent))
+        rate_by_column = np.repeat(list(rates.values()), _SIZES).astype(np.float32)
+        self.rows.step(iteration, on_host(rows.grad), rate_by_column)
         return loss
 
     def _opacities(self) -> Float32:
-        """Return the opacity of each row, the higher one of scene and message."""
+        """Return the higher of the opacities that each row [K] has in scene and message."""
         logits = self.rows.values[:, 10]
         if self._run.message_weight:
             added_logits = added(self.learner.network(), self.key, self.rows.values)[:, 10]
