@@ -174,6 +174,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
     from gspure.model import model_file, read_model
     from gspure.model.inria import UNPACKED_SOG
     from gspure.schemes.registry import read_public_model, recognized
+    from gspure.workflow.config import DEFAULT_VARIANTS
 
     source: Path = args.source
     if source.suffix in {".yaml", ".yml"}:
@@ -194,8 +195,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
         everyday = snakefile().parent / "config" / "everyday.yaml"
         configuration["variants"] = yaml.safe_load(everyday.read_text(encoding="utf-8"))["variants"]
     elif args.key:
-        schema = yaml.safe_load((snakefile().parent / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
-        configuration["variants"] = {**schema["properties"]["variants"]["default"], **_SEARCHED}
+        configuration["variants"] = {**dict.fromkeys(DEFAULT_VARIANTS, {}), **_SEARCHED}
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = yaml.safe_load(_CONFIGURATION.read_text(encoding="utf-8"))
