@@ -24,7 +24,7 @@ from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown
-from gspure.report.page import Comparison, Model, picture, renders, write_page
+from gspure.report.page import Comparison, ModelSection, picture, renders, write_page
 from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
@@ -113,7 +113,9 @@ def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
             _drawn(stack_plates, results / "figures" / f"{name}.png", plates)
 
 
-def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, answer: Answer) -> Model:
+def _model(
+    results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, answer: Answer
+) -> ModelSection:
     """Draw the figures of a model, and return it as the page shows it."""
     folder, settings = results / key[0] / key[1], plan.models["/".join(key)]
     path, drawn = folder / "figures" / "attacks.png", folder / "figures" / "model"
@@ -122,7 +124,7 @@ def _model(results: Path, key: tuple[str, str], variants: Sequence[Outcome], pla
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
     shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
-    return Model(
+    return ModelSection(
         *key,
         outcomes=variants,
         table=model_table(variants),
