@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from gspure.errors import InputError, refusal
+from gspure.errors import InputError, error_line
 from gspure.progress import tell, warnings_in_lines
 
 
@@ -22,7 +22,7 @@ def run(function: Callable[..., None]) -> None:
         with warnings_in_lines():
             function(**arguments)
     except (InputError, MemoryError, OSError) as error:
-        tell(f"gspure {Path(sys.argv[0]).stem}: {refusal(error)}")
+        tell(f"gspure {Path(sys.argv[0]).stem}: {error_line(error)}")
         sys.exit(2)
     gc.freeze()  # as `gspure.__main__` does
 
