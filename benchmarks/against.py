@@ -1,7 +1,7 @@
-"""This checkout against another one: CPU time, measured in turns.
+"""CPU time of this checkout against another one, measured in turns.
 
-``python benchmarks/against.py CHECKOUT [ROUNDS]`` prints medians of both checkouts' times of image and contributions of
-a view, and of the ratios of neighbouring measurements.
+``python benchmarks/against.py CHECKOUT [ROUNDS]`` prints the medians of both checkouts' times for the image and the
+contributions of a view, and of the ratios of neighbouring measurements.
 """
 
 import os
@@ -45,21 +45,19 @@ def once(process: subprocess.Popen[str]) -> float:
     return float(process.stdout.readline())
 
 
-def compare(other: Path, rounds: int) -> None:
-    """Print the table."""
+def compare(reference: Path, rounds: int) -> None:
+    """Print the table of this checkout against a `reference`."""
     print("| case | other, ms | this, ms | this / other |\n| --- | --- | --- | --- |")
     for case in product(("small", "large"), ("ray", "ewa"), ("image", "contributions")):
-        processes = [worker(root, case) for root in (other, HERE)]
+        processes = [worker(root, case) for root in (reference, HERE)]
         for process in 2 * processes:
             once(process)
         times = np.array([[once(process) for process in processes] for _ in range(rounds)])
         for process in processes:
             process.kill()
         theirs, ours = 1e3 * np.median(times, axis=0)
-        print(
-            f"| {', '.join(case)} | {theirs:.1f} | {ours:.1f} | {np.median(times[:, 1] / times[:, 0]):.3f} |",
-            flush=True,
-        )
+        ratio = np.median(times[:, 1] / times[:, 0])
+        print(f"| {', '.join(case)} | {theirs:.1f} | {ours:.1f} | {ratio:.3f} |", flush=True)
 
 
 if __name__ == "__main__":

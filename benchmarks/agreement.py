@@ -1,6 +1,6 @@
-"""How well float32 kernels agree with the float64 reference on single Gaussians of extreme shapes.
+"""Agreement of float32 kernels with the float64 reference on single Gaussians of extreme shapes.
 
-Beside each error stands its condition: how far alpha moves when the row's own float32 numbers are rounded once more. No
+Beside each error stands its condition: the change of alpha if the row's float32 numbers are rounded once more. No
 float32 renderer can do much better. ``python -m benchmarks.agreement``, in a checkout, prints the tables of
 docs/numerics.md for this machine's device.
 """
@@ -33,7 +33,7 @@ DRAWS = 12
 
 
 class Cell(NamedTuple):
-    """A shape of `aspect`, whose plane or axis passes the camera's centre ray at `angle` radians, at `depth`."""
+    """A shape of some `aspect` and `depth`; its plane or axis is at `angle` radians from the ray to its centre."""
 
     shape: Shape
     aspect: float
@@ -41,17 +41,17 @@ class Cell(NamedTuple):
     depth: float
 
     def gaussian(self, rng: np.random.Generator) -> Gaussians:
-        """Draw one: up to the image's edges or far outside, ten pixels in size or so large that it still shows."""
+        """Draw a Gaussian in the image or far outside, up to ten pixels in size or so large that it is visible."""
         slopes = rng.uniform(-0.4, 0.4, 2) * rng.choice([1.0, 1.0, 20.0])
         mean = self.depth * np.array([*slopes, 1.0])
         towards = mean / np.linalg.norm(mean)
         across = np.cross(towards, rng.normal(size=3))
         across /= np.linalg.norm(across)
-        # The single axis: a disc's normal, nearly perpendicular to the ray, or a needle's length, nearly along it.
+        # The first axis: a disc's normal, nearly perpendicular to the ray, or a needle's length, nearly along it.
         leaning, upright = (towards, across) if self.shape == "flat" else (across, towards)
-        single = np.cos(self.angle) * upright + np.sin(self.angle) * leaning
-        other = np.cross(single, np.cos(self.angle) * leaning - np.sin(self.angle) * upright)
-        turn = Rotation.from_matrix(np.stack([single, other, np.cross(single, other)], axis=1))
+        first = np.cos(self.angle) * upright + np.sin(self.angle) * leaning
+        second = np.cross(first, np.cos(self.angle) * leaning - np.sin(self.angle) * upright)
+        turn = Rotation.from_matrix(np.stack([first, second, np.cross(first, second)], axis=1))
         visible = max(1 / self.aspect, self.angle if self.shape == "flat" else 0.0, 1e-6)
         largest = np.linalg.norm(mean) * rng.uniform(3, 10) / 60 * rng.choice([1.0, 0.1 / visible])
         small = largest / self.aspect
@@ -60,14 +60,14 @@ class Cell(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """Worst error of alpha against the reference, and its condition: what one rounding of the row moves it."""
+    """Worst error of alpha against the reference, and its condition: the change of alpha by one rounding of the row."""
 
     error: float
     condition: float
 
 
 def alphas(model: Gaussians, view: Camera, energy: Energy) -> tuple[np.ndarray, np.ndarray]:
-    """Return alpha [H,W] of a model of one row, and where a rounding may decide whether it is 0."""
+    """Return alpha [H,W] of a model of one row, and the mask [H,W] where a rounding may decide whether it is 0."""
     projection = project(model, view, energy)
     energies, depths = projection.evaluate(0, *pixel_centres(view))
     unclamped = projection.opacities[0] * energies
@@ -77,7 +77,7 @@ def alphas(model: Gaussians, view: Camera, energy: Energy) -> tuple[np.ndarray, 
 
 
 def rounded_once_more(model: Gaussians, rng: np.random.Generator) -> Iterator[Gaussians]:
-    """Yield the row with centre, rotation and scales off by about one float32 rounding each."""
+    """Yield the row with errors of about one float32 rounding in centre, rotation and scales."""
     mean, quat, scales = (part.astype(np.float64) for part in (model.means, model.quats, model.scales))
     for _ in range(ROUNDINGS):
         table = model.table.astype([(name, "<f8") for name in model.table.dtype.names or ()])
@@ -91,7 +91,7 @@ def rounded_once_more(model: Gaussians, rng: np.random.Generator) -> Iterator[Ga
 
 
 class Double(Gaussians):
-    """Rows of which no number is rounded to float32."""
+    """Gaussians in double precision."""
 
     def columns(self, *names: str) -> np.ndarray:
         """Return the named columns as one array [K, len(names)]."""
@@ -99,24 +99,26 @@ class Double(Gaussians):
 
 
 def agreement(model: Gaussians, view: Camera, energy: Energy, device: Device, style: Style, seed: int = 0) -> Agreement:
-    """Compare a model of one row, where rounding does not decide whether it is drawn."""
+    """Compare a model of one row with the reference, at the pixels where no rounding decides whether it is drawn."""
     expected, undecided = alphas(model, view, energy)
-    moved = [alphas(each, view, energy) for each in rounded_once_more(model, np.random.default_rng(seed))]
+    moved = [alphas(rounded, view, energy) for rounded in rounded_once_more(model, np.random.default_rng(seed))]
     condition = np.max([np.abs(alpha - expected) for alpha, _ in moved], axis=0)
-    for _, also in moved:
-        undecided |= also
-    found = 1 - Renderer(model, device, energy=energy, style=style).transmittance(view)
+    for _, undecided_after_moving in moved:
+        undecided |= undecided_after_moving
+    rendered = 1 - Renderer(model, device, energy=energy, style=style).transmittance(view)
+    error = np.abs(rendered - expected)
     steady = ~undecided
-    return Agreement(
-        float(np.abs(found - expected)[steady].max(initial=0.0)), float(condition[steady].max(initial=0.0))
-    )
+    return Agreement(float(error[steady].max(initial=0.0)), float(condition[steady].max(initial=0.0)))
 
 
 def worst(cell: Cell, device: Device, style: Style) -> Agreement:
     """Return the worst error of several Gaussians of a cell, and the worst condition."""
     rng = np.random.default_rng(1)
-    found = [agreement(cell.gaussian(rng), VIEW, "ray", device, style) for _ in range(DRAWS)]
-    return Agreement(*(max(values) for values in zip(*found, strict=True)))
+    agreements = [agreement(cell.gaussian(rng), VIEW, "ray", device, style) for _ in range(DRAWS)]
+    return Agreement(
+        error=max(draw.error for draw in agreements),
+        condition=max(draw.condition for draw in agreements),
+    )
 
 
 def table(shape: Shape, device: Device) -> Iterator[str]:

@@ -9,7 +9,7 @@ from timing import Measure
 
 from gspure.constants import MIN_SAMPLES
 from gspure.method.clusters import SELECTIONS, select
-from gspure.method.features import features
+from gspure.method.features import joint_features
 from gspure.method.tree import hdbscan_tree, spanning_tree
 
 ORACLE = 200_000
@@ -30,7 +30,7 @@ def scene(count: int) -> np.ndarray:
     means = np.choose(kinds[:, None], [ground, objects, background, floaters])
     opacities = np.where(rng.random(count) < 0.6, rng.beta(8, 1, count), rng.beta(1, 8, count))
     weights = rng.lognormal(0, 2, count) * (rng.random(count) > 0.05)
-    return features(means, opacities, weights)
+    return joint_features(means, opacities, weights)
 
 
 @pytest.fixture(scope="module", params=[50_000, 200_000, 1_000_000], ids=["50k", "200k", "1M"])

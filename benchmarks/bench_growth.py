@@ -53,8 +53,9 @@ def test_contributions_with_pixels(measure: Measure, findings: Findings) -> None
 
 
 def test_contributions_with_views(measure: Measure, findings: Findings, tmp_path: Path) -> None:
-    """Views of one model, stored, beside as many passes of a renderer alone."""
-    public, cameras = PublicModel(LARGE.model), panning(max(VIEWS), LARGE.width, LARGE.height)
+    """Views of one model, stored, beside as many views of a renderer alone."""
+    public = PublicModel(LARGE.model)
+    cameras = panning(max(VIEWS), LARGE.width, LARGE.height)
     renderer = Renderer(LARGE.model, energy="ray")
 
     def store(views: int) -> None:
@@ -62,13 +63,13 @@ def test_contributions_with_views(measure: Measure, findings: Findings, tmp_path
         contribute(public, cameras[:views], folder)
         shutil.rmtree(folder)
 
-    def passes(views: int) -> None:
+    def render(views: int) -> None:
         for view in cameras[:views]:
             renderer.contributions(view)
 
-    passes(1)
+    render(1)
     runs: dict[str, Callable[[], object]] = {f"{views} views, stored": partial(store, views) for views in VIEWS}
-    runs["100 passes alone"] = partial(passes, 100)
+    runs["100 passes alone"] = partial(render, 100)
     times = measure(runs, rounds=1, warm_ups=0)
     ratio = times["100 views, stored"] / times["100 passes alone"]
     findings.figure("100 views, stored / 100 passes alone", ratio, at_most=1.1)

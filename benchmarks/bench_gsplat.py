@@ -23,12 +23,11 @@ NAMES = ("means", "quats", "scales", "opacities", "sh_coeffs")
 
 def rasterized(parameters: list[Any], scene: Scene) -> Any:
     """Return gsplat's image [H,W,3] of the scene's view."""
-    view, intrinsics = (
-        torch.tensor(matrix[None], dtype=torch.float32, device="cuda")
-        for matrix in (scene.camera.viewmat, scene.camera.K)
-    )
+    viewmats = torch.tensor(scene.camera.viewmat[None], dtype=torch.float32, device="cuda")
+    intrinsics = torch.tensor(scene.camera.K[None], dtype=torch.float32, device="cuda")
     size = (scene.width, scene.height)
-    return gsplat.rasterization(*parameters, view, intrinsics, *size, near_plane=0.2, sh_degree=3)[0][0]
+    images, *_ = gsplat.rasterization(*parameters, viewmats, intrinsics, *size, near_plane=0.2, sh_degree=3)
+    return images[0]
 
 
 @each_scene
@@ -38,7 +37,8 @@ def test_gsplat(scene: Scene, engine: Engine, measure: Measure, findings: Findin
     frame = Stages(engine, scene.model, scene.camera, Traversal("ewa", channels=3, sh_degree=3)).frame
     parameters = [torch.tensor(getattr(scene.model, name), device="cuda", requires_grad=True) for name in NAMES]
     gradient = np.random.default_rng(0).normal(size=(scene.height, scene.width, 3)).astype(np.float32)
-    uploaded, tensor = engine.uploaded(gradient), torch.tensor(gradient, device="cuda")
+    uploaded = engine.uploaded(gradient)
+    tensor = torch.tensor(gradient, device="cuda")
 
     def ours(*, gradients: bool) -> None:
         rendered = forward(frame, (0.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""`gspure purify` from file to file: CPU time and peak memory, against the memory that it announces."""
+"""`gspure purify` from file to file: CPU time, and peak memory against the memory that it announces."""
 
 import os
 import re
@@ -22,7 +22,7 @@ ROOM = 12e9
 
 
 def peak_of(command: list[str]) -> tuple[float, float]:
-    """Run a command; return the largest resident size in bytes, with mapped files, and the CPU time in seconds."""
+    """Run a command; return its largest resident size in bytes, including mapped files, and its CPU seconds."""
     before = sum(os.times()[2:4])
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
         peak = 0
@@ -58,9 +58,10 @@ def test_purify_with_large_images(findings: Findings, tmp_path: Path) -> None:
 
 
 def purify(path: Path, count: int, cameras: list[Camera]) -> tuple[float, float, float]:
-    """Purify a room of `count` Gaussians; return peak memory, bytes, CPU time, s, and the announced memory, bytes."""
+    """Purify a room of `count` Gaussians; return peak memory in bytes, CPU seconds, and announced memory in bytes."""
     write_model(path, room(count))
-    write_cameras(views := path.with_name("cameras.json"), cameras)
+    views = path.with_name("cameras.json")
+    write_cameras(views, cameras)
     options = ("--cameras", str(views), "--out", str(path.with_name("out")))
     peak, cpu = peak_of([sys.executable, "-m", "gspure", "purify", str(path), *options])
     return peak, cpu, peak_memory(read_model(path), cameras)

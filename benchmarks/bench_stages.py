@@ -1,4 +1,4 @@
-"""The stages of a frame: image and contributions in one traversal, and what blending makes of the processor."""
+"""The stages of a frame with image and contributions, and the share of the processor's peak that blending reaches."""
 
 from dataclasses import replace
 from functools import partial
@@ -36,11 +36,9 @@ def test_stages(scene: Scene, energy: Energy, engine: Engine, measure: Measure, 
         rounds=scene.rounds,
     )
     preparing = times["project"] + times["sort by depth"] + times["bin"]
-    alone, whole = (
-        preparing + times["blend without contributions"],
-        preparing + times["blend"] + times["sum contributions"],
-    )
     blending = times["blend without contributions"]
+    alone = preparing + blending
+    whole = preparing + times["blend"] + times["sum contributions"]
 
     findings.figure("visible Gaussians", stages.order.visible)
     findings.figure("tile entries", stages.entries())
@@ -56,7 +54,7 @@ def test_stages(scene: Scene, energy: Energy, engine: Engine, measure: Measure, 
 def test_blending_against_the_peak(
     scene: Scene, engine: Engine, measure: Measure, findings: Findings, tmp_path: Path
 ) -> None:
-    """Which share of all multiply-adds that the processor can do go into evaluating splats."""
+    """The share of the processor's peak of multiply-adds that evaluates splats."""
     if engine.style == "gpu":
         pytest.skip("the native peak is a processor's")
     stages = Stages(engine, scene.model, scene.camera, replace(TRAVERSAL, contributions=False))
@@ -64,13 +62,14 @@ def test_blending_against_the_peak(
         stage()
     width = peak.lanes(engine)
     peaks = {"FMA, OpenCL": peak.opencl(engine, width), "FMA, native": peak.native(width, tmp_path)}
-    times = measure({"blend": stages.blend} | {name: run for name, run in peaks.items() if run}, rounds=scene.rounds)
+    runs = {name: run for name, run in peaks.items() if run}
+    times = measure({"blend": stages.blend, **runs}, rounds=scene.rounds)
 
     evals = count_evals(stages)
     findings.figure("floats in a vector", width)
     findings.figure("evaluations per pixel", evals / (scene.width * scene.height))
     findings.figure("blend, 10^9 evaluations per second", 1e-9 * evals / np.median(times["blend"].per_core))
-    for name in (name for name, run in peaks.items() if run):
+    for name in runs:
         findings.figure(f"{name}, GFLOP/s", 1e-9 * peak.flops(width) / np.median(times[name].per_core))
         share = FLOPS_PER_EVAL * evals / peak.flops(width) * (times[name] / times["blend"])
         findings.figure(f"blend, share of {name}", share, at_least=scene.peak_share)

@@ -1,4 +1,4 @@
-"""One iteration of training, whole and stage by stage, beside a frame that is only looked at."""
+"""One iteration of training, whole and stage by stage, beside a frame without gradients."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ TRAVERSAL = Traversal("ewa", channels=3, sh_degree=3)
 AT_REST = LearningRates(*(0.0,) * 6)
 """Adam does all its work, but every iteration meets the same model."""
 ITERATIONS = 5
-"""In a row, as in training: one prepares while another still computes."""
+"""In a row, as in training: the host prepares an iteration while the device still computes the one before."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ class TrainingStages(Stages):
         super().__init__(engine, model, case.camera, TRAVERSAL)
         (self.photograph,) = upload_photographs(engine, [case.photograph])
         attributes = TRAVERSAL.channel_attributes
-        geometry, channels = (Moments(*(self._zeros(n) for _ in range(3))) for n in (GEOMETRY_ATTRIBUTES, attributes))
-        # Other parameters than those that are rendered, which stay as they are.
+        # The optimizer moves parameters of its own; those that are rendered stay as they are.
+        geometry = self._moments(GEOMETRY_ATTRIBUTES)
+        channels = self._moments(attributes)
         activated = self._zeros(GEOMETRY_ATTRIBUTES)
         self.optimizer = Adam(engine, self.frame.storage.count, geometry, channels, attributes, activated)
 
@@ -100,9 +101,13 @@ class TrainingStages(Stages):
         self.optimizer.step(1, AT_REST, self.gradients)
         self.engine.queue.finish()
 
+    def _moments(self, floats: int) -> Moments:
+        return Moments(raw=self._zeros(floats), first=self._zeros(floats), second=self._zeros(floats))
+
     def _zeros(self, floats: int) -> object:
         nbytes = 4 * floats * (self.frame.storage.count + BLOCK)
-        self.engine.clear(buffer := self.engine.allocate(nbytes), nbytes)
+        buffer = self.engine.allocate(nbytes)
+        self.engine.clear(buffer, nbytes)
         return buffer
 
 
@@ -147,7 +152,9 @@ def test_iteration(case: Case, measure: Measure, findings: Findings) -> None:
         },
         rounds=21,
     )
-    frame, frames, iterations = (np.array(times[name].per_core) for name in times)
+    frame = np.array(times["one frame more"].per_core)
+    frames = np.array(times["frames"].per_core)
+    iterations = np.array(times["iterations"].per_core)
     per_iteration = float(np.median(iterations - frame)) / ITERATIONS
     walls = np.subtract(times["iterations"].wall, times["one frame more"].wall)
     findings.figure("iteration / frame", np.median((iterations - frame) / (frames - frame)), at_most=case.most_frames)

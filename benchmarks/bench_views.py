@@ -1,4 +1,4 @@
-"""Whole views, as `gspure.renderer` is asked for them."""
+"""Whole views of `gspure.renderer`."""
 
 from functools import partial
 
@@ -12,7 +12,8 @@ from gspure.renderer import Renderer
 
 @each_scene
 def test_views(scene: Scene, measure: Measure, findings: Findings) -> None:
-    splats, by_ray = (Renderer(scene.model, energy=energy) for energy in ("ewa", "ray"))
+    splats = Renderer(scene.model, energy="ewa")
+    by_ray = Renderer(scene.model, energy="ray")
     camera = scene.camera
     features = np.random.default_rng(0).random((scene.count, 16), np.float32)
     times = measure(

@@ -1,7 +1,7 @@
-"""The harness: every benchmark gets `findings` to fill; all of them are shown at the end, and kept on request.
+"""The harness: every benchmark gets `findings` to fill; all are shown at the end, and recorded on request.
 
 pytest benchmarks --record           # writes benchmarks/results.json
-pytest benchmarks --record gpu       # the same of another kind of processor: results-gpu.json
+pytest benchmarks --record gpu       # writes results-gpu.json, for another kind of processor
 
 With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2 on other processors too.
 """
@@ -22,13 +22,13 @@ from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine
 
 HERE = Path(__file__).parent
-FOUND = pytest.StashKey[list[Findings]]()
+FINDINGS = pytest.StashKey[list[Findings]]()
 MACHINE = pytest.StashKey[dict[str, str]]()
 
 EXPLANATION = """\
 Times are in milliseconds: medians over the runs, and the least. Variants of one table ran in turn. *CPU / cores* is the
-CPU time of all threads over the number of cores: on a free machine it is the wall time of whatever the cores share, and
-unlike wall time it hardly changes while other programs run. Ratios are of CPU time, round by round."""
+CPU time of all threads over the number of cores: the wall time of work that all cores of an idle machine share. Unlike
+wall time, it hardly changes while other programs run. Ratios are of CPU time, round by round."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -38,22 +38,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     # Compiled kernels are kept where the tests keep theirs; PoCL reads this when it is loaded.
     os.environ.setdefault("POCL_CACHE_DIR", str(HERE.parent / ".pytest_cache" / "pocl"))
-    config.stash[FOUND] = []
+    config.stash[FINDINGS] = []
     config.stash[MACHINE] = describe(choose_device())
 
 
 @pytest.fixture(scope="session")
 def engine() -> Engine:
-    """The device that gspure would choose."""
+    """An engine of the device that gspure chooses."""
     return Engine(choose_device().cl_device)
 
 
 @pytest.fixture
 def findings(request: pytest.FixtureRequest) -> Findings:
-    """What this benchmark finds, under the test's name."""
+    """The findings of this benchmark, under the test's name."""
     title = request.node.name.removeprefix("test_").replace("_", " ").replace("[", " [")
-    request.config.stash[FOUND].append(found := Findings(title))
-    return found
+    empty = Findings(title)
+    request.config.stash[FINDINGS].append(empty)
+    return empty
 
 
 @pytest.fixture
@@ -73,26 +74,27 @@ def measure(benchmark: BenchmarkFixture, findings: Findings) -> Measure:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    found = [findings for findings in config.stash[FOUND] if findings.times or findings.figures]
-    if not found:
+    filled = [findings for findings in config.stash[FINDINGS] if findings.times or findings.figures]
+    if not filled:
         return
-    terminalreporter.write_line("\n" + report(config.stash[MACHINE], found))
-    if (kind := config.getoption("--record")) is not None:
-        name = "-".join(filter(None, ("results", kind))) + ".json"
-        tables = [findings.summary() for findings in found]
+    terminalreporter.write_line("\n" + report(config.stash[MACHINE], filled))
+    kind = config.getoption("--record")
+    if kind is not None:
+        name = f"results-{kind}.json" if kind else "results.json"
+        tables = [findings.summary() for findings in filled]
         write_json(HERE / name, {"machine": config.stash[MACHINE], "found": tables})
 
 
-def report(machine: dict[str, str], found: list[Findings]) -> str:
-    """Return all findings as Markdown."""
-    kind = "\n".join(f"| {name} | {value} |" for name, value in machine.items())
-    tables = "\n".join(line for findings in found for line in findings.markdown())
-    return f"# Benchmarks\n\n| machine | |\n|---|---|\n{kind}\n\n{EXPLANATION}\n\n{tables}"
+def report(machine: dict[str, str], filled: list[Findings]) -> str:
+    """Return the machine and all findings as Markdown."""
+    properties = "\n".join(f"| {name} | {value} |" for name, value in machine.items())
+    tables = "\n".join(line for findings in filled for line in findings.markdown())
+    return f"# Benchmarks\n\n| machine | |\n|---|---|\n{properties}\n\n{EXPLANATION}\n\n{tables}"
 
 
 def describe(device: Device) -> dict[str, str]:
-    """Return what a reader of the results needs to know."""
-    other = os.environ.get("POCL_LLVM_CPU_NAME")
+    """Return the properties of the machine that the results depend on."""
+    target = os.environ.get("POCL_LLVM_CPU_NAME")
     return {
         "processor": _processor(),
         "cores": str(CORES),
@@ -100,7 +102,7 @@ def describe(device: Device) -> dict[str, str]:
         "load before": f"{os.getloadavg()[0]:.1f}",
         "OpenCL device": device.name,
         "OpenCL driver": f"{device.platform} {device.driver}",
-        "kernels compiled for": f"{other}, but run on the processor above" if other else "this processor",
+        "kernels compiled for": f"{target}, but run on the processor above" if target else "this processor",
         "software": f"{platform.system()}, Python {platform.python_version()}, numpy {np.__version__}",
     }
 

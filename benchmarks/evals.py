@@ -1,4 +1,4 @@
-"""How much work compositing does: the pixel evaluations of a frame, counted by the kernel itself."""
+"""The work of blending: the pixel evaluations of a frame, counted by the kernel itself."""
 
 from dataclasses import replace
 from typing import Any
@@ -14,7 +14,7 @@ from gspure.renderer import CONTRIBUTION
 FLOPS_PER_EVAL = 26
 """Energy "ewa", three channels, no contributions; an FMA counts as two, 2^x as its polynomial."""
 
-# Blending goes its way, but every splat seems to give weight 1 to every pixel at which it is evaluated.
+# Blending is unchanged, but every splat contributes 1 to every pixel at which it is evaluated.
 _COUNTING = """
 inline V evaluation(V exponent, V depth, V *transmittance) {
     blend(exponent, depth, transmittance);
@@ -31,11 +31,12 @@ class _CountingEngine(Engine):
             return super().program(*sources, **defines)
         text = kernel_source(*shared) + _COUNTING + kernel_source(blending)
         options = build_options({"LANES": LANES[self.style], **defines})
-        return Program(by_name(cl.Program(self.context, text).build(options=options)), self.queue, 1)
+        kernels = by_name(cl.Program(self.context, text).build(options=options))
+        return Program(kernels, self.queue, 1)
 
 
 def count_evals(stages: Stages) -> int:
-    """Return at how many pixels a frame evaluates a splat: all lanes of the rows that it visits."""
+    """Return the number of evaluations of splats at pixels in a frame, including all lanes of a visited row."""
     engine = _CountingEngine(stages.engine.device, stages.engine.style)
     traversal = replace(stages.frame.traversal, contributions=True)
     counting = Stages(engine, stages.model, stages.frame.camera, traversal)

@@ -1,4 +1,4 @@
-"""What one benchmark found: times of its variants, and figures with the goals set for them."""
+"""The findings of one benchmark: times of its variants, and figures with their goals."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ class Figure:
 
 @dataclass
 class Findings:
-    """All that one benchmark found."""
+    """The findings of one benchmark."""
 
     title: str
     times: dict[str, Times] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Findings:
         self.figures.append(Figure(name, float(value), at_most, at_least))
 
     def summary(self) -> dict[str, Any]:
-        """Return it for JSON, times in milliseconds."""
+        """Return the findings for JSON, times in milliseconds."""
         return {
             "title": self.title,
             "times_ms": {name: _summary(times) for name, times in self.times.items()},
@@ -48,7 +48,7 @@ class Findings:
         }
 
     def markdown(self) -> Iterator[str]:
-        """Yield the lines of its tables."""
+        """Yield the lines of the tables."""
         yield f"## {self.title}"
         if self.times:
             yield from ("", "| | wall | least | CPU / cores | least | runs |", "|---|--:|--:|--:|--:|--:|")

@@ -25,11 +25,14 @@ ROUNDS = 10
 
 
 def profiled() -> list[tuple[str, cl.Event]]:
-    """Make every engine profile its kernels; return the list that they will enter."""
-    queue, launch, events = cl.CommandQueue, engine.Program.launch, list[tuple[str, cl.Event]]()
+    """Make every engine profile its kernels; return the list to which launches add their events."""
+    queue = cl.CommandQueue
+    launch = engine.Program.launch
+    events: list[tuple[str, cl.Event]] = []
 
     def launch_and_keep(program: engine.Program, name: str, *args: Any, **settings: Any) -> None:
-        if event := launch(program, name, *args, **settings):
+        event = launch(program, name, *args, **settings)
+        if event:
             events.append((name, event))
 
     cl.CommandQueue = lambda context: queue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
@@ -61,7 +64,8 @@ def main(style: Any) -> None:
     for scene in (SMALL, LARGE):
         renderer = Renderer(scene.model, style=style)
         show(f"contributions, {scene.name}", lambda r=renderer, s=scene: r.contributions(s.camera), events)
-    model, view = trainable(room(200_000), style), camera(640, 480)
+    model = trainable(room(200_000), style)
+    view = camera(640, 480)
     model.set_targets([np.random.default_rng(0).random((480, 640, 3), np.float32)])
     show("iteration, 200k @640x480", lambda: model.step(view, 0, AT_REST), events)
 

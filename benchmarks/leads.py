@@ -1,4 +1,4 @@
-"""Print a table over all scenes of several runs: GSPure's lead over the best other attack, or what every attack does.
+"""Print a table over all scenes of several runs: GSPure's lead over the best other attack, or every attack's effect.
 
 python -m benchmarks.leads leads docs/results/large/*.csv > docs/tables/large-leads.csv
 python -m benchmarks.leads attacks docs/results/large/*.csv > docs/tables/large-attacks.csv
@@ -17,7 +17,7 @@ from gspure.grouping import grouped
 from gspure.metrics.csv_tables import csv_text
 from gspure.metrics.names import display_name, extraction_name
 from gspure.report.table import interval
-from gspure.report.tables import text_of
+from gspure.report.tables import number_format
 from gspure.text import decimal
 
 LEADS = ("condition", "extraction", "at most, dB", "against", "best other attack", "lead", "scenes")
@@ -26,18 +26,26 @@ DROPS = ("scene drop", "message drop", "above controls", "oracle drop", "oracle 
 
 def of_lead(row: Lead) -> list[str]:
     """Return a lead as text; `≤` marks an upper bound."""
-    lead = interval(row.difference, row.difference.scenes, text_of(row.extraction))
-    names = [row.condition.title, extraction_name(row.extraction), f"{row.damage:g}", row.against]
-    return [*names, display_name(row.attack), f"{'≤ ' * row.is_bound}{lead}", f"{row.difference.scenes}"]
+    lead = interval(row.difference, row.difference.scenes, number_format(row.extraction))
+    return [
+        row.condition.title,
+        extraction_name(row.extraction),
+        f"{row.damage:g}",
+        row.against,
+        display_name(row.attack),
+        f"≤ {lead}" if row.is_bound else lead,
+        f"{row.difference.scenes}",
+    ]
 
 
 def of_attack(rows: Sequence[Survival]) -> list[str]:
-    """Return what an attack does to the scene, and to the message as its owner and as an oracle extracts it."""
+    """Return the effect of an attack on the scene, and on the message for the owner and for an oracle."""
     scenes = max(row.scenes for row in rows)
-    drops = [interval(drop, scenes) for row in rows for drop in (row.message_drop, row.above_floor)]
-    drops += ["–"] * (len(DROPS) - 3 - len(drops))  # without an oracle
+    scene_drop = interval(rows[0].scene_drop, scenes)
+    message_drops = [interval(drop, scenes) for row in rows for drop in (row.message_drop, row.above_floor)]
+    without_oracle = ["–"] * (len(DROPS) - 3 - len(message_drops))
     ratios = " / ".join(decimal(row.rms_ratio) for row in rows)
-    return [rows[0].name, *map(str, (interval(rows[0].scene_drop, scenes), *drops)), ratios, f"{scenes}"]
+    return [rows[0].name, str(scene_drop), *map(str, message_drops), *without_oracle, ratios, f"{scenes}"]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How many fused multiply-adds this machine can do: compiled natively, and by its OpenCL driver."""
+"""The peak of fused multiply-adds of this machine: compiled natively, and by its OpenCL driver."""
 
 import ctypes
 import shutil
@@ -56,13 +56,14 @@ void fma_chains(uint steps, float a, float b, __global float *sums) {
 
 
 def lanes(engine: Engine) -> int:
-    """Return the number of floats in a vector of the machine: that with the most FMA per second.
+    """Return the number of floats in a vector with the most FMA per second.
 
-    The driver's answer is about the processor, even if the driver compiles for another one.
+    It is measured, since the driver reports the processor's number even if it compiles for another processor.
     """
     rates = {}
     for width in (4, 8, 16):
-        times, run = Times(), opencl(engine, width)
+        times = Times()
+        run = opencl(engine, width)
         run()
         times.measure(run)
         rates[width] = width / times.cpu[0]
@@ -70,21 +71,23 @@ def lanes(engine: Engine) -> int:
 
 
 def flops(width: int) -> int:
-    """Return the floating-point operations of one run, native or OpenCL: as many on each core."""
+    """Return the floating-point operations of one run, native or OpenCL; every core does the same number."""
     return 2 * width * CHAINS * STEPS * CORES
 
 
 def native(width: int, folder: Path) -> Callable[[], object] | None:
-    """Compile the C program in `folder`; return what runs it on all cores, or None where there is no compiler."""
+    """Compile the C program in `folder`; return a function that runs it on all cores, or None without a compiler."""
     compiler = shutil.which("gcc")
     if compiler is None:
         return None
-    source, library = folder / "fma.c", folder / "fma.so"
+    source = folder / "fma.c"
+    library = folder / "fma.so"
     source.write_text(_NATIVE, encoding="utf-8")
     options = ["-O3", "-march=native", f"-DCHAINS={CHAINS}", f"-DLANES={width}", "-shared", "-fPIC"]
     subprocess.run([compiler, *options, str(source), "-o", str(library)], check=True)
     chains = ctypes.CDLL(str(library)).fma_chains
-    chains.argtypes, chains.restype = (ctypes.c_long, ctypes.c_float, ctypes.c_float), ctypes.c_float
+    chains.argtypes = (ctypes.c_long, ctypes.c_float, ctypes.c_float)
+    chains.restype = ctypes.c_float
     pool = ThreadPoolExecutor(CORES)
 
     def run() -> None:
@@ -95,7 +98,7 @@ def native(width: int, folder: Path) -> Callable[[], object] | None:
 
 
 def opencl(engine: Engine, width: int) -> Callable[[], object]:
-    """Return what runs the OpenCL program on all cores."""
+    """Return a function that runs the OpenCL program on all cores."""
     options = [f"-DCHAINS={CHAINS}", f"-DLANES={width}", f"-DV=float{width}", f"-DVSTORE=vstore{width}"]
     program = cl.Program(engine.context, _OPENCL).build(options=options)
     kernel = cl.Kernel(program, "fma_chains")

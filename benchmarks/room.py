@@ -1,4 +1,4 @@
-"""The synthetic room: the scene that the renderer is measured on, with the tails of a trained indoor model.
+"""The synthetic room, the scene of the benchmarks of the renderer, with the tails of a trained indoor model.
 
 At 960x540, 57 of 100 thousand Gaussians are visible and 0.40 M tile entries result; at 1600x1063, 574 thousand of a
 million and 2.1 M.
@@ -17,9 +17,11 @@ from gspure.model import Gaussians
 Float64 = NDArray[np.float64]
 
 BLOBS = 60
-GROUND_AREA, WALLS_AREA = 26.0 * 26.0, 2.0 * 26.0 * 8.0
+GROUND_AREA = 26.0 * 26.0
+WALLS_AREA = 2.0 * 26.0 * 8.0
+FLATNESS = np.array([1.0, 1.0, 0.35])  # factors of a Gaussian's three scales
 BACKGROUND_SHARE = 0.1
-COVERAGE = 0.42  # median scale of a Gaussian, relative to the side of the square that it has to itself
+COVERAGE = 0.42  # median scale of a Gaussian, relative to the side of the square of its share of the area
 FIELD_OF_VIEW = np.radians(62.0)
 
 
@@ -50,7 +52,7 @@ def room(count: int, seed: int = 14) -> Gaussians:
     means[background] = _far_behind(rng, int(background.sum()))
 
     sizes = COVERAGE * np.sqrt(areas.sum() / count) * rng.lognormal(0.0, 0.75, (count, 1))
-    scales = sizes * rng.lognormal(0.0, 0.45, (count, 3)) * (1.0, 1.0, 0.35)
+    scales = sizes * rng.lognormal(0.0, 0.45, (count, 3)) * FLATNESS
     scales[background] *= 3.0
     sh_coeffs = rng.standard_normal((count, 16, 3), np.float32) * np.float32(0.12)
     sh_coeffs[:, 0] = rng.normal(0.0, 0.9, (len(areas), 3))[surfaces] + rng.normal(0.0, 0.315, (count, 3))
@@ -91,7 +93,7 @@ def _unit(vectors: Float64) -> Float64:
 
 @dataclass(frozen=True)
 class Scene:
-    """A room of `count` Gaussians and the size of its one view; `rounds` is how often to measure.
+    """A room of `count` Gaussians and the size of its one view, measured `rounds` times.
 
     Goals: a frame with contributions within `frame_ms` on two cores, blending at `peak_share` of the FMA peak.
     """
@@ -106,7 +108,7 @@ class Scene:
 
     @cached_property
     def model(self) -> Gaussians:
-        """The Gaussians; made once."""
+        """The Gaussians, drawn once."""
         return room(self.count)
 
     @property

@@ -1,13 +1,14 @@
 """Models with and without a message, as they are and attacked: the calibration of `gspure scan`, and its ROC.
 
-``python benchmarks/scan.py models FOLDER`` trains, attacks and stores; what is stored is not computed again. It needs
-PyTorch and the plug-in marked_clones. ``python benchmarks/scan.py tables FOLDER [FOUND ...]`` measures what is stored,
-and models of others, and writes docs/results/scan/models.csv, docs/tables/scan.csv and gspure/scan/calibration.csv.
+``python benchmarks/scan.py models FOLDER`` trains, attacks and stores models, except those that are stored already. It
+needs PyTorch and the plug-in marked_clones. ``python benchmarks/scan.py tables FOLDER [FILE ...]`` measures the stored
+models, and FILEs from elsewhere, and writes docs/results/scan/models.csv, docs/tables/scan.csv and
+gspure/scan/calibration.csv.
 """
 
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,7 +38,8 @@ from gspure.surface.meshing import extract_mesh, smoothed
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 RATE = 0.01  # of false positives, of all statistics together
-CLEAN, ENCRYPTED = "clean", "encrypted_bits"
+CLEAN = "clean"
+ENCRYPTED = "encrypted_bits"
 SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, scheme, its settings
     CLEAN: (50, "splats_in_splats", {"message_weight": 0}),
     "splats_in_splats": (14, "splats_in_splats", {"iterations": 1000}),
@@ -50,12 +52,19 @@ SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, sch
     "secure_gs": (2, "secure_gs", {"iterations": 200}),
 }
 PAIRS = (  # scene and message; even ones share their poses
-    *("room interior-500", "vault interior-500", "object-1 interior-502", "interior-1 landscape-503"),
-    *("landscape-2 object-504", "object-2 interior-505", "interior-3 object-506", "object-3 interior-507"),
-    *("interior-4 object-508", "interior-5 vault"),
+    "room interior-500",
+    "vault interior-500",
+    "object-1 interior-502",
+    "interior-1 landscape-503",
+    "landscape-2 object-504",
+    "object-2 interior-505",
+    "interior-3 object-506",
+    "object-3 interior-507",
+    "interior-4 object-508",
+    "interior-5 vault",
 )
 SIZES = ((3000, 200), (6000, 60), (3000, 100), (12000, 100), (6000, 300), (12000, 600), (3000, 60), (30000, 300))
-"""Most rows, and points of each of 24 views of 96x72 pixels. Where there are more points than rows, nothing grows."""
+"""Most rows, and points of each of 24 views of 96x72 pixels. With more points than rows, models do not grow."""
 
 ROUNDS = ((1, 1000), (2, 1000), (0.5, 3000), (1, 5000), (1, 2000))  # factor of the rows, and iterations of clean models
 LARGE = {  # most rows, points of each of 24 views of 160x120 pixels, and iterations of clean models
@@ -71,11 +80,20 @@ ATTACKS: dict[str, tuple[str, dict[str, Any]]] = {
     **{name: (name, {}) for name in ("reorder", "gof")},
 }
 RATES = (  # columns of docs/tables/scan.csv: detected by the file alone, with Wilson's interval of the rate
-    *("family", "attack", "models", "detected", "low", "high", "detected with cameras"),
-    *("AUC", "AUC low", "AUC high", "statistic that detects most, and of how many"),
+    "family",
+    "attack",
+    "models",
+    "detected",
+    "low",
+    "high",
+    "detected with cameras",
+    "AUC",
+    "AUC low",
+    "AUC high",
+    "statistic that detects most, and of how many",
 )
 Row = dict[str, Any]
-GOF_ROWS = 7000  # most of a model whose mesh is computed
+GOF_ROWS = 7000  # most rows of a model whose mesh is computed
 
 
 class Case(NamedTuple):
@@ -109,14 +127,15 @@ def cases() -> list[Case]:
 
 
 def traced(case: Case, folder: Path) -> Path:
-    """Return the folder of the case's pair; trace it if it is not there."""
-    (scene, message), photography.PER_VIEW = PAIRS[case.pair].split(), case.points
+    """Return the folder of the case's pair; trace it unless it is stored."""
+    scene, message = PAIRS[case.pair].split()
+    photography.PER_VIEW = case.points
     protocol = ("shared", "own")[case.pair % 2]
     placement = ("raised", "behind", "front", "raised")[case.pair // 2 % 4]
     pair = folder / "pairs" / f"{scene}-{message}-{protocol}-{case.points}"
     size = "--views 24 --width 160 --height 120" if case.is_large else "--views 24 --width 96 --height 72"
-    words = ("pair", scene, message, "--protocol", protocol, "--placement", placement, *size.split())
-    assert pair.is_dir() or main((*words, "--out", str(pair), "--quiet")) == 0
+    options = ("--protocol", protocol, "--placement", placement, *size.split(), "--out", str(pair), "--quiet")
+    assert pair.is_dir() or main(("pair", scene, message, *options)) == 0
     return pair
 
 
@@ -130,16 +149,20 @@ def encrypted(model: Gaussians, rng: np.random.Generator) -> Gaussians:
 
 def build(case: Case, folder: Path) -> None:
     """Train and attack a model, unless it is stored."""
-    if (place := folder / f"{case.family}-{case.number:02d}").is_dir():
+    place = folder / f"{case.family}-{case.number:02d}"
+    if place.is_dir():
         return
     _, scheme, settings = SCHEMES[case.family]
-    alone = case.family == CLEAN and (case.pair % 2 or case.number // len(PAIRS) % 2)
-    pair = read_pair(traced(case, folder), "scene" if alone else "both")
+    scene_only = case.family == CLEAN and (case.pair % 2 or case.number // len(PAIRS) % 2)
+    pair = read_pair(traced(case, folder), "scene" if scene_only else "both")
     if case.family == ENCRYPTED:
         public = PublicModel.read(folder / f"{scheme}-{case.number:02d}" / "unattacked" / "point_cloud.ply")
         public = public.with_model(encrypted(public.model, np.random.default_rng(case.number)))
     else:
-        settings = {"iterations": LARGE[case][2] if case.is_large else ROUNDS[case.number // len(PAIRS)][1], **settings}
+        _, clean_iterations = ROUNDS[case.number // len(PAIRS)]
+        if case.is_large:
+            _, _, clean_iterations = LARGE[case]
+        settings = {"iterations": clean_iterations, **settings}
         limit = {"max_anchors": case.rows // 3} if scheme == "secure_gs" else {"max_gaussians": case.rows}
         public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings, **limit)
     with filling(place) as out:
@@ -148,8 +171,9 @@ def build(case: Case, folder: Path) -> None:
 
 
 def attack_all(public: PublicModel, views: Sequence[Camera], seed: int) -> Iterator[tuple[str, PublicModel]]:
-    """Yield the attacked models by name; GOF only of a few small models, as meshes take long."""
-    decision, surface = purify(public, views), None
+    """Yield the attacked models by name; GOF only for a few small models, since meshes take long."""
+    decision = purify(public, views)
+    surface = None
     if public.rows_are_gaussians and public.visible and len(public.model) <= GOF_ROWS and seed in range(0, 10, 2):
         smooth = smoothed(public.model, views)
         surface = mesh_distances(smooth, extract_mesh(smooth, views))
@@ -166,8 +190,10 @@ def attack_all(public: PublicModel, views: Sequence[Camera], seed: int) -> Itera
 
 
 def measured(file: Path, family: str, scene: str, views: Sequence[Camera] = ()) -> Row:
-    """Return the statistics of one file, NaN where one cannot be measured, with six digits."""
-    model, verdict, values = read_model(file), "", {}
+    """Return the statistics of one file with six digits; NaN if a statistic cannot be measured."""
+    model = read_model(file)
+    verdict = ""
+    values: dict[str, float] = {}
     if model.has_anchors or model.sh_degree < 0:
         verdict = judge(model).word  # by its columns
     else:
@@ -178,70 +204,82 @@ def measured(file: Path, family: str, scene: str, views: Sequence[Camera] = ()) 
     return names | {"verdict": verdict} | {name: float(f"{value:.6g}") for name, value in numbers.items()}
 
 
-def passing(row: Row, limits: Mapping[str, float], *, weights: bool) -> list[str]:
-    """Return the statistics of a row, those of the weights or not, that pass their thresholds."""
+def flagged_in(row: Row, limits: Mapping[str, float], *, weights: bool) -> list[str]:
+    """Return the names of the row's statistics beyond their thresholds, with or without those of the weights."""
     return flagged({s.name: row[s.name] for s in STATISTICS if weights or not s.of_weights}, limits)
 
 
 def thresholds(clean: Sequence[Row]) -> dict[str, float]:
-    """Return thresholds at one rank of every statistic: the highest at which at most `RATE` of the files pass any."""
+    """Return thresholds at one rank of every statistic: the highest at which at most `RATE` of files are flagged."""
     known = {s: [row[s.name] for row in clean if not np.isnan(row[s.name])] for s in STATISTICS}
     orders = {s.name: sorted(values, reverse=s.raised) for s, values in known.items()}
     chosen: dict[str, float] = {}
     for rank in range(len(clean)):
         limits = {name: order[min(rank, len(order) - 1)] for name, order in orders.items()}
-        if sum(bool(passing(row, limits, weights=True)) for row in clean) > RATE * len(clean):
+        if sum(bool(flagged_in(row, limits, weights=True)) for row in clean) > RATE * len(clean):
             break
         chosen = limits
     return chosen
 
 
 def score(row: Row, clean: Sequence[Row]) -> float:
-    """Return how suspicious the most suspicious statistic of a file alone is: minus its share among clean files."""
+    """Return the suspicion by the most suspicious statistic of a file alone: minus its share among clean files."""
     shares = [1.0]
     for s in STATISTICS:
-        value, others = row[s.name], np.array([other[s.name] for other in clean])
+        value = row[s.name]
+        clean_values = np.array([clean_row[s.name] for clean_row in clean])
         if not (np.isnan(value) or s.of_weights):
-            beyond = others >= value if s.raised else others <= value
+            beyond = clean_values >= value if s.raised else clean_values <= value
             shares.append((1 + int(beyond.sum())) / (1 + len(clean)))
     return -min(shares)
 
 
 def rates(rows: Sequence[Row]) -> Iterator[list[Any]]:
-    """Yield the table of `RATES`: detection after each attack; no scene judges itself."""
+    """Yield the table of `RATES`: detection after each attack, by thresholds from clean models of other scenes."""
     clean = [row for row in rows if row["family"] == CLEAN]
-    others = {row["scene"]: [other for other in clean if other["scene"] != row["scene"]] for row in rows}
-    limits = {scene: thresholds(rest) for scene, rest in others.items()}
+    references = {scene: [row for row in clean if row["scene"] != scene] for scene in {row["scene"] for row in rows}}
+    limits = {scene: thresholds(reference) for scene, reference in references.items()}
     for (family, attack), group in grouped(rows, lambda row: (row["family"], row["attack"])).items():
-        alone = [["columns"] * (r["verdict"] == LIKELY) or passing(r, limits[r["scene"]], weights=False) for r in group]
-        seen = [a or passing(r, limits[r["scene"]], weights=True) for a, r in zip(alone, group, strict=True)]
-        hits, names = sum(map(bool, alone)), Counter(name for passed in alone for name in passed)
-        auc: tuple[float, ...] = (np.nan,) * 3
-        if family != CLEAN and not any(row["verdict"] for row in group):
-            same = [row for row in clean if row["attack"] == attack]
-            auc = detectability(*([score(r, others[r["scene"]]) for r in part] for part in (group, same)))[:3]
-        most = " ".join(map(str, *names.most_common(1) or [()]))
-        numbers = [
-            "" if np.isnan(x) else f"{x:.2f}"
-            for x in (*binomtest(hits, len(group)).proportion_ci(method="wilson"), *auc)
+        by_file = [
+            ["columns"] if row["verdict"] == LIKELY else flagged_in(row, limits[row["scene"]], weights=False)
+            for row in group
         ]
-        yield [family, attack, len(group), hits, *numbers[:2], sum(map(bool, seen)), *numbers[2:], most]
+        with_cameras = [
+            names or flagged_in(row, limits[row["scene"]], weights=True)
+            for names, row in zip(by_file, group, strict=True)
+        ]
+        detected = sum(map(bool, by_file))
+        auc: tuple[float, ...] = (np.nan, np.nan, np.nan)
+        if family != CLEAN and not any(row["verdict"] for row in group):
+            clean_group = [row for row in clean if row["attack"] == attack]
+            scores = [score(row, references[row["scene"]]) for row in group]
+            clean_scores = [score(row, references[row["scene"]]) for row in clean_group]
+            auc = detectability(scores, clean_scores)[:3]
+        low, high = binomtest(detected, len(group)).proportion_ci(method="wilson")
+        numbers = ["" if np.isnan(number) else f"{number:.2f}" for number in (low, high, *auc)]
+        most = most_frequent(name for names in by_file for name in names)
+        yield [family, attack, len(group), detected, *numbers[:2], sum(map(bool, with_cameras)), *numbers[2:], most]
+
+
+def most_frequent(names: Iterable[str]) -> str:
+    """Return the most frequent name and its count as text; nothing if there are no names."""
+    return "".join(f"{name} {count}" for name, count in Counter(names).most_common(1))
 
 
 def calibrate(rows: Sequence[Row]) -> Iterator[Clean]:
     """Yield the committed calibration."""
     clean = [row for row in rows if row["family"] == CLEAN]
-    limits, models = thresholds(clean), len({row["model"] for row in clean})
+    limits = thresholds(clean)
+    models = len({row["model"] for row in clean})
     for name in (*limits, *LIKENESS):
         values = [row[name] for row in clean if not np.isnan(row[name])]
         quantiles = np.quantile(values, [0, 0.5, 1] if name in LIKENESS else [0.01, 0.5, 0.99])
-        yield Clean(
-            name, *(float(f"{quantile:.6g}") for quantile in quantiles), limits.get(name, np.nan), len(values), models
-        )
+        low, median, high = (float(f"{quantile:.6g}") for quantile in quantiles)
+        yield Clean(name, low, median, high, limits.get(name, np.nan), len(values), models)
 
 
-def tabulate(folder: Path, found: Sequence[str]) -> None:
-    """Measure the stored models and those of others, and write all tables."""
+def tabulate(folder: Path, foreign_files: Sequence[str]) -> None:
+    """Measure the stored models and files from elsewhere, and write all tables."""
     rows = []
     for case in cases():
         files = sorted((folder / f"{case.family}-{case.number:02d}").glob("*/*.ply"))
@@ -249,7 +287,7 @@ def tabulate(folder: Path, found: Sequence[str]) -> None:
         rows += [measured(file, case.family, PAIRS[case.pair].split()[0], views) for file in files]
     write_text(DOCS / "tables" / "scan.csv", csv_text(RATES, rates(rows)))
     write_table(TABLE, Clean, calibrate(rows))
-    rows += [measured(Path(name), "found", Path(name).stem) for name in found]
+    rows += [measured(Path(name), "found", Path(name).stem) for name in foreign_files]
     cells = ([str(value).replace("nan", "").removesuffix(".0") for value in row.values()] for row in rows)
     write_text(DOCS / "results" / "scan" / "models.csv", csv_text(rows[0], cells))
 

@@ -1,4 +1,4 @@
-"""One frame, stage by stage: what `gspure.renderer` does, with an end after each stage."""
+"""One frame, stage by stage, as in `gspure.renderer`, but the queue is finished after each stage."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from gspure.opencl.storage import store, upload_sh_coeffs
 
 
 class Stages:
-    """The stages of one view of one model; each works on what the one before it left."""
+    """The stages of one view of one model; each uses the results of the stages before it."""
 
     projected: Projected
     order: DepthOrder
@@ -25,7 +25,8 @@ class Stages:
     canvas: Canvas
 
     def __init__(self, engine: Engine, model: Gaussians, camera: Camera, traversal: Traversal) -> None:
-        self.engine, self.model = engine, model
+        self.engine = engine
+        self.model = model
         storage = store(engine, model)
         self.frame = Frame(engine, storage, camera, traversal, upload_sh_coeffs(engine, storage, model))
         self.background = np.zeros(max(traversal.channels, 1), np.float32)
@@ -48,7 +49,7 @@ class Stages:
         self.engine.queue.finish()
 
     def blend(self, *, contributions: bool | None = None) -> None:
-        """Blend the tile lists, with contributions as the traversal says or as asked for."""
+        """Blend the tile lists; `contributions` replaces the setting of the traversal."""
         frame = self.frame
         if contributions is not None:
             frame = replace(frame, traversal=replace(frame.traversal, contributions=contributions))
@@ -62,7 +63,7 @@ class Stages:
         self.engine.queue.finish()
 
     def entries(self) -> int:
-        """Return the length of all tile lists together."""
+        """Return the total length of all tile lists."""
         columns, rows = self.frame.tiles
         with self.engine.mapped(self.lists.tile_starts, (columns * rows + 1,), np.uint32) as starts:
             return int(starts[-1])

@@ -1,4 +1,4 @@
-"""Wall and CPU time of several variants, measured in turn so that all of them meet the same noise."""
+"""Wall and CPU time of several variants, measured in turn so that all are subject to the same noise."""
 
 from __future__ import annotations
 
@@ -24,24 +24,25 @@ class Times:
     cpu: list[float] = field(default_factory=list)
 
     def measure(self, run: Callable[[], object]) -> None:
-        """Run once, and add what it took."""
-        wall, cpu = time.perf_counter(), time.process_time()
+        """Run once, and add the times."""
+        wall = time.perf_counter()
+        cpu = time.process_time()
         run()
         self.wall.append(time.perf_counter() - wall)
         self.cpu.append(time.process_time() - cpu)
 
     @property
     def per_core(self) -> list[float]:
-        """CPU time over the cores: what a free machine would need if its cores could share all of the work."""
+        """CPU time over the cores: the wall time on an idle machine if its cores shared all of the work."""
         return [seconds / CORES for seconds in self.cpu]
 
-    def __add__(self, other: Times) -> Times:
-        """Return the times of doing both, round by round."""
-        return Times(np.add(self.wall, other.wall).tolist(), np.add(self.cpu, other.cpu).tolist())
+    def __add__(self, addend: Times) -> Times:
+        """Return the sums of both times, round by round."""
+        return Times(np.add(self.wall, addend.wall).tolist(), np.add(self.cpu, addend.cpu).tolist())
 
-    def __truediv__(self, other: Times) -> float:
-        """Return how many times the other's CPU time this one takes: the median over the rounds."""
-        return float(np.median(np.divide(self.cpu, other.cpu)))
+    def __truediv__(self, divisor: Times) -> float:
+        """Return the ratio of both CPU times: the median over the rounds."""
+        return float(np.median(np.divide(self.cpu, divisor.cpu)))
 
 
 def one_round(variants: Variants, times: Mapping[str, Times]) -> None:

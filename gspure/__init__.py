@@ -14,7 +14,7 @@ Models
     its file.
 Cameras
     `read_cameras`, `write_cameras`: a list of `gspure.cameras.Camera` and its file; `orbit_cameras`: views around a
-    model that came without.
+    model without cameras.
 Rendering
     `Renderer`: images, feature maps, their gradients, contributions, depth and transmittance of a model's views.
 The method
@@ -75,7 +75,8 @@ else:
             raise AttributeError(f"module 'gspure' has no attribute {name!r}")
         from importlib import import_module
 
-        globals()[name] = value = getattr(import_module(_HOMES[name]), name)
+        value = getattr(import_module(_HOMES[name]), name)
+        globals()[name] = value
         return value
 
     def __dir__():

@@ -23,11 +23,11 @@ Indices = NDArray[np.intp]
 Shape = tuple[int | None, ...]  # `None` stands for any length
 
 Kind = tuple[np.dtype[Any] | type, Shape]
-"""What an array should be: a dtype, or ``np.integer`` or ``np.str_`` for any of these; and a shape."""
+"""The expected dtype and shape of an array; ``np.integer`` and ``np.str_`` stand for all their dtypes."""
 
 UNPACKED_RATIO: Final = 100
 UNPACKED_ROOM: Final = 1 << 26
-"""An array in an archive may unpack to this many times the file's size, or to this many bytes, whichever is more."""
+"""An array in an archive may unpack to `UNPACKED_RATIO` times the file's size or to `UNPACKED_ROOM` bytes."""
 
 
 def save_array(path: Path, array: NDArray[Any]) -> None:
@@ -36,7 +36,7 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
         raise ValueError("an array of objects cannot be saved without pickle")
     array = np.asarray(array, order="C")
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        # Not np.save, whose `tofile` drops the reason when a disk is full.
+        # The `tofile` of np.save does not say that a disk is full.
         npy.write_array_header_1_0(stream, npy.header_data_from_array_1_0(array))
         stream.write(array.data)
 
@@ -48,10 +48,10 @@ def save_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def load_array(path: Path, *, dtype: np.dtype[Any] | type, shape: Shape, least: float = -math.inf) -> NDArray[Any]:
-    """Read one .npy array of the `Kind` that `dtype` and `shape` make, whose smallest number may be `least`.
+    """Read one .npy array.
 
-    Raise `InputError` if the file is shorter than its header says, the array is of another kind, or a number in it is
-    not finite or below `least`.
+    Raise `InputError` if the file is shorter than its header says, the array has another dtype or shape, or a number in
+    it is not finite or below `least`.
     """
     with reading(path, "a .npy array"):
         mapped = npy.open_memmap(path, mode="r")  # allocates nothing, whatever the header says
@@ -69,7 +69,8 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
         room = max(UNPACKED_ROOM, UNPACKED_RATIO * Path(path).stat().st_size)
         sizes = {info.filename: info.file_size for info in archive.zip.infolist()}
         for name in kinds:
-            if (size := sizes.get(f"{name}.npy")) is None:
+            size = sizes.get(f"{name}.npy")
+            if size is None:
                 raise InputError(path, name, expected=content, found="no such array")
             if size > room:
                 raise InputError(path, name, expected=f"at most {room} bytes", found=f"{size} bytes")
@@ -81,25 +82,33 @@ def load_arrays(path: Path, kinds: Mapping[str, Kind], content: str) -> dict[str
 
 def _require(array: NDArray[Any], path: Path, field: str, kind: Kind, least: float = -math.inf) -> None:
     """Refuse an array of another kind, or with numbers that are not finite or below `least`."""
-    if not _is_of(kind, array.dtype, array.shape):
+    expected_dtype, expected_shape = kind
+    if not (_has_dtype(array, expected_dtype) and _has_shape(array, expected_shape)):
         raise InputError(path, field, expected=_text(*kind), found=_text(array.dtype, array.shape))
     for name in array.dtype.names or ("",):
         column = array[name] if name else array
-        if column.dtype.kind == "f" and not (fits := np.isfinite(column) & (column >= least)).all():
+        if column.dtype.kind != "f":
+            continue
+        valid = np.isfinite(column) & (column >= least)
+        if not valid.all():
             expected = "finite numbers" if least == -math.inf else f"finite numbers of at least {least:g}"
-            first = np.argwhere(~fits)[0]
-            found = f"{column[tuple(first)]} in row {first[0] if len(first) else 0}"
-            raise InputError(path, field, expected=expected, found=found)
+            first = np.argwhere(~valid)[0]
+            value = f"{column[tuple(first)]} in row {first[0] if len(first) else 0}"
+            raise InputError(path, field, expected=expected, found=value)
 
 
-def _is_of(kind: Kind, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bool:
-    wanted, lengths = kind
-    abstract = wanted in (np.integer, np.str_)
-    fits = np.issubdtype(dtype, wanted) if abstract else dtype == np.dtype(wanted)
-    of_lengths = all(n >= 0 if length is None else n == length for n, length in zip(shape, lengths, strict=False))
-    return bool(fits) and len(shape) == len(lengths) and of_lengths
+def _has_dtype(array: NDArray[Any], dtype: np.dtype[Any] | type) -> bool:
+    if dtype in (np.integer, np.str_):
+        return np.issubdtype(array.dtype, dtype)
+    return array.dtype == np.dtype(dtype)
+
+
+def _has_shape(array: NDArray[Any], shape: Shape) -> bool:
+    if array.ndim != len(shape):
+        return False
+    return all(length in (None, actual) for length, actual in zip(shape, array.shape, strict=True))
 
 
 def _text(dtype: np.dtype[Any] | type, shape: Shape) -> str:
     name = dtype.__name__.rstrip("_") if isinstance(dtype, type) else str(dtype)  # NumPy 1 has bool_
-    return f"{name} [{', '.join('any' if n is None else str(n) for n in shape)}]"
+    return f"{name} [{', '.join('any' if length is None else str(length) for length in shape)}]"

@@ -9,9 +9,9 @@ from typing import Final, Literal, get_args
 
 TILE: Final = 16  # side of a square screen tile, in pixels
 
-LARGEST: Final = 1e18  # number of a view or a point: its square is finite in float32, in which devices compute; ours
+LARGEST: Final = 1e18  # largest number of a view or a point: its square is finite in float32; ours
 NEAR_PLANE: Final = 0.2
-"""Gaussians whose centre has a view-space depth of at most this are dropped; so are ray maxima at or before it."""
+"""Gaussians with a centre of at most this view-space depth are dropped, and so are ray maxima of at most this depth."""
 
 ALPHA_MIN: Final = 1.0 / 255.0  # a Gaussian touches a pixel when its alpha there is at least this
 ALPHA_MAX: Final = 0.99  # upper clamp of alpha
@@ -19,9 +19,9 @@ TRANSMITTANCE_MIN: Final = 1e-4  # a pixel stops *before* the Gaussian that woul
 EWA_DILATION: Final = 0.3  # added to the diagonal of the 2-D covariance, in square pixels (EWA's low-pass filter)
 
 EWA_FRUSTUM_MARGIN: Final = 0.3
-"""x/z and y/z are clamped inside the EWA Jacobian to the image's frustum widened by this share of its half extent."""
+"""In the EWA Jacobian, x/z and y/z are clamped to the image's frustum, widened by this share of its half extent."""
 
-MEDIAN_TRANSMITTANCE: Final = 0.5  # the median depth is that of the Gaussian where it falls to this (GOF's depth)
+MEDIAN_TRANSMITTANCE: Final = 0.5  # the median depth is that of the Gaussian at which transmittance falls to this (GOF)
 SH_DC: Final = 0.28209479177387814  # zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5
 
 MAX_SH_DEGREE: Final = 3
@@ -29,15 +29,15 @@ MAX_SH_DEGREE: Final = 3
 # --- Range of numbers: what keeps float32 from overflowing for any finite input. Ours. --------------------------------
 
 MAGNITUDE_MAX: Final = 1e30
-"""A quaternion, or the middle scale of a Gaussian under ``ray``, is usable from the inverse of this to this."""
+"""A quaternion, or the middle scale of a Gaussian under ``ray``, is usable from 1 / MAGNITUDE_MAX to MAGNITUDE_MAX."""
 
-COORDINATE_MAX: Final = 1e15  # a Gaussian is drawn only if its centre's view-space coordinates are at most this in size
+COORDINATE_MAX: Final = 1e15  # largest magnitude of the view-space coordinates of a drawn Gaussian
 
 NEAR_CENTRE: Final = 10.0
-"""A camera whose centre has a coordinate beyond this is the origin of its frame, as float32 would lose digits."""
+"""A camera with a larger coordinate becomes the origin of its frame, since float32 would lose digits."""
 
 RAY_SCALE_RATIO: Final = 1e8
-"""Energy ``ray``: the smallest and the largest scale are taken as at most this many times from the middle one."""
+"""Energy ``ray``: the smallest and the largest scale are clamped to this ratio to the middle one."""
 
 EWA_DEVIATION_MAX: Final = 1e8  # energy `ewa`: upper clamp of a standard deviation on the image plane, in pixels
 COLOUR_MAX: Final = 1e30  # upper clamp of a colour
@@ -83,7 +83,7 @@ TEST_EVERY: Final = 8  # with cameras sorted by name, every eighth one is held o
 # --- Energies --------------------------------------------------------------------------------------------------------
 
 Energy = Literal["ewa", "ray", "center_ray"]
-"""The value of a Gaussian at a pixel: a 2-D splat; its maximum along the ray (paper, Eq. E);
-the maximum along the ray through its centre."""
+"""The value of a Gaussian at a pixel: a 2-D splat; its maximum along the ray (paper, Eq. E); or its maximum along the
+ray through its centre."""
 
 ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)

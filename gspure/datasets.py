@@ -15,10 +15,10 @@ _TIMEOUT: Final = 30.0
 
 
 class Archive(NamedTuple):
-    """A zip file of captures, each a COLMAP project, in a `folder` of the archive.
+    """A zip file of captures, each a COLMAP project, in its folder `folder`.
 
-    `terms` are the known terms of use, in a sentence or two; `photographs` is the folder of the photographs that papers
-    evaluate on.
+    `terms` are the known terms of use, in a sentence or two; `photographs` is the folder of the photographs in the size
+    at which papers evaluate.
     """
 
     url: str
@@ -45,11 +45,11 @@ SCENES: Final = {
     **dict.fromkeys(("flowers", "treehill"), Archive(_EXTRA, _MIPNERF360, "images_4")),
     "playroom": Archive(_TANDT_DB, _DEEP_BLENDING, "images", folder="db"),
 }
-"""As the 3DGS papers: outdoor scenes at a quarter of their size, indoor scenes at a half, Deep Blending as it is."""
+"""Image sizes are those of the 3DGS papers: outdoor scenes at a quarter, indoor scenes at a half, others in full."""
 
 
 def fetch(url: str, folder: Path) -> Path:
-    """Download a file into a folder unless it is there; what an interrupted download left of this version is continued.
+    """Download a file into a folder, unless it exists; an interrupted download of the same version is continued.
 
     Raise `InputError` if the server does not have the file, or the connection breaks.
     """
@@ -62,7 +62,8 @@ def fetch(url: str, folder: Path) -> Path:
     try:
         head = requests.head(url, timeout=_TIMEOUT, allow_redirects=True)
         head.raise_for_status()
-        version, size = head.headers.get("ETag", ""), int(head.headers.get("Content-Length", 0))
+        version = head.headers.get("ETag", "")
+        size = int(head.headers.get("Content-Length", 0))
         part = file.with_name(f"{file.name}.{digest(version, str(size))}.part")
         with part.open("ab") as stream:
             if stream.tell() < size:
@@ -76,7 +77,7 @@ def fetch(url: str, folder: Path) -> Path:
 
 
 def _append(url: str, stream: BinaryIO, version: str) -> None:
-    """Request the missing part of one version of a file; a server with another version sends all of that."""
+    """Append the missing part of a version of a file; if the server has another version, download all of that."""
     import requests
 
     headers = {"Accept-Encoding": "identity", "Range": f"bytes={stream.tell()}-", "If-Range": version}
@@ -88,9 +89,9 @@ def _append(url: str, stream: BinaryIO, version: str) -> None:
 
 
 def extract(file: Path, archive: Archive, scene: str, folder: Path) -> None:
-    """Unpack one scene of an archive's `file` as a COLMAP project, ``images/`` and ``sparse/``, all of it or nothing.
+    """Unpack a scene of an archive's `file` as a COLMAP project, ``images/`` and ``sparse/``, whole or not at all.
 
-    Raise `InputError` if the archive is corrupt or lacks the scene. No entry leads out of the folder (`zipfile`).
+    Raise `InputError` if the archive is corrupt or lacks the scene. `zipfile` lets no entry leave the folder.
     """
     root = PurePosixPath(archive.folder, scene)
     with filling(folder) as whole, reading(file, "a zip archive"), zipfile.ZipFile(file) as stored:

@@ -1,4 +1,4 @@
-"""The one exception type for bad input: which file, which field, what was expected, what was found."""
+"""The exception type for bad input: which file, which field, what was expected, what was found."""
 
 import os
 import warnings
@@ -11,12 +11,12 @@ _LONGEST: Final = 500  # characters of each part of a message other than the pat
 
 
 class InputError(ValueError):
-    """Input that cannot be used, reported in one line.
+    """Unusable input, reported in one line.
 
-    Every part may quote a file: line breaks, escape sequences and other characters that do not print are escaped, and
-    long text is cut, so that no file controls the terminal or hides the message.
+    Every part may quote a file. So unprintable characters, such as line breaks and escape sequences, are escaped, and
+    long text is cut: no file can control the terminal or hide the message.
 
-    `source` is the file, device or configuration that the input came from, `field` the property, key or entry at fault,
+    `source` is the file, device or configuration with the input, `field` the property, key or entry at fault, and
     `hint` a remedy.
     """
 
@@ -34,19 +34,19 @@ class InputError(ValueError):
 
 
 class MissingFileError(InputError, FileNotFoundError):
-    """A file that is not there, as raised by `reading`."""
+    """A missing file, as raised by `reading`."""
 
     def __str__(self) -> str:
         return f"{self.source}: no such file"
 
 
 def printable(text: str) -> str:
-    """Return `text` in one line, with every character that does not print replaced by its Python escape."""
+    """Return `text` in one line, with the Python escape of every unprintable character."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def refusal(error: InputError | MemoryError | OSError) -> str:
-    """Return in one line why work ended: bad input, too little memory, or what the file system refused."""
+def error_line(error: InputError | MemoryError | OSError) -> str:
+    """Return the message of an error in one line: of bad input, too little memory, or a failure of the file system."""
     if isinstance(error, MemoryError):
         return printable(f"out of memory: {error}")
     if isinstance(error, InputError) or error.filename is None:
@@ -61,11 +61,11 @@ def _short(text: str) -> str:
 
 @contextmanager
 def reading(path: str | Path, content: str, field: str = "file") -> Iterator[None]:
-    """Read the `field` of a file that should hold `content` in the block: whatever goes wrong becomes an `InputError`.
+    """Turn every exception of the block, which reads `content` from the `field` of a file, into an `InputError`.
 
     Libraries raise almost any exception when a file is corrupt or hostile, so every exception counts as the file's
-    fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings about
-    corruption that a library copes with are discarded, as they take several lines and name places in its code.
+    fault; keep the block to what depends on the file. The original exception is kept as the cause. Warnings of
+    libraries about tolerable corruption are discarded, since they take several lines and name places in library code.
     """
     try:
         with warnings.catch_warnings():
@@ -76,7 +76,8 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
     except InputError:
         raise
     except Exception as error:
-        kind = MissingFileError if isinstance(error, FileNotFoundError) and not os.path.lexists(path) else InputError
+        is_missing = isinstance(error, FileNotFoundError) and not os.path.lexists(path)
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        found = " ".join(reason.split()) or type(error).__name__
-        raise kind(path, field, expected=content, found=found) from error
+        line = " ".join(reason.split()) or type(error).__name__
+        kind = MissingFileError if is_missing else InputError
+        raise kind(path, field, expected=content, found=line) from error

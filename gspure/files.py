@@ -1,4 +1,4 @@
-"""Arrays by their elements, files that are whole or absent, and the provenance of a folder of results."""
+"""Output files that are whole or absent, JSON, and digests."""
 
 import fcntl
 import hashlib
@@ -21,10 +21,10 @@ _TEMPORARY: Final = ".gspure-"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside `path`; on success it replaces `path`, on failure it is removed.
+    """Yield a temporary path beside `path`; on success its file replaces that of `path`, on failure it is removed.
 
-    So a reader never sees half a file, and a killed writer leaves the old one in place. The temporary name keeps the
-    suffix, since some writers choose their format by it.
+    So a reader never sees half a file, and a killed writer leaves the old file. The temporary path keeps the suffix,
+    since some writers choose their format by it.
     """
     path = Path(path)
     if path.exists() and not path.is_file():  # root could replace /dev/null
@@ -47,9 +47,9 @@ def filling(folder: Path) -> Iterator[Path]:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for left in folder.glob(f"{_TEMPORARY}*"):  # by a killed process, whose lock the system has freed
-        with suppress(OSError), _locked(left):
-            shutil.rmtree(left)
+    for leftover in folder.glob(f"{_TEMPORARY}*"):  # of a killed process, whose lock the system has freed
+        with suppress(OSError), _locked(leftover):
+            shutil.rmtree(leftover)
     temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=folder))
     try:
         with _blaming(folder, temporary), ExitStack() as stack:
@@ -66,7 +66,7 @@ def filling(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Lock a folder, or raise OSError if another process has."""
+    """Lock a folder, or raise OSError if another process holds its lock."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -77,7 +77,7 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _blaming(path: Path, temporary: Path) -> Iterator[None]:
-    """Let an error about `temporary`, or of the file system about no file (a full disk), name `path`."""
+    """Make errors name `path`: those that name `temporary`, and those of the file system that name no file."""
     try:
         yield
     except InputError as error:
@@ -90,7 +90,7 @@ def _blaming(path: Path, temporary: Path) -> Iterator[None]:
 
 
 def require_writable(folder: Path) -> None:
-    """Refuse a folder that cannot be written to, before work whose result would be lost."""
+    """Raise OSError for a folder that cannot be written to, before work is lost."""
     folder.mkdir(parents=True, exist_ok=True)
     try:
         tempfile.TemporaryFile(dir=folder).close()
@@ -111,7 +111,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read JSON, with or without a byte-order mark, or raise `InputError` with the line at which it goes wrong."""
+    """Read JSON, with or without a byte-order mark; raise `InputError` with the line of a syntax error."""
     with reading(path, "JSON"):
         return json.loads(Path(path).read_text(encoding="utf-8-sig"))
 

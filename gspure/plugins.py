@@ -24,8 +24,8 @@ T = TypeVar("T", bound=Named)
 def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
     """Return the built-in objects and those of the entry points of `group`, by name.
 
-    `require` refuses an unsuitable plug-in, given the plug-in and its source. Raise `InputError` if a plug-in cannot be
-    imported, is not of this kind, is unsuitable, or takes a name that is already in use.
+    ``require(plugin, source)`` refuses an unsuitable plug-in. Raise `InputError` if a plug-in cannot be imported, is
+    not of this kind, is unsuitable, or has the name of another one.
     """
     by_name = {plugin.name: plugin for plugin in built_in}
     for entry in _entries(group, tuple(sys.path)):
@@ -34,8 +34,8 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
         try:
             plugin = entry.load()
         except Exception as error:  # a foreign module may raise anything
-            found = f"{type(error).__name__}: {error}"
-            raise InputError(source, entry.value, expected=expected, found=found) from error
+            reason = f"{type(error).__name__}: {error}"
+            raise InputError(source, entry.value, expected=expected, found=reason) from error
         if not isinstance(plugin, kind):
             raise InputError(source, entry.value, expected=expected, found=type(plugin).__name__)
         require(plugin, source)
@@ -46,14 +46,14 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
 
 
 @cache
-def _entries(group: str, path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (which packages there are)
+def _entries(group: str, path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (it determines the packages)
     return sorted(entry_points(group=group), key=lambda entry: entry.name)
 
 
 def require_packages(packages: Mapping[str, str], user: str) -> None:
     """Raise `InputError` if an optional package that `user`, an attack or scheme, needs is not installed.
 
-    `packages` are, by the name under which each is imported, what pip is to install for it.
+    `packages` maps the name for import of each package to its requirement for pip.
     """
     for package, requirement in packages.items():
         if find_spec(package) is None:

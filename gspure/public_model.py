@@ -36,7 +36,7 @@ Columns = Mapping[str, tuple[str, ...]]
 
 
 class Lesson(NamedTuple):
-    """Images [H,W,3] of views to learn from, and what to learn: those of `attributes` that a model can learn."""
+    """Images [H,W,3] of views to learn from, and the `attributes` to learn; a model ignores those that it lacks."""
 
     views: Sequence[Camera]
     images: Sequence[Float32]
@@ -52,17 +52,19 @@ class Lesson(NamedTuple):
         return {name: rate * self.rate_factor for name, rate in rates.items() if name in self.attributes}
 
     def schedule(self) -> Iterator[tuple[int, float]]:
-        """Yield a view's number for each step, and the factor of the rates, which falls linearly to a tenth."""
-        views, steps = len(self.views), self.steps
-        order = np.concatenate([self.rng.permutation(views) for _ in range(-(-steps // views))])[:steps]
-        return track(list(zip(order.tolist(), np.linspace(1.0, 0.1, steps).tolist(), strict=True)), "learn")
+        """Return the number of a view for each step, and the factor of the rates, which falls linearly to a tenth."""
+        view_count = len(self.views)
+        epochs = -(-self.steps // view_count)
+        order = np.concatenate([self.rng.permutation(view_count) for _ in range(epochs)])[: self.steps]
+        factors = np.linspace(1.0, 0.1, self.steps)
+        return track(list(zip(order.tolist(), factors.tolist(), strict=True)), "learn")
 
 
 class PublicModel:
     """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
 
-    *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. Attacks do
-    not change the files beside it (decoders, networks).
+    *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. Attacks
+    leave the files beside it (decoders, networks) unchanged.
     """
 
     attributes: ClassVar[Columns] = {
@@ -82,7 +84,7 @@ class PublicModel:
         "rotation": 1e-3,
         "position": 1.6e-6,
     }
-    """Learning rates by attribute: 3DGS's, of positions the last one, as a share of the views' extent."""
+    """Learning rates by attribute: those of 3DGS; for positions its last one, as a share of the views' extent."""
 
     rows_are_gaussians: ClassVar[bool] = True
     """Whether rows are Gaussians; false if Gaussians are computed from them for each view."""
@@ -109,8 +111,9 @@ class PublicModel:
 
     @property
     def unused_columns(self) -> list[str]:
-        """Columns that change nothing in its images, in the file's order, but those with one value in all rows."""
-        used, table = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}, self.model.table
+        """Columns that no image depends on, in the file's order, without those that are constant."""
+        used = {*CORE, *NORMALS, FILTER, *chain(*self.columns.values())}
+        table = self.model.table
         return [name for name in self.model.names if name not in used and (table[name] != table[name][0]).any()]
 
     @classmethod
@@ -119,11 +122,13 @@ class PublicModel:
         return cls(read_model(path))
 
     def write(self, path: Path) -> list[Path]:
-        """Write the .ply and the file of networks beside it; return what was written."""
+        """Write the .ply and the file of networks beside it, if any; return their paths."""
         with filling(path.parent) as folder:
             write_model(folder / path.name, self.model)
             self.write_networks(folder)
-        return [path, *([path.with_name(self.network_name)] if self.network_name else [])]
+        if not self.network_name:
+            return [path]
+        return [path, path.with_name(self.network_name)]
 
     @property
     def network_name(self) -> str:
@@ -138,15 +143,18 @@ class PublicModel:
         return type(self)(model)
 
     def drawable(self, source: str | Path) -> Self:
-        """Return the model as it is drawn (`gspure.model.finite.drawable`): 3-D filter merged, bad rows invisible."""
+        """Return the model as it is drawn: with the 3-D filter applied and undrawable rows invisible."""
         rows = drawable(self.model, source)
         return self if rows is self.model else self.with_model(rows)
 
     def drawn(self, source: str | Path) -> Self:
-        """Return the same model without the rows that cannot be drawn: keys may give them another opacity."""
+        """Return the model as it is drawn, without its undrawable rows, to which keys may give another opacity."""
         public = self.drawable(source)
-        rows = undrawable_rows(self.model)
-        return public.with_model(public.model[np.delete(np.arange(len(self.model)), rows)]) if len(rows) else public
+        undrawable = undrawable_rows(self.model)
+        if not len(undrawable):
+            return public
+        rows = np.delete(np.arange(len(self.model)), undrawable)
+        return public.with_model(public.model[rows])
 
     def gaussians(self, camera: Camera) -> tuple[Gaussians, Rows]:  # noqa: ARG002
         """Return the Gaussians that a camera sees, and the row of each."""
@@ -163,28 +171,32 @@ class PublicModel:
         return lambda camera: renderer.image(camera, background)
 
     def learned(self, lesson: Lesson) -> Self:
-        """Return the model with the columns of some attributes learned, all else bit-identical."""
+        """Return the model with learned values in the columns of the lesson's attributes, all else bit-identical."""
         model = self.model
-        raw = (model.means, model.quats, model.log_scales, model.table["opacity"])
-        trainable = TrainableModel(TrainState.fresh(Parameters(*raw, model.sh_coeffs)), device=lesson.device)
+        parameters = Parameters(model.means, model.quats, model.log_scales, model.table["opacity"], model.sh_coeffs)
+        trainable = TrainableModel(TrainState.fresh(parameters), device=lesson.device)
         trainable.set_targets(lesson.images)
         rates = lesson.rates(self.rates)
         extent = spread(lesson.views)
         for view, factor in lesson.schedule():
-            means, quats, scales, opacities, colours = (
-                factor * rates.get(name, 0.0) for name in ("position", "rotation", "scale", "opacity", "colour")
+            step_rates = LearningRates(
+                means=factor * rates.get("position", 0.0) * extent,
+                quats=factor * rates.get("rotation", 0.0),
+                scales=factor * rates.get("scale", 0.0),
+                opacities=factor * rates.get("opacity", 0.0),
+                sh_dc=factor * rates.get("colour", 0.0),
+                sh_rest=factor * rates.get("colour", 0.0) / 20,
             )
-            step = LearningRates(means * extent, quats, scales, opacities, colours, colours / 20)
-            trainable.step(lesson.views[view], view, step, background=lesson.background)
+            trainable.step(lesson.views[view], view, step_rates, background=lesson.background)
         return self._with_attributes(Gaussians.from_stored(**vars(trainable.state().parameters)), rates)
 
     def _with_attributes(self, model: Gaussians, attributes: Collection[str]) -> Self:
-        """Return the same model with the columns of some attributes of another."""
+        """Return the same model with the columns of some attributes of another model."""
         names = [name for attribute in attributes for name in self.columns[attribute]]
         return self.with_model(self.model.with_columns({name: model.table[name] for name in names}))
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:  # noqa: ARG002
-        """Return the opacity [K] of each row, 0 to 1, a feature of the clustering."""
+        """Return the opacities [K] of rows, 0 to 1, a feature of the clustering."""
         return self.model.opacities
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
@@ -197,9 +209,9 @@ class PublicModel:
 
 
 def merge_by_row(records: NDArray[Any], owners: Rows) -> NDArray[Any]:
-    """Return the contributions of rows, given those of Gaussians and the row of each Gaussian.
+    """Return the contributions of rows from those of Gaussians; `owners` is the row of each Gaussian.
 
-    A row's sum and pixels are the sums over its Gaussians; its maximum is the largest of theirs.
+    The sum and the pixels of a row are the sums over its Gaussians; its maximum is the largest of theirs.
     """
     rows, places = np.unique(owners[records["index"]], return_inverse=True)
     merged = np.zeros(len(rows), CONTRIBUTION)

@@ -1,8 +1,8 @@
-"""Settings of commands, attacks and schemes: the numbers that each admits, declared where it is defined.
+"""Settings of commands, attacks and schemes, with the range of each.
 
 Options of commands take a `Range`. Settings of attacks and schemes are the keyword-only parameters of their functions,
 annotated with one, such as ``fraction: Annotated[float, Range(0.0, 1.0)] = 0.25``. The schema of the configuration
-repeats the same numbers. The largest values are far above what is useful.
+repeats the same numbers. The upper ends are far above useful values.
 """
 
 import inspect
@@ -17,7 +17,7 @@ Setting = float | int | str
 
 
 class Range(NamedTuple):
-    """Numbers from `least` to `most`; whole ones if `least` is an int; if `above`, without `least` itself."""
+    """Numbers from `least` to `most`: integers if `least` is an int; without `least` itself if `above`."""
 
     least: float
     most: float
@@ -25,17 +25,19 @@ class Range(NamedTuple):
 
     @property
     def kind(self) -> type[int] | type[float]:
-        """The type of its numbers."""
+        """The type of the numbers."""
         return int if isinstance(self.least, int) else float
 
     def __str__(self) -> str:
-        least, most = (f"{end:d}" if isinstance(end, int) else f"{end:.12g}" for end in (self.least, self.most))
+        least = _plain(self.least)
+        most = _plain(self.most)
         return f"above {least}, at most {most}" if self.above else f"{least} to {most}"
 
     @property
     def expected(self) -> str:
-        """The range in words, for refusals."""
-        return f"a {'whole ' * (self.kind is int)}number {'' if self.above else 'from '}{self}"
+        """The range in words, for errors."""
+        noun = "a whole number" if self.kind is int else "a number"
+        return f"{noun} {self}" if self.above else f"{noun} from {self}"
 
     def __contains__(self, value: Any) -> bool:
         is_number = isinstance(value, Integral if self.kind is int else Real) and not isinstance(value, bool)
@@ -44,16 +46,20 @@ class Range(NamedTuple):
     def require(self, source: str | Path, field: str, value: object) -> None:
         """Raise `InputError` for the `field` of a source unless its value is in the range."""
         if value not in self:
-            found = repr(value) if isinstance(value, str) else str(value)
-            raise InputError(source, field, expected=self.expected, found=found)
+            text = repr(value) if isinstance(value, str) else str(value)
+            raise InputError(source, field, expected=self.expected, found=text)
 
     def parse(self, text: str) -> float | None:
-        """Return the number in the range that a text spells; None if it spells none."""
+        """Return the number of a text; None if it is no number in the range."""
         try:
             value = self.kind(text)
         except ValueError:  # no number, or too many digits
             return None
         return value if value in self else None
+
+
+def _plain(number: float) -> str:
+    return f"{number:d}" if isinstance(number, int) else f"{number:.12g}"
 
 
 SHARE: Final = Range(0.0, 1.0)
@@ -64,14 +70,14 @@ SEED: Final = Range(0, 2**32 - 1)
 STEPS: Final = Range(1, 1_000_000)  # of training
 CLUSTER_SHARE: Final = Range(0.0, 1.0, above=True)
 CLUSTER_SIZE: Final = Range(2, 100_000_000)
-NEIGHBOURS: Final = Range(1, 128)  # that the kernels hold for each of millions of points
+NEIGHBOURS: Final = Range(1, 128)  # the kernels store so many for each of millions of points
 DECIBELS: Final = Range(0.0, 100.0, above=True)
 FIELD_OF_VIEW: Final = Range(0.01, 179.0)  # degrees
 TRACED_SIDE: Final = Range(16, 16384)  # of a ray-traced image, in pixels
-PAIR_VIEWS: Final = Range(3, 10_000)  # of two, one is a test view, and a single training view fixes no positions
+PAIR_VIEWS: Final = Range(3, 10_000)  # of two views, one is held out, and a single training view fixes no positions
 SECONDS: Final = Range(0.0, 1e6, above=True)
 CORES: Final = Range(1, 10_000)
-MAX_GAUSSIANS: Final = Range(4, 100_000_000)  # of a model that grows; training starts from at least 4
+MAX_GAUSSIANS: Final = Range(4, 100_000_000)  # at the end of training, which starts from at least 4
 VIEWS: Final = Range(1, 10_000)
 SIDE: Final = Range(1, 65535)  # of an image, in pixels
 
@@ -82,33 +88,36 @@ Steps = Annotated[int, STEPS]
 MaxGaussians = Annotated[int, MAX_GAUSSIANS]
 
 _UNBOUNDED: Final = {int: Range(-(2**53), 2**53), float: Range(-1e30, 1e30)}
-"""Bounds of numbers without an annotation, in plug-ins."""
+"""Bounds of the numbers of plug-ins that do not annotate them."""
 
-LONGEST: Final = 1000  # characters of a text
+_LONGEST_TEXT: Final = 1000  # characters of a text
 
 
 def defaults(function: Callable[..., Any]) -> dict[str, Setting]:
     """Return the settings of a function and their defaults."""
-    return {p.name: p.default for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY}
+    parameters = inspect.signature(function).parameters.values()
+    return {parameter.name: parameter.default for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY}
 
 
 def bounds(function: Callable[..., Any]) -> dict[str, Range | None]:
     """Return the bounds of the settings of a function; None for a text."""
     parameters = inspect.signature(function, eval_str=True).parameters
-    return {
-        name: next((b for b in getattr(parameters[name].annotation, "__metadata__", ()) if isinstance(b, Range)), None)
-        or _UNBOUNDED.get(type(default))
-        for name, default in defaults(function).items()
-    }
+    limits: dict[str, Range | None] = {}
+    for name, default in defaults(function).items():
+        metadata = getattr(parameters[name].annotation, "__metadata__", ())
+        ranges = (item for item in metadata if isinstance(item, Range))
+        limits[name] = next(ranges, _UNBOUNDED.get(type(default)))
+    return limits
 
 
 def parsed_settings(source: str, function: Callable[..., Any], texts: Mapping[str, str]) -> dict[str, Setting]:
-    """Return settings from texts, numbers where the function takes numbers; refuse them as `require_settings` does."""
+    """Return settings parsed from texts, numbers where the function takes them; refuse as `require_settings` does."""
     known = bounds(function)
     settings: dict[str, Setting] = {**texts}
     for name in texts.keys() & known.keys():
         limits = known[name]
-        if limits and (value := limits.parse(texts[name])) is not None:
+        value = limits.parse(texts[name]) if limits else None
+        if value is not None:
             settings[name] = value
     require_settings(source, function, settings)
     return settings
@@ -124,7 +133,8 @@ def require_settings(
         if name not in known:
             expected = f"one of {', '.join(known)}" if known else "no settings"
             raise InputError(source, field, expected=expected, found="an unknown key")
-        if limits := known[name]:
+        limits = known[name]
+        if limits:
             limits.require(source, field, value)
-        elif not isinstance(value, str) or not value.strip() or len(value) > LONGEST:
-            raise InputError(source, field, expected=f"a text of at most {LONGEST} characters", found=repr(value))
+        elif not isinstance(value, str) or not value.strip() or len(value) > _LONGEST_TEXT:
+            raise InputError(source, field, expected=f"a text of at most {_LONGEST_TEXT} characters", found=repr(value))

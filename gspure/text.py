@@ -1,4 +1,4 @@
-"""Numbers and facts as people read them."""
+"""Numbers and facts as text for people."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -11,31 +11,34 @@ _LONG: Final = 1e6  # numbers from here on have an exponent
 
 
 def decimal(value: float, decimals: int = 2) -> str:
-    """Return a number with a fixed number of decimals and a true minus sign; zero has no sign, – is unknown."""
+    """Return a number with a fixed number of decimals and a true minus sign; zero has no sign, nan is –."""
     if isnan(value):
         return UNKNOWN
     if isinf(value):
         return "∞" if value > 0 else "−∞"
-    return f"{value:z.{decimals}{'f' if abs(value) < _LONG else 'e'}}".replace("-", "−")
+    notation = "f" if abs(value) < _LONG else "e"
+    return f"{value:z.{decimals}{notation}}".replace("-", "−")
 
 
 def signed(value: float) -> str:
     """Return a difference with its sign; – if it is unknown or infinite."""
     if isnan(value) or isinf(value):
         return UNKNOWN
-    return ("" if (text := decimal(value)).startswith("−") else "+") + text
+    text = decimal(value)
+    return text if text.startswith("−") else f"+{text}"
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """Return a number of unknown magnitude with its first digits."""
+    """Return a number of any magnitude with its first digits."""
     return UNKNOWN if isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−").replace("inf", "∞")
 
 
 def percent(share: float, decimals: int = 1) -> str:
-    """Return a share in percent, rounded to 0% or 100% only if it is: <0.1% of a few, >99.9% of nearly all."""
+    """Return a share in percent; only exact shares become 0% and 100%, those nearby <0.1% and >99.9%."""
     if isnan(share) or isinf(share):
         return UNKNOWN
-    text, step = f"{share:z.{decimals}%}", 10.0**-decimals
+    text = f"{share:z.{decimals}%}"
+    step = 10.0**-decimals
     if share != 0 and float(text[:-1]) == 0:
         return f"<{step:.{decimals}f}%"
     if share < 1 and float(text[:-1]) == 100:
@@ -44,7 +47,7 @@ def percent(share: float, decimals: int = 1) -> str:
 
 
 class Described(ABC):
-    """An object with a few facts: one line in a terminal, a table in a notebook."""
+    """An object that shows a few facts: in one line in a terminal, as a table in a notebook."""
 
     @property
     @abstractmethod
@@ -52,7 +55,8 @@ class Described(ABC):
         """The facts to show, by name."""
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name}: {fact}' for name, fact in self.facts.items())})"
+        facts = ", ".join(f"{name}: {fact}" for name, fact in self.facts.items())
+        return f"{type(self).__name__}({facts})"
 
     def _repr_html_(self) -> str:
         rows = (f"<tr><th>{escape(name)}</th><td>{escape(fact)}</td></tr>" for name, fact in self.facts.items())

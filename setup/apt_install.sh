@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Install Debian packages for the whole machine: as root, or by sudo where that asks for no password.
-# usage: setup/apt_install.sh PACKAGE...     (apt's own words go to standard error)
+# Install Debian packages for the whole machine: as root, or with sudo if it asks for no password.
+# usage: setup/apt_install.sh PACKAGE...     (the output of apt goes to standard error)
 set -eu
 command -v apt-get >/dev/null || exit 1
 apt=(env DEBIAN_FRONTEND=noninteractive apt-get -q -y -o DPkg::Lock::Timeout=300)

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Unpack Debian packages, and all that they need and this machine lacks, into a folder of one's own, without root.
-# The libraries are told where their neighbours are, so that they load without LD_LIBRARY_PATH.
-# usage: setup/apt_unpack.sh FOLDER PACKAGE...     (FOLDER appears when all is done; apt's words go to standard error)
+# Unpack Debian packages and their missing dependencies into a folder, without root. The run path of each library is set
+# to this folder, so that it loads without LD_LIBRARY_PATH.
+# usage: setup/apt_unpack.sh FOLDER PACKAGE...
+# FOLDER appears when everything is unpacked; the output of apt goes to standard error.
 set -eu
 command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null || exit 1
 folder=$(realpath -m "$1")
@@ -25,7 +26,7 @@ libraries=$(cd "$partial/tree" && ls -d usr/lib/*-linux-gnu* | head -n 1)
 patchelf=$(command -v patchelf || echo "$partial/tree/usr/bin/patchelf")
 find "$partial/tree/usr/lib" -name '*.so*' -type f |
   while read -r library; do
-    # Some are text for the linker and need no path.
+    # Some files are text for the linker and need no run path.
     "$patchelf" --force-rpath --set-rpath "$folder/$libraries" "$library" >&2 || true
   done
 rm -rf "$folder"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Give a virtual environment an OpenGL that draws without a display, for the 3-D figures: what is there already, or
-# else Mesa from Debian, installed or unpacked. Without one there are no such figures; nothing else changes.
+# Give a virtual environment an OpenGL that draws without a display, for the 3-D figures: the installed one or, if it
+# does not work, Mesa from Debian, installed or unpacked. Without OpenGL, only the 3-D figures are missing.
 # usage: setup/gl.sh VENV
 set -eu
 cd "$(dirname "$0")/.."
@@ -8,12 +8,14 @@ venv=$(realpath "$1")
 log=$venv/gl.log
 : >"$log"
 
-works() { # say what draws, or fail
+works() { # print the name of the OpenGL renderer, or fail
   "$venv/bin/python" - 2>>"$log" <<'END'
 import sys
 from gspure.figures.plates import opengl_renderer
 renderer = opengl_renderer()
-sys.exit(print(f"setup: OpenGL draws with {renderer}") if renderer else "off-screen rendering fails")
+if not renderer:
+    sys.exit("off-screen rendering fails")
+print(f"setup: OpenGL draws with {renderer}")
 END
 }
 
@@ -43,4 +45,4 @@ END
 for way in works mesa_from_debian mesa_unpacked; do
   if "$way"; then exit 0; fi
 done
-echo "setup: no OpenGL here (what was tried: $log): there will be no 3-D figures."
+echo "setup: no OpenGL works here (log: $log): there will be no 3-D figures."

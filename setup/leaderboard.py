@@ -1,6 +1,6 @@
-"""The leaderboard of the documentation site: which attack removes which message, and at which damage to the scene.
+"""The leaderboard of the documentation site: the damage to the scene at which each attack removes each message.
 
-Written from every ``docs/results/RUN/survival.csv``, a copy of ``results/tables/survival.csv`` of a run.
+Its data are every ``docs/results/RUN/survival.csv``, a copy of ``results/tables/survival.csv`` of a run.
 ``python setup/leaderboard.py RESULTS``, in a checkout, draws its pictures from the results of config/six_pairs.yaml.
 """
 
@@ -13,22 +13,24 @@ from math import inf
 from pathlib import Path
 
 from gspure.evaluation.survival import Survival
+from gspure.grouping import grouped
 from gspure.metrics.csv_tables import read_table
 from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.text import decimal
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
-OTHERS = {"objects", "readings"}  # runs that vary GSPure and the scene, not the attack
+EXCLUDED = {"objects", "readings"}  # runs that vary GSPure and the scene, not the attack
 EQUAL = {
     "gspure_equal": "gspure",
     "gof_equal": "gof",
     "random_equal": "random_pruning",
     "noise_equal": "gaussian_noise",
 }
-BANDS = (0.3, 1.0, 2.0)  # damage in dB: at most 1 dB is broken, at most 2 dB weak
+BANDS = (0.3, 1.0, 2.0)  # damage in dB; a message lost at 1 dB or less is broken, at 2 dB or less weak
 
-PICTURED = "six_pairs"  # the run, and one of its scenes and views
-MODEL, VIEW = "rooms_shared", "view_008"
+PICTURED = "six_pairs"  # the run of the pictures
+MODEL = "rooms_shared"  # one of its scenes
+VIEW = "view_008"
 SHOWN = {
     "gspure": "gspure_equal@1dB",
     "random_pruning": "random_equal@1dB",
@@ -81,7 +83,7 @@ strength of the attack was searched for that damage.
 def leaderboard_page() -> str:
     """Return the page as Markdown with tables in HTML."""
     runs = {path.parent.name: read_table(path, Survival) for path in sorted(RESULTS.glob("*/survival.csv"))}
-    largest_first = sorted(runs.keys() - OTHERS, key=lambda name: -len(runs[name]))
+    largest_first = sorted(runs.keys() - EXCLUDED, key=lambda name: -len(runs[name]))
     tables = (f"## {name}\n\n{table(runs[name], linked=name == PICTURED)}" for name in largest_first)
     return PAGE.format(tables="\n\n".join(tables), pictures="\n\n".join(map(sheet, sheets())))
 
@@ -93,11 +95,13 @@ def sheets() -> list[str]:
 
 def sheet(scheme: str) -> str:
     """Return the pictures of a scheme, each with an anchor for its cells."""
-    figures = "".join(
-        f'<figure id="{scheme}-{attack}"><i style="background-image: url(pictures/leaderboard-{scheme}.jpg); '
-        f'--at: {i}"></i><figcaption>{display_name(attack)}{", 1 dB" * (variant != attack)}</figcaption></figure>'
-        for i, (attack, variant) in enumerate({UNATTACKED: UNATTACKED, **SHOWN}.items())
-    )
+    figures = ""
+    for i, (attack, variant) in enumerate({UNATTACKED: UNATTACKED, **SHOWN}.items()):
+        caption = display_name(attack) if variant == attack else f"{display_name(attack)}, 1 dB"
+        figures += (
+            f'<figure id="{scheme}-{attack}"><i style="background-image: url(pictures/leaderboard-{scheme}.jpg); '
+            f'--at: {i}"></i><figcaption>{caption}</figcaption></figure>'
+        )
     return f'### {display_name(scheme)}\n\n<div class="sheet">{figures}</div>'
 
 
@@ -116,16 +120,15 @@ def draw_sheets(results: Path) -> None:
 
 def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     """Return the table of one run: a row for each condition and owner whose message is present before attacks."""
-    owners: dict[tuple[str, str], list[Survival]] = {}
-    for row in rows:
-        if row.present:
-            owners.setdefault((row.condition.title, extraction_name(row.extraction)), []).append(row)
-    attacks = dict.fromkeys(base(row) for found in owners.values() for row in found if row.variant != UNATTACKED)
+    present = [row for row in rows if row.present]
+    owners = grouped(present, lambda row: (row.condition.title, extraction_name(row.extraction)))
+    attacked = [row for owner_rows in owners.values() for row in owner_rows if row.variant != UNATTACKED]
+    attacks = dict.fromkeys(base(row) for row in attacked)
     titles = ["scheme", "extraction", "least", *map(display_name, attacks)]
     head = "".join(f"<th>{escape(title)}</th>" for title in titles)
-    body = "".join(
-        f"<tr>{''.join(cells(*owner, found, attacks, linked=linked))}</tr>" for owner, found in owners.items()
-    )
+    body = ""
+    for (condition, extraction), owner_rows in owners.items():
+        body += f"<tr>{''.join(cells(condition, extraction, owner_rows, attacks, linked=linked))}</tr>"
     return f'<table class="leaderboard"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
@@ -139,31 +142,45 @@ def cells(
 ) -> Iterator[str]:
     """Yield the cells of one owner: names, the least damage of all attacks, and that of each."""
     yield f"<td>{escape(condition)}</td><td>{escape(extraction)}</td>"
-    yield cell([row for row in rows if row.variant != UNATTACKED], left=False)
+    yield cell([row for row in rows if row.variant != UNATTACKED], margins=False)
+    scheme = rows[0].condition.scheme
     for attack in attacks:
-        anchor = (
-            f"{rows[0].condition.scheme}-{attack}"
-            if linked and rows[0].condition.scheme in sheets() and attack in SHOWN
-            else ""
-        )
+        has_picture = linked and scheme in sheets() and attack in SHOWN
+        anchor = f"{scheme}-{attack}" if has_picture else ""
         yield cell([row for row in rows if base(row) == attack], anchor=anchor)
 
 
-def cell(rows: list[Survival], *, left: bool = True, anchor: str = "") -> str:
-    """Return the cell of one attack at all its strengths: colour, damage with its pictures, what is left at 1 dB."""
-    known = {row: found.mean for row in rows if (found := row.scene_drop or row.damage)}
-    if not known:
+def cell(rows: list[Survival], *, margins: bool = True, anchor: str = "") -> str:
+    """Return the cell of one attack at all its strengths: colour, least damage with a link to its pictures, margins.
+
+    A margin is the message above its control level after the attack at 1 dB of damage.
+    """
+    damages = _damages(rows)
+    if not damages:
         return '<td data-sort="-1"></td>'
-    lost, tried = min((damage for row, damage in known.items() if not row.survived), default=inf), max(known.values())
+    lost = min((damage for row, damage in damages.items() if not row.survived), default=inf)
+    tried = max(damages.values())
     text = decimal(lost, 1) if lost < inf else f"&gt; {decimal(tried, 1)}"
-    margins = (row.above_floor.mean for row in rows if left and row.above_floor and at_1_db(row))
-    text = f'<a href="#{anchor}">{text}</a>' if anchor else text
-    text += "".join(f"<small>{f'{margin:+.1f}'.replace('-', '−')}</small>" for margin in margins)
+    if anchor:
+        text = f'<a href="#{anchor}">{text}</a>'
+    if margins:
+        at_1_db = [row.above_floor.mean for row in rows if row.above_floor and is_at_1_db(row)]
+        text += "".join(f"<small>{f'{margin:+.1f}'.replace('-', '−')}</small>" for margin in at_1_db)
     band = f"band{sum(lost > damage for damage in BANDS)}" if lost < inf or tried > BANDS[-1] - 0.1 else ""
     return f'<td class="{band}" data-sort="{min(lost, 1e3):.3f}">{text}</td>'
 
 
-def at_1_db(row: Survival) -> bool:
+def _damages(rows: list[Survival]) -> dict[Survival, float]:
+    """Return the damage of each row in dB, if it is known."""
+    damages = {}
+    for row in rows:
+        damage = row.scene_drop or row.damage
+        if damage:
+            damages[row] = damage.mean
+    return damages
+
+
+def is_at_1_db(row: Survival) -> bool:
     """Return whether the strength was searched for 1 dB of damage."""
     return row.wanted == 1.0
 

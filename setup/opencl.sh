@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Give a virtual environment an OpenCL device on which a program builds and runs. The first way that works is kept:
-# what is there already; PoCL from Debian, installed or else unpacked; Intel's runtime from PyPI.
+# Give a virtual environment an OpenCL device on which a program builds and runs. The first driver that works is kept:
+# an installed one; PoCL from Debian, installed or else unpacked; Intel's runtime from PyPI.
 # usage: setup/opencl.sh VENV
 set -eu
 cd "$(dirname "$0")/.."
@@ -8,7 +8,7 @@ venv=$(realpath "$1")
 log=$venv/opencl.log
 : >"$log"
 
-works() { # say which device works, or fail
+works() { # print the device that works, or fail
   "$venv/bin/python" - 2>>"$log" <<'END'
 import sys
 from gspure.opencl.selftest import try_devices
@@ -21,9 +21,9 @@ print(f"setup: OpenCL works on {working[0].name}")
 END
 }
 
-# The loader inside the pyopencl wheel reads this folder beside the system's own.
+# The loader in the pyopencl wheel reads this folder in addition to the system's.
 icd=$("$venv/bin/python" -c 'import pathlib, pyopencl; print(pathlib.Path(pyopencl.__file__).with_name(".libs"))')
-# Python runs the lines of this file that start with "import" whenever it starts.
+# At every start, Python runs the lines of this file that begin with "import".
 startup=$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/gspure_opencl.pth
 
 pip() {
@@ -55,6 +55,6 @@ intel_from_pypi() {
 for way in works pocl_from_debian pocl_unpacked intel_from_pypi; do
   if "$way"; then exit 0; fi
 done
-echo "setup: no OpenCL device works here, and none could be installed (what was tried: $log)." >&2
+echo "setup: no OpenCL device works here, and none could be installed (log: $log)." >&2
 echo "setup: install the OpenCL driver of your GPU, or PoCL for the CPU, and run \`make opencl\` again." >&2
 exit 1

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The `ld` of a PoCL that was unpacked without root. PoCL links each kernel as a C compiler would, against libraries in
-# their -dev packages; the shared libraries themselves, which every machine has, do as well.
+# The `ld` of a PoCL that was unpacked without root. PoCL links each kernel as a C compiler does, against the libraries of
+# -dev packages; this script replaces them by the shared libraries, which every machine has.
 set -eu
 root=$(realpath "$(dirname "$0")/..")
 arguments=()

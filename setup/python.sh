@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Make a virtual environment with the first Python that is new enough and able to.
+# Make a virtual environment with the first Python that is new enough and has the venv module.
 # usage: setup/python.sh FOLDER     ($PYTHON names the interpreter to use)
 set -eu
 folder=$1
 
-why_not() { # INTERPRETER [MODULE...]: print why it will not do, or nothing
+why_not() { # INTERPRETER [ARGUMENT...]: print why it is not suitable, or nothing
   "$@" 2>/dev/null <<'END' || echo "does not start"
 import importlib.util, sys
 version = "%d.%d" % sys.version_info[:2]

@@ -1,4 +1,4 @@
-"""What mkdocs needs to build the site: pages from outside docs/, generated references, links and formulas."""
+"""The hooks of mkdocs: pages from outside docs/, generated references, links and formulas."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 ROOT = Path(__file__).parents[1]
 REPORT = ROOT / "results" / "report.html"
@@ -35,21 +33,19 @@ CLASSES = (
     "gspure.schemes.scheme.Scheme",
     "gspure.schemes.scheme.Key",
 )
-"""What the functions of the public interface take and return."""
+"""The arguments and results of the functions of the public interface."""
 
 
 def python_page() -> str:
     """Return the reference of the public interface."""
     import gspure
 
-    names = [f"gspure.{name}" for name in gspure.__all__ if name != "__version__"]
-    parts = (f"## {title}\n\n" + "".join(f"::: {name}\n" for name in listed) for title, listed in _parts(names))
-    return "# Python\n\n" + "\n".join(parts)
-
-
-def _parts(names: list[str]) -> Iterator[tuple[str, list[str]]]:
-    yield "The public interface", names
-    yield "Models, cameras, results", list(CLASSES)
+    interface = [f"gspure.{name}" for name in gspure.__all__ if name != "__version__"]
+    parts = {"The public interface": interface, "Models, cameras, results": CLASSES}
+    page = "# Python\n"
+    for title, names in parts.items():
+        page += f"\n## {title}\n\n" + "".join(f"::: {name}\n" for name in names)
+    return page
 
 
 def commands_page() -> str:
@@ -57,9 +53,8 @@ def commands_page() -> str:
     os.environ["COLUMNS"] = "100"
     from gspure.cli import COMMANDS, parser_of
 
-    return "# Commands\n\n" + "\n".join(
-        f"## gspure {name}\n\n```text\n{parser_of(name).format_help()}```\n" for name in COMMANDS
-    )
+    sections = (f"## gspure {name}\n\n```text\n{parser_of(name).format_help()}```\n" for name in COMMANDS)
+    return "# Commands\n\n" + "\n".join(sections)
 
 
 def settings_page() -> str:
@@ -71,7 +66,8 @@ def settings_page() -> str:
     for name, settings in schema["properties"].items():
         lines += [f"## {name}", "", settings["description"], ""]
         rows = list(_settings(settings, ""))
-        lines += ["| setting | default | meaning |", "| --- | --- | --- |", *rows, ""] if rows else []
+        if rows:
+            lines += ["| setting | default | meaning |", "| --- | --- | --- |", *rows, ""]
     return "\n".join(lines)
 
 
@@ -86,7 +82,7 @@ def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 
 
 def leaderboard_page() -> str:
-    """Return the leaderboard, of the committed results."""
+    """Return the leaderboard of the committed results."""
     sys.path.insert(0, str(ROOT / "setup"))
     import leaderboard
 
@@ -115,9 +111,10 @@ def on_files(files: Any, config: Any) -> Any:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """Let links lead to pages of the site; those to other files of the repository become text."""
+    """Let links lead to pages of the site; links to other files of the repository become text."""
     place = page.file.src_uri
-    source = next((path for path, at in OUTSIDE.items() if at == place), f"docs/{place}")
+    sources = {page_place: path for path, page_place in OUTSIDE.items()}
+    source = sources.get(place, f"docs/{place}")
     if place == "results.md" and REPORT.is_file():
         markdown += "\n[The report of the demo](report.html), with its model in 3-D.\n"
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
@@ -136,8 +133,9 @@ def relinked(text: str, source: str, place: str) -> str:
         path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
         if path not in OUTSIDE and not path.startswith("docs/"):
             return label if not mark else ""
-        at = OUTSIDE.get(path, path.removeprefix("docs/"))
-        return f"{mark}[{label}]({posixpath.relpath(at, posixpath.dirname(place) or '.')}{hash_}{anchor})"
+        target_place = OUTSIDE.get(path, path.removeprefix("docs/"))
+        relative = posixpath.relpath(target_place, posixpath.dirname(place) or ".")
+        return f"{mark}[{label}]({relative}{hash_}{anchor})"
 
     return re.sub(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)", link, text)
 

@@ -1,4 +1,4 @@
-"""Outcomes of attacks over scenes and seeds, with controls, from what each removes and leaves."""
+"""Outcomes of attacks over scenes and seeds, with controls, from the drops that each attack causes."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,7 +25,7 @@ def measured(target: str, psnr: float, others: float = 0.9, reference: str = TRU
 
 
 def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known) -> Outcome:
-    """One variant whose `targets` are given as PSNR by name; a variant without any has failed."""
+    """One variant, with the PSNR of its `targets` by name; a variant without targets has failed."""
     targets = {target: measured(target, psnr) for target, psnr in known.pop("targets", {}).items()}
     reference = {target: measured(target, BEFORE[target.partition("_")[0]]) for target in targets}
     views = dict.fromkeys(targets, 3)
@@ -76,7 +76,7 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
     truth = results / "pairs" / name.rpartition("/")[2]
     errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6)}
     for variant, of_targets in errors.items():
-        folder, rows = results / name / variant, []
+        folder = results / name / variant
         for target, error in zip(("scene", "message"), of_targets, strict=True):
             for i, view in enumerate(VIEWS):
                 image = photograph(i, target)

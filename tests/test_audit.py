@@ -65,7 +65,7 @@ def test_each_verdict_is_given_where_it_applies(outcomes, verdict: str, text: st
 
 
 def test_conditions_are_judged_apart() -> None:
-    own = [replace(o, protocol="own") for o in of_scenes(1, gof=(0.5, 2.0))]
-    both = [*of_scenes(1, gof=(0.5, 20.0)), *own]
+    own_poses = [replace(o, protocol="own") for o in of_scenes(1, gof=(0.5, 2.0))]
+    both = [*of_scenes(1, gof=(0.5, 20.0)), *own_poses]
     verdicts = {audit.condition.protocol: audit.verdict for audit in audits(both, survival(both))}
     assert verdicts == {"": "broken", "own": "holds"}

@@ -41,7 +41,7 @@ def test_choices_are_those_of_the_code():
     assert tuple(pair["protocol"]["enum"]) == PROTOCOLS
     assert tuple(pair["initialization"]["enum"]) == INITIALIZATIONS
     assert {*pair["placement"]["enum"]} == {*PLACEMENTS}
-    assert FEATURES == tuple(PARTS)
+    assert tuple(PARTS) == FEATURES
 
 
 @pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS)])

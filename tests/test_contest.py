@@ -90,7 +90,7 @@ SWEEPS = {"ours": ["weak", "strong"], "theirs": ["other", "absent"]}
 
 
 def outcomes(**drops: dict[str, tuple[float, float]]) -> list[Outcome]:
-    """Variants with what they take from scene and message, by scene; without controls."""
+    """Variants by scene, each with the drops of scene and message; without controls."""
     return [o for o in benchmark(drops) if not o.is_control]
 
 
@@ -105,15 +105,16 @@ def cells(rows, sweep):
 
 
 def test_the_drop_is_interpolated_in_every_scene_and_then_averaged() -> None:
-    found = cells(match(TWO, SWEEPS), "ours")
-    assert tuple(found) == MATCHED_DAMAGES[2:]  # at less, even the weakest does more to some scene
-    assert found[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
-    assert (found[1.5].strengths, found[1.5].gentle) == (2, 0)
+    ours = cells(match(TWO, SWEEPS), "ours")
+    assert tuple(ours) == MATCHED_DAMAGES[2:]  # at less, even the weakest does more to some scene
+    assert ours[1.5].drop.mean == pytest.approx((12.5 + 8.0) / 2)
+    assert (ours[1.5].strengths, ours[1.5].gentle) == (2, 0)
 
 
 def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
     rows = match(TWO, SWEEPS)
-    ours, theirs = cells(rows, "ours")[2.0], cells(rows, "theirs")[2.0]
+    ours = cells(rows, "ours")[2.0]
+    theirs = cells(rows, "theirs")[2.0]
     assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
     assert (ours.gentle, theirs.gentle) == (1, 0)
     shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}

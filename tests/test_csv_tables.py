@@ -26,12 +26,12 @@ class Sample(NamedTuple):
     number: float
     known: bool | None
     part: Part
-    other: Part | None
+    second: Part | None
     values: Values
     drops: Drops
 
 
-COLUMNS = "name,kind,count,views,number,known,part_low,part_count,other_low,other_count,"
+COLUMNS = "name,kind,count,views,number,known,part_low,part_count,second_low,second_count,"
 COLUMNS += ",".join([*METRICS, *(f"{metric}_drop" for metric in METRICS)])
 NUMBERS = st.one_of(st.just(math.inf), st.floats(-99, 99))
 PARTS = st.builds(Part, NUMBERS, st.integers(0, 9))
@@ -61,8 +61,10 @@ def test_rows_read_back_are_those_written(tmp_path_factory, rows: list[Sample]) 
 
 def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: Path) -> None:
     write_table(tmp_path / "r.csv", Sample, [ONE._replace(number=math.nan)])
-    metrics = ",0.9" * (len(METRICS) - 1) + "," * len(METRICS)
-    assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\nx,a,1,,,true,1,2,,,30{metrics}\n"
+    metrics = ["30", *("0.9" for metric in METRICS if metric != "psnr")]
+    drops = ["" for _ in METRICS]
+    line = ",".join(["x,a,1,,,true,1,2,,", *metrics, *drops])
+    assert (tmp_path / "r.csv").read_text() == f"{COLUMNS}\n{line}\n"
     assert math.isnan(read_table(tmp_path / "r.csv", Sample)[0].number)
 
 

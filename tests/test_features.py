@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.method.features import OUTLYING, PARTS, features, standardize, take
+from gspure.method.features import OUTLYING, PARTS, joint_features, standardize, take
 from gspure.model.summary import extent_and_distances
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
@@ -16,7 +16,7 @@ COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elem
 def test_equation_of_features_concatenates_position_opacity_and_weight_each_standardized() -> None:
     rng = np.random.default_rng(0)
     means, opacities, weights = rng.normal(5, 3, (40, 3)), rng.uniform(0, 1, 40), rng.lognormal(0, 2, 40)
-    found = features(means, opacities, weights)
+    found = joint_features(means, opacities, weights)
     assert found.shape == (40, 5)
     assert found.dtype == np.float64
     for column, raw in enumerate([*means.T, opacities, weights]):
@@ -57,11 +57,11 @@ def test_rows_that_are_not_finite_are_refused_with_their_number() -> None:
     with pytest.raises(
         InputError, match="features: x, y: expected finite values, found others in 2 of 6 rows, first in row 2"
     ):
-        features(means, np.full(6, 0.5), np.ones(6))
+        joint_features(means, np.full(6, 0.5), np.ones(6))
 
 
 def test_one_gaussian_has_zero_features() -> None:
-    assert features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]
+    assert joint_features(np.ones((1, 3)), np.ones(1), np.ones(1)).tolist() == [[0.0] * 5]
 
 
 def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
@@ -75,9 +75,9 @@ def test_parts_are_columns_in_their_own_order_whatever_that_of_asking() -> None:
 def test_far_rows_change_the_features_of_no_other_row(distance: float) -> None:
     rng = np.random.default_rng(0)
     means, opacities, weights = rng.normal(5, 3, (200, 3)), rng.uniform(0, 1, 200), rng.lognormal(0, 2, 200)
-    alone = features(means, opacities, weights)
+    alone = joint_features(means, opacities, weights)
     planted = np.array([[distance, 0, 0], [0, -distance, 5], [distance, distance, distance]])
-    found = features(np.concatenate([planted, means]), [1, 0, 0.5, *opacities], [1e9, 0, 3, *weights])
+    found = joint_features(np.concatenate([planted, means]), [1, 0, 0.5, *opacities], [1e9, 0, 3, *weights])
     np.testing.assert_array_equal(found[3:], alone)
     assert np.abs(found).max() == 1e6
     assert (np.abs(found[:3, :3]).max(axis=1) > 20 * np.abs(alone[:, :3]).max()).all()
@@ -89,7 +89,7 @@ def test_more_than_a_twentieth_of_the_rows_beyond_20_extents_of_the_middle_half_
 ) -> None:
     """Of 100 rows, the middle half is 1 wide; six rows at 10 and the far ones stretch the extent itself."""
     x = np.repeat([-0.5, 0.0, 0.5, 10.0, distance], [30, 34 - far, 30, 6, far])
-    features(np.column_stack([x, 0 * x, 0 * x]), np.ones(100), np.ones(100))
+    joint_features(np.column_stack([x, 0 * x, 0 * x]), np.ones(100), np.ones(100))
     assert ("too many to leave out" in capsys.readouterr().err) == warned
 
 
@@ -123,7 +123,7 @@ def test_rows_beyond_ten_extents_count_unless_they_stretch_the_positions_more_th
     means: np.ndarray, left_out: int, warning: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     expected = standardize(means, np.arange(len(means)) < len(means) - left_out)
-    assert features(means, np.zeros(len(means)), np.zeros(len(means)))[:, :3].tobytes() == expected.tobytes()
+    assert joint_features(means, np.zeros(len(means)), np.zeros(len(means)))[:, :3].tobytes() == expected.tobytes()
     text = capsys.readouterr().err
     assert warning in text if warning else not text
 
@@ -132,5 +132,5 @@ def test_rows_beyond_ten_extents_count_unless_they_stretch_the_positions_more_th
 def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
     assume((extent_and_distances(columns)[1] <= OUTLYING).all())
     rest = np.arange(len(columns))
-    found = features(columns, rest, rest**2)
+    found = joint_features(columns, rest, rest**2)
     np.testing.assert_array_equal(take(found, ["position"]), standardize(columns))

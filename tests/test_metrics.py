@@ -37,7 +37,8 @@ def image(seed: int, height: int = 40, width: int = 50) -> np.ndarray:
 
 
 def test_equation_of_psnr_is_over_all_pixels_and_channels_at_once() -> None:
-    a, b = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
+    a = np.zeros((1, 2, 3))
+    b = np.zeros((1, 2, 3))
     b[0, 0, 0] = 0.6  # mean square error 0.06; a mean over three channels would be infinite
     assert psnr(a, b) == pytest.approx(-10 * np.log10(0.06))
 
@@ -66,7 +67,8 @@ def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
 def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
     from skimage.metrics import structural_similarity
 
-    a, b = image(3), image(4)
+    a = image(3)
+    b = image(4)
     # Framed by zeros wider than the window, scikit-image meets zeros beyond the border as 3DGS's SSIM does.
     framed_a, framed_b = (np.pad(x, ((11, 11), (11, 11), (0, 0))) for x in (a, b))
     _, theirs = structural_similarity(framed_a, framed_b, full=True, **SCIKIT_IMAGE)
@@ -77,12 +79,14 @@ def test_ssim_agrees_with_scikit_image_under_its_settings() -> None:
 def test_one_scale_of_ms_ssim_is_scikit_image_s_ssim(side: int) -> None:
     from skimage.metrics import structural_similarity
 
-    a, b = image(3, side, 30), (image(3, side, 30) + image(4, side, 30)) / 2
+    a = image(3, side, 30)
+    b = (a + image(4, side, 30)) / 2
     assert ms_ssim(a, b) == pytest.approx(structural_similarity(a, b, **SCIKIT_IMAGE), abs=1e-9)
 
 
 def test_five_scales_of_ms_ssim_agree_with_another_implementation() -> None:
-    a, b = image(5, 192, 256), (image(5, 192, 256) + image(6, 192, 256)) / 2
+    a = image(5, 192, 256)
+    b = (a + image(6, 192, 256)) / 2
     assert ms_ssim(a, b) == pytest.approx(0.921504, abs=2e-5)  # of pytorch-msssim 1.0.0
 
 
@@ -163,8 +167,9 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     rows = read_metrics(tmp_path / "metrics.csv")
     assert [f"{row.target}/{row.view}" for row in rows] == ["message/001", "message/002", "scene/001", "scene/002"]
     assert {row.reference for row in rows} == {"truth"}
-    one, other = read_image(a / "scene" / "002.png"), read_image(b / "scene" / "002.png")
-    assert rows[3].psnr == pytest.approx(psnr(one, other), abs=1e-6)
+    first = read_image(a / "scene" / "002.png")
+    second = read_image(b / "scene" / "002.png")
+    assert rows[3].psnr == pytest.approx(psnr(first, second), abs=1e-6)
     printed = [line.split() for line in capsys.readouterr().out.splitlines()]
     (mean,) = [words for words in printed if words[0] == "scene/mean"]
     assert float(mean[1]) == pytest.approx(np.mean([row.psnr for row in rows[2:]]), abs=1e-3)
@@ -184,8 +189,9 @@ def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:
 
 
 def test_mean_psnr_is_that_of_the_views_that_differ() -> None:
-    same, other = measured("scene", np.inf, 1.0, view="1"), measured("scene", 31.25, 0.5, view="2")
-    assert means([same, other]) == [measured("scene", 31.25, 0.75)]
+    same = measured("scene", np.inf, 1.0, view="1")
+    changed = measured("scene", 31.25, 0.5, view="2")
+    assert means([same, changed]) == [measured("scene", 31.25, 0.75)]
     assert means([same, same]) == [measured("scene", np.inf, 1.0)]
 
 

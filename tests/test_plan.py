@@ -202,8 +202,12 @@ def test_gspure_prunes_the_clean_model_where_attacks_are_compared_at_equal_damag
 
 def test_controls_render_what_they_are_compared_in(again):
     message = again.targets[1:]
-    expected = {"clean": (again.targets, again.targets), "wrong_key": (message, message), OTHER_SCENE: (message, message)}
-    expected |= {name: ((), again.targets) for name in BASELINES}
+    expected = {
+        "clean": (again.targets, again.targets),
+        "wrong_key": (message, message),
+        OTHER_SCENE: (message, message),
+    }
+    expected |= dict.fromkeys(BASELINES, ((), again.targets))
     assert {job.variant: (job.rendered, job.compared) for job in again.controls} == expected
 
 
@@ -276,7 +280,11 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
         "gspure_scaled": {"damage": [0.3, 2]},
         "plain_weight": {},
     }
-    decisions = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
+    decisions = {
+        "gentle": {"tau_n": 9},
+        "leaf": {"selection": "leaf"},
+        "gentle_leaf": {"selection": "leaf", "tau_c": 9},
+    }
     plan = changed(assets=None, decisions=decisions, variants=variants)
     assert plan.sweeps == {
         "gspure": ("gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"),

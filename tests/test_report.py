@@ -80,7 +80,8 @@ def test_means_over_scenes_follow_from_the_results(run: Path) -> None:
         target: np.mean([float(row["psnr_drop"]) for row in rows("results") if row["target"] == target])
         for target in ("scene", "message")
     }
-    (survival,), (summary,) = rows("survival"), rows("summary")
+    (survival,) = rows("survival")
+    (summary,) = rows("summary")
     assert float(survival["message_drop_mean"]) == pytest.approx(drops["message"], rel=1e-4)
     assert float(survival["scene_drop_mean"]) == pytest.approx(drops["scene"], rel=1e-4)
     assert float(summary["score_mean"]) == pytest.approx(drops["message"] - drops["scene"], rel=1e-4)
@@ -118,7 +119,8 @@ def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> Non
         elif tag not in {"meta", "link", "img", "input", "br"}:
             opened.append(tag)
     assert not opened
-    ids, sources = re.findall(r' id="([^"]+)"', markup), re.findall(r' src="([^"]+)"', markup)
+    ids = re.findall(r' id="([^"]+)"', markup)
+    sources = re.findall(r' src="([^"]+)"', markup)
     assert len({*ids}) == len(ids)
     assert all(source.startswith("data:image/webp") for source in sources)
     links = re.findall(r'<a [^>]*href="([^"]+)"', markup)

@@ -24,7 +24,7 @@ def photographs(folder: Path, seed: int, change=lambda image: image) -> Path:
     return folder
 
 
-def found(message: Path, extraction: Path, decoys: list[Path]) -> Retrieval:
+def retrieval_of(message: Path, extraction: Path, decoys: list[Path]) -> Retrieval:
     pairs, _ = pair_images(message, extraction)
     return retrieval([compare_candidates(pair, false_candidates(pair, i, decoys)) for i, pair in enumerate(pairs)])
 
@@ -35,7 +35,7 @@ def retrieved(tmp_path: Path, change, decoys: list[Path] | None = None) -> Retri
     message = photographs(tmp_path / "pair" / "message", 0)
     if decoys is None:
         decoys = [photographs(tmp_path / f"decoy_{seed}", seed) for seed in range(2, 6)]
-    return found(message, photographs(tmp_path / "extraction", 0, change), [scene, *decoys])
+    return retrieval_of(message, photographs(tmp_path / "extraction", 0, change), [scene, *decoys])
 
 
 def noise(image: np.ndarray) -> np.ndarray:
@@ -72,7 +72,7 @@ def test_a_message_with_views_of_its_own_is_compared_with_other_photographs_of_t
     for view in range(VIEWS):
         (tmp_path / "pair" / "scene" / f"view_{view}.png").rename(tmp_path / "pair" / "scene" / f"desk_{view}.png")
     decoys = [tmp_path / "pair" / "scene", *(tmp_path / f"decoy_{seed}" for seed in range(2, 6))]
-    assert found(tmp_path / "pair" / "message", tmp_path / "extraction", decoys) == alone
+    assert retrieval_of(tmp_path / "pair" / "message", tmp_path / "extraction", decoys) == alone
 
 
 def test_equation_of_top_1_auc_and_tpr() -> None:

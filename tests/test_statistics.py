@@ -16,8 +16,8 @@ SCENES = st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=1, max_si
 
 
 def coverage(draw: Callable[[], NDArray[np.float64]], truth: float, trials: int = 250) -> float:
-    found = [mean_interval(list(draw())) for _ in range(trials)]
-    return float(np.mean([interval.low <= truth <= interval.high for interval in found]))
+    intervals = [mean_interval(list(draw())) for _ in range(trials)]
+    return float(np.mean([interval.low <= truth <= interval.high for interval in intervals]))
 
 
 @pytest.mark.parametrize(("scenes", "one_seed", "three_seeds"), [(6, 0.933, 0.969), (9, 0.944, 0.973)])
@@ -69,8 +69,8 @@ def test_few_scenes_cannot_be_significant_and_the_test_says_so(scenes, smallest)
 @given(st.lists(st.floats(0, 1), max_size=6))
 def test_holm_rejects_what_the_step_down_procedure_rejects(p):
     for level in (0.01, 0.05, 0.3):
-        rejected, order = set(), np.argsort(p, kind="stable")
-        for step, test in enumerate(order):
+        rejected = set()
+        for step, test in enumerate(np.argsort(p, kind="stable")):
             if p[test] * (len(p) - step) > level:
                 break
             rejected.add(int(test))
@@ -84,15 +84,15 @@ VALUES = st.lists(st.integers(0, 6).map(float) | st.just(np.inf), min_size=1, ma
 @given(VALUES, VALUES)
 def test_the_area_is_the_share_of_pairs_won_with_ties_for_half(assets, controls):
     won = [1.0 if x > y else 0.5 if x == y else 0.0 for x, y in product(assets, controls)]
-    found = detectability(assets, controls)
-    assert found.auc == pytest.approx(np.mean(won))
-    assert 0 <= found.low <= found.auc <= found.high <= 1
+    area = detectability(assets, controls)
+    assert area.auc == pytest.approx(np.mean(won))
+    assert 0 <= area.low <= area.auc <= area.high <= 1
 
 
 def test_hanley_and_mcneils_109_images():
     # Hanley and McNeil 1982, table I: ratings 1 to 5 of 58 normal and 51 abnormal images; area 0.893, error 0.032.
     normal = np.repeat([1, 2, 3, 4, 5], [33, 6, 6, 11, 2])
     abnormal = np.repeat([1, 2, 3, 4, 5], [3, 2, 2, 11, 33])
-    found = detectability(abnormal, normal)
-    assert found.auc == pytest.approx(0.893, abs=5e-4)
-    assert (found.high - found.low) / 2 == pytest.approx(1.96 * 0.032, rel=0.05)
+    area = detectability(abnormal, normal)
+    assert area.auc == pytest.approx(0.893, abs=5e-4)
+    assert (area.high - area.low) / 2 == pytest.approx(1.96 * 0.032, rel=0.05)

@@ -91,7 +91,8 @@ def test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before() -> No
     assert math.isnan(rms_ratio([lowered(30.0)], [[30.0, 30.0]]))
 
 
-NEAREST, UNRELATED = Retrieval(1.0, 1.0, 1.0, 4, 17), Retrieval(0.25, 0.5, 0.0, 4, 17)
+NEAREST = Retrieval(1.0, 1.0, 1.0, 4, 17)
+UNRELATED = Retrieval(0.25, 0.5, 0.0, 4, 17)
 
 
 def with_retrieval(outcomes, **of_variants: Retrieval):

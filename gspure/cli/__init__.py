@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from gspure import __version__, progress
 from gspure.cli.parser import Arguments, Parser, suggestion
-from gspure.errors import InputError, refusal
+from gspure.errors import InputError, error_line
 
 COMMANDS = {
     "demo": "hide a scene in another, attack the model, extract the message: a verdict and a report, in minutes",
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         elif isinstance(error, OSError) and error.errno == errno.ENOSPC and not error.filename:  # our files have names
             progress.silence(sys.stdout)
             error.filename = "standard output"
-        progress.tell(f"gspure {argv[0]}: {refusal(error)}")
+        progress.tell(f"gspure {argv[0]}: {error_line(error)}")
         return 2
 
 

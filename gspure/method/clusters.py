@@ -32,11 +32,11 @@ def select(
 ) -> Labels:
     r"""Return the flat clustering :math:`\mathcal{C} = \{C_1, ..., C_M\} \cup \mathcal{N}` of a spanning tree.
 
-    (paper, §Geometrically Accurate Feature Clustering; Campello et al. 2013.) The result [K] has the cluster of each
-    point, 0 .. M-1, in the order in which they form as the distance grows, and -1 for noise. `tree` [K-1,3] has edges
-    (a, b, distance), sorted by distance: see `spanning_tree`. Edges of equal length join at once, so every minimum
-    spanning tree of the same points gives the same clusters. The smallest cluster has `min_cluster_size` points, at
-    least 2; with fewer than twice as many points, there is no split, and all points are noise.
+    (paper, §Geometrically Accurate Feature Clustering; Campello et al. 2013.) A label is the cluster of a point, or -1
+    for noise; clusters are numbered 0 .. M-1 in the order in which they form as the distance grows. `tree` [K-1,3] has
+    edges (a, b, distance), sorted by distance: see `spanning_tree`. Edges of equal length join at once, so every
+    minimum spanning tree of the same points gives the same clusters. A cluster has at least `min_cluster_size` points,
+    2 or more; among fewer than twice as many points, there is no split, and all points are noise.
 
     The paper names neither parameters nor selection. ``eom`` is excess of mass, HDBSCAN's default, which often keeps
     most of a scene as one cluster; ``leaf`` takes the finest clusters; ``eom_capped`` splits clusters above
@@ -68,15 +68,17 @@ def select(
         chosen = np.bincount(condensed.parents, minlength=len(condensed.parents) + 1) == 0  # without children
         chosen[-1] = False  # the root
     else:
-        cap = max(int(max_cluster_share * count), 2 * min_cluster_size) if selection == "eom_capped" else count
+        cap = count
+        if selection == "eom_capped":
+            cap = max(int(max_cluster_share * count), 2 * min_cluster_size)
         chosen = _excess_of_mass(condensed, densities, cap)
     return _labels(condensed, chosen)
 
 
 def _excess_of_mass(condensed: Condensed, densities: Float64, cap: int) -> Bools:
-    """Return the mask of the clusters of at most `cap` points that are as stable as their descendants or more.
+    """Return the mask [C] of the chosen clusters: at most `cap` points, at least as stable as their descendants.
 
-    The root is never among them.
+    The root is never chosen.
     """
     stabilities, sizes = _stabilities(condensed, densities)
     chosen = np.zeros(len(sizes), np.bool_)
@@ -102,7 +104,7 @@ def _stabilities(condensed: Condensed, densities: Float64) -> tuple[Float64, Ind
 
 
 def _labels(condensed: Condensed, chosen: Bools) -> Labels:
-    """Return for each point the number of the outermost chosen cluster that contains it."""
+    """Return the label of each point: the number of the outermost chosen cluster that contains it, or noise."""
     owners = np.full(len(chosen) + 1, len(chosen))  # the last entry stands for noise
     for cluster in range(len(chosen) - 2, -1, -1):
         inherited = owners[condensed.parents[cluster]]
@@ -114,22 +116,26 @@ def _labels(condensed: Condensed, chosen: Bools) -> Labels:
 
 
 def write_clusters(path: Path, labels: Labels, coincident: int, settings: Mapping[str, int | float | str]) -> None:
-    """Write labels [K], the number of `gspure.method.tree.coincident_points`, and the settings, as .npz."""
+    """Write labels [K], the number of `gspure.method.tree.coincident_points` and the settings as .npz."""
     entries = {"labels": labels, "coincident": coincident, **settings}
     save_arrays(path, {name: np.asarray(value) for name, value in entries.items()})
 
 
 def read_labels(path: Path) -> Labels:
-    """Read the labels [K] of `write_clusters`, .npz, or those that `gspure purify` writes, .npy.
+    """Read labels [K]: the .npz of `write_clusters`, or the .npy of `gspure purify`.
 
-    Raise `InputError` if they are no clusters: out of range, or with a gap.
+    Raise `InputError` if labels are out of range or a cluster is empty.
     """
     if path.suffix == ".npy":
         labels = load_array(path, dtype=np.int32, shape=(None,))
     else:
         labels = load_arrays(path, {"labels": (np.int32, (None,))}, "clusters, as .npz")["labels"]
-    sizes = np.bincount(labels[labels > NOISE_LABEL]) if labels.max(initial=0) < max(len(labels), 1) else np.zeros(1)
-    if labels.min(initial=NOISE_LABEL) < NOISE_LABEL or not sizes.all():
-        found = f"{labels.min()} to {labels.max()}, or a gap"
-        raise InputError(path, "labels", expected=f"{NOISE_LABEL} for noise, 0 .. M-1 without a gap", found=found)
+    in_range = labels.min(initial=NOISE_LABEL) >= NOISE_LABEL and labels.max(initial=0) < max(len(labels), 1)
+    if not in_range or not np.bincount(labels[labels > NOISE_LABEL]).all():
+        raise InputError(
+            path,
+            "labels",
+            expected=f"{NOISE_LABEL} for noise, 0 .. M-1 without a gap",
+            found=f"{labels.min()} to {labels.max()}, or a gap",
+        )
     return labels

@@ -1,8 +1,8 @@
 """Per-view contributions on disk; a view is computed again only if its inputs change.
 
-A cached view is one file, ``{view}.{key}.npy``. Its key is a digest of everything that its numbers depend on, so an
-edited camera, model or kernel gives another file, and none is stale. A file that cannot be read counts as missing. An
-index, written last by each job, lists the cached views of a part.
+A cached view is one file, ``{view}.{key}.npy``. Its key is a digest of all inputs of the computation, so an edited
+camera, model or kernel leads to another file, and no file is stale. A file that cannot be read counts as missing. An
+index, which each job writes last, lists the cached views of a part.
 """
 
 import os
@@ -45,8 +45,10 @@ def contribute(
     """
     require_finite(public.model, "model")
     device = device or choose_device()
-    geometry, driver = digest(public.geometry_digest(), *(f.read_bytes() for f in public.code)), device_identity(device)
-    files = {c.name: folder / f"{c.name}.{contribution_key(geometry, c, energy, driver)}.npy" for c in cameras}
+    geometry = digest(public.geometry_digest(), *(file.read_bytes() for file in public.code))
+    driver = device_identity(device)
+    keys = {camera.name: contribution_key(geometry, camera, energy, driver) for camera in cameras}
+    files = {view: folder / f"{view}.{key}.npy" for view, key in keys.items()}
     missing = [camera for camera in cameras if not _is_readable(files[camera.name])]
     if missing:
         contributions = public.contributions(device, energy)
@@ -58,10 +60,10 @@ def contribute(
 
 
 def contribution_key(geometry: str, camera: Camera, energy: str, device: str) -> str:
-    """Return the key of one view's contributions, a digest of everything that they depend on.
+    """Return the key of one view's contributions, a digest of all inputs of their computation.
 
     `geometry` is a digest of the model and of the code that computes its Gaussians, `device` a name
-    (`gspure.opencl.engine.device_identity`). The camera's numbers count, not its name.
+    (`gspure.opencl.engine.device_identity`). The key depends on the camera's numbers, not on its name.
     """
     return digest(geometry, camera.numbers, energy, rendering_digest(), device)
 
@@ -69,8 +71,8 @@ def contribution_key(geometry: str, camera: Camera, energy: str, device: str) ->
 @cache
 def rendering_digest() -> str:
     """Return a digest of the kernels, constants and host code of rendering."""
-    host = [Path(gspure.renderer.__file__), *sorted(Path(gspure.opencl.__path__[0]).glob("*.py"))]
-    return digest(kernel_digest(), *(path.read_bytes() for path in host))
+    host_code = [Path(gspure.renderer.__file__), *sorted(Path(gspure.opencl.__path__[0]).glob("*.py"))]
+    return digest(kernel_digest(), *(path.read_bytes() for path in host_code))
 
 
 def _is_readable(path: Path) -> bool:
@@ -84,14 +86,16 @@ def _is_readable(path: Path) -> bool:
 def read_contributions(path: Path, count: int | None = None) -> NDArray[Any]:
     """Read one cached view: an array of `gspure.renderer.CONTRIBUTION` over the touched rows, sorted by index.
 
-    Raise `InputError` if the file is missing or corrupt, its rows do not ascend, or it names a row that a model of
-    `count` rows does not have.
+    Raise `InputError` if the file is missing or corrupt, its rows do not ascend, or a row is beyond the `count` rows of
+    the model.
     """
     touched = load_array(path, dtype=CONTRIBUTION, shape=(None,))
     if (np.diff(touched["index"].astype(np.int64)) <= 0).any():
         raise InputError(path, "index", expected="ascending rows", found="others")
-    if count is not None and len(touched) and (last := int(touched["index"][-1])) >= count:
-        raise InputError(path, "index", expected=f"rows 0 to {count - 1} of the model", found=f"row {last}")
+    if count is not None and len(touched):
+        last = int(touched["index"][-1])
+        if last >= count:
+            raise InputError(path, "index", expected=f"rows 0 to {count - 1} of the model", found=f"row {last}")
     return touched
 
 
@@ -103,7 +107,7 @@ def write_index(path: Path, files: Mapping[str, Path]) -> None:
 def read_index(*paths: Path) -> list[Path]:
     """Read the cached files that one or more indices list, sorted by view.
 
-    The order, and so every sum over the views, does not depend on how the views were dealt out to jobs.
+    The order, and so every sum over the views, does not depend on the distribution of the views to jobs.
     """
     files = {view: path.parent / file for path in paths for view, file in read_json(path).items()}
     return [files[view] for view in sorted(files)]

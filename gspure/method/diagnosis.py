@@ -22,7 +22,7 @@ _CHANGED_SHARE_WARNED = 0.05
 class Diagnosis:
     """Statistics of a clustering and its pruning; shares are of all rows unless stated otherwise."""
 
-    quantity: str  # what the rows are pruned by: "weights" or "opacities"
+    quantity: str  # that is compared with the thresholds: "weights" or "opacities"
     gaussians: int
     weighted: int  # rows of weight above 0
     clusters: int
@@ -47,44 +47,56 @@ class Diagnosis:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Reasons to doubt the clustering, one sentence each."""
-        said = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
+        sentences = few_in_view(self.weighted, self.gaussians) if self.quantity == "weights" else []
         if self.largest_share > _LARGEST_SHARE_WARNED:
-            held = f"the largest cluster holds {percent(self.largest_share, 0)} of all rows"
-            said.append(f"{held}: the clustering has collapsed; try selection eom_capped or leaf")
+            sentences.append(
+                f"the largest cluster holds {percent(self.largest_share, 0)} of all rows: "
+                "the clustering has collapsed; try selection eom_capped or leaf"
+            )
         if self.pruned_share == 1:
-            said.append("every row is pruned: nothing remains to be written; larger factors prune less")
+            sentences.append("every row is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
-            said.append("there is no cluster: the noise rule applies to every row")
+            sentences.append("there is no cluster: the noise rule applies to every row")
         elif self.changed_share < _CHANGED_SHARE_WARNED:
-            nearly = f"the rule without it prunes nearly the same rows ({percent(self.changed_share)} differ)"
-            said.append(f"clustering changes little: {nearly}")
+            sentences.append(
+                "clustering changes little: the rule without it prunes nearly the same rows "
+                f"({percent(self.changed_share)} differ)"
+            )
         if self.coincident and self.clusters:
-            piles = "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster"
-            same = f"{self.coincident} rows have the same features as more than min_samples others"
-            said.append(f"{same}: {piles} or, if it exceeds max_cluster_share, noise")
+            sentences.append(
+                f"{self.coincident} rows have the same features as more than min_samples others: "
+                "such piles are infinitely dense, so each pile of at least min_cluster_size rows becomes a cluster "
+                "or, if it exceeds max_cluster_share, noise"
+            )
         if self.gaussians > LIGHT_FACTOR * self.holding:
-            held = f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}"
-            effect = f"lower the thresholds by a factor of up to {decimal(self.gaussians / self.holding, 0)}"
-            said.append(f"{held}: the others {effect}, so fewer of the {self.holding} are pruned")
+            factor = decimal(self.gaussians / self.holding, 0)
+            sentences.append(
+                f"{self.holding} of {self.gaussians} rows hold {percent(HELD_SHARE, 0)} of {self._total}: "
+                f"the others lower the thresholds by a factor of up to {factor}, "
+                f"so fewer of the {self.holding} are pruned"
+            )
         if self.heavy:
-            rows = f"{len(self.heavy)} of {self.gaussians} rows hold {percent(self.heavy_weight_share, 0)} of"
-            effect = f"they raise the thresholds and compress the {self.quantity} of all others"
-            said.append(f"{rows} {self._total} ({listed(self.heavy)}): {effect}")
-        return tuple(said)
+            share = percent(self.heavy_weight_share, 0)
+            sentences.append(
+                f"{len(self.heavy)} of {self.gaussians} rows hold {share} of {self._total} ({listed(self.heavy)}): "
+                f"they raise the thresholds and compress the {self.quantity} of all others"
+            )
+        return tuple(sentences)
 
     def lines(self) -> list[str]:
         """Return the diagnosis as lines of text, warnings last."""
-        pruned = f"{percent(self.pruned_share)} of {self.gaussians:,} rows"
+        pruned_rows = f"{percent(self.pruned_share)} of {self.gaussians:,} rows"
         table = {
             "clusters": f"{self.clusters} (largest {percent(self.largest_share)}, noise {percent(self.noise_share)})",
-            "pruned": f"{pruned}, {percent(self.pruned_weight_share, 2)} of {self._total}",
+            "pruned": f"{pruned_rows}, {percent(self.pruned_weight_share, 2)} of {self._total}",
             "  with a cluster": percent(self.pruned_as_cluster),
             "  as noise": percent(self.pruned_as_noise),
             "plain rule": f"{percent(self.plain_share)} would be pruned without clustering",
             "changed": f"{percent(self.changed_share)} of the rows that either rule prunes, "
             f"{percent(self.changed_share_clustered)} of those in clusters",
         }
-        return [f"{name:<16}  {text}" for name, text in table.items()] + [f"warning: {text}" for text in self.warnings]
+        lines = [f"{name:<16}  {text}" for name, text in table.items()]
+        return lines + [f"warning: {text}" for text in self.warnings]
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as numbers, strings and lists of them."""
@@ -101,13 +113,15 @@ def diagnose(
 ) -> Diagnosis:
     """Compare pruning by clusters with the rule without clustering.
 
-    `coincident` is the number of `gspure.method.tree.coincident_points`; `quantity` names what `weights` holds,
-    "weights" or "opacities". Raise `InputError` if there are not as many labels [K], -1 for noise, as weights [K].
+    `labels` [K] are -1 for noise. `weights` [K] hold the `quantity`, "weights" or "opacities". `coincident` is the
+    number of `gspure.method.tree.coincident_points`. Raise `InputError` if labels and weights differ in number.
     """
     if len(labels) != len(weights):
         raise InputError("clustering", "labels", expected=f"{len(weights)}, as many as weights", found=str(len(labels)))
-    pruned, plain = prune_mask(labels, weights, tau_c, tau_n), plain_prune_mask(weights, tau_n)
-    clustered, heavy = labels != NOISE_LABEL, heavy_rows(weights)
+    pruned = prune_mask(labels, weights, tau_c, tau_n)
+    plain = plain_prune_mask(weights, tau_n)
+    clustered = labels != NOISE_LABEL
+    heavy = heavy_rows(weights)
     sizes = np.bincount(labels[clustered])
     return Diagnosis(
         quantity=quantity,

@@ -16,18 +16,17 @@ COLUMNS = ("x", "y", "z", "opacity", "weight")
 PARTS: Final = {"position": COLUMNS[:3], "opacity": COLUMNS[3:4], "weight": COLUMNS[4:]}
 """The parts of the features; the clustering uses all of them, or some in an ablation."""
 
-
 OUTLYING: Final = 10.0  # distance from the median centre, in extents of the scene, beyond which a row is outlying; ours
-STRETCH: Final = 2.0  # largest factor of a standard deviation due to outlying rows; above it, they are left out; ours
+STRETCH: Final = 2.0  # outlying rows are left out if they increase a standard deviation by a larger factor; ours
 
 _STRETCH_WARNED: Final = 1.1
 
 _MIDDLE: Final = (0.25, 0.75)  # quantiles of the centres, whose box is the extent of the middle half
 _REMOTE: Final = 20.0  # distance from the median centre, in extents of the middle half, beyond which a row is remote
-_REMOTE_SHARE: Final = 0.05  # of the rows, above which a warning is printed: so many rows stretch the extent itself
+_REMOTE_SHARE: Final = 0.05  # of remote rows, above which a warning is printed: so many stretch the extent itself
 
 LARGEST: Final = 1e6
-"""Largest feature of rows that are left out; those of others are at most the square root of their number. Ours."""
+"""Largest feature of a row that is left out; counted rows are at most at the square root of their number. Ours."""
 
 
 def standardize(columns: NDArray[Any], counted: Bools | slice = slice(None)) -> Float64:
@@ -35,21 +34,22 @@ def standardize(columns: NDArray[Any], counted: Bools | slice = slice(None)) -> 
 
     .. math:: (x - \mu) / \sigma
 
-    Mean and standard deviation are those of the `counted` rows; the result of others is clipped to `LARGEST`. The
-    result of a row does not depend on the order of the rows.
+    Mean and standard deviation are those of the `counted` rows; other rows are clipped to `LARGEST`. The values of a
+    row do not depend on the order of the rows.
     """
     columns = np.asarray(columns, np.float64)
     if not len(columns):
         return columns.copy()
     ordered = np.sort(columns[counted].T, axis=1)  # sums over sorted values do not depend on the order of rows
-    mean, deviation = ordered.mean(axis=1), ordered.std(axis=1)
+    mean = ordered.mean(axis=1)
+    deviation = ordered.std(axis=1)
     # Rounding in the mean can give a constant column a deviation of 1e-17.
     constant = ordered[:, 0] == ordered[:, -1]
     standardized: Float64 = np.divide(columns - mean, deviation, out=np.zeros_like(columns), where=~constant)
     return standardized.clip(-LARGEST, LARGEST)
 
 
-def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> Float64:
+def joint_features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]) -> Float64:
     r"""Return the joint features F_k of position, opacity and weight: float64 [K,5].
 
     .. math::
@@ -67,13 +67,13 @@ def features(means: NDArray[Any], opacities: NDArray[Any], weights: NDArray[Any]
     if bad.any():
         rows = np.flatnonzero(bad.any(axis=1))
         names = ", ".join(COLUMNS[i] for i in np.flatnonzero(bad.any(axis=0)))
-        found = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
-        raise InputError("features", names, expected="finite values", found=found)
+        offending = f"others in {len(rows)} of {len(raw)} rows, first in row {rows[0]}"
+        raise InputError("features", names, expected="finite values", found=offending)
     return standardize(raw, _counted(raw[:, :3]))
 
 
 def _counted(means: Float64) -> Bools | slice:
-    """Return the rows that count towards means and standard deviations; warn of outlying ones that change them."""
+    """Return the rows that count in means and standard deviations; warn of outlying rows that change them."""
     inner = extent_and_distances(means)[1] <= OUTLYING
     remote = inner & (extent_and_distances(means, _MIDDLE)[1] > _REMOTE)
     if remote.sum() > _REMOTE_SHARE * len(remote):
@@ -82,12 +82,13 @@ def _counted(means: Float64) -> Bools | slice:
         warn(f"features: {remote.sum()} of {len(remote)} rows are {far}. {consequence}")
     if inner.all():
         return slice(None)
-    total, bulk = (np.sort(rows, axis=0).std(axis=0) for rows in (means, means[inner]))
+    deviation = np.sort(means, axis=0).std(axis=0)
+    inner_deviation = np.sort(means[inner], axis=0).std(axis=0)
     with np.errstate(over="ignore"):
-        stretch = float((total / np.maximum(bulk, np.finfo(float).tiny)).max())
+        stretch = float((deviation / np.maximum(inner_deviation, np.finfo(float).tiny)).max())
     if stretch > _STRETCH_WARNED:
         rows = f"rows beyond {OUTLYING:g} extents: {np.sum(~inner)} of {len(inner)}"
-        consequence = ", so they are left out of the standardization" * (stretch > STRETCH)
+        consequence = ", so they are left out of the standardization" if stretch > STRETCH else ""
         warn(f"features: {rows} stretch the positions {stretch:.3g} times{consequence}")
     return inner if stretch > STRETCH else slice(None)
 
@@ -97,4 +98,5 @@ def take(joint: Float64, parts: Collection[str]) -> Float64:
 
     Columns are standardized one by one, so they do not depend on the others.
     """
-    return joint[:, [any(column in PARTS[part] for part in parts) for column in COLUMNS]]
+    is_taken = [any(column in PARTS[part] for part in parts) for column in COLUMNS]
+    return joint[:, is_taken]

@@ -25,7 +25,7 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> Float64:
 
     .. math:: \tilde\Omega(C_i) = \frac{1}{|C_i|} \sum_{k \in C_i} \omega_k
 
-    (paper, §Geometrically Accurate Feature Clustering.) Labels [K] are clusters 0 .. M-1, none of them empty; -1 is
+    (paper, §Geometrically Accurate Feature Clustering.) Labels [K] are clusters 0 .. M-1, none of them empty, or -1 for
     noise.
     """
     ascending = np.argsort(weights)
@@ -35,7 +35,10 @@ def cluster_weights(labels: NDArray[Any], weights: NDArray[Any]) -> Float64:
 
 
 def deciding_weights(labels: NDArray[Any], weights: NDArray[Any]) -> Float64:
-    """Return for each Gaussian the mean weight of its cluster, or for noise its weight (paper, §Adaptive Pruning)."""
+    """Return the weight that decides on each Gaussian: the mean of its cluster, or its own if it is noise.
+
+    (paper, §Adaptive Pruning.)
+    """
     deciding = np.array(weights, np.float64)
     clustered = labels != NOISE_LABEL
     deciding[clustered] = cluster_weights(labels, weights)[labels[clustered]]
@@ -54,8 +57,10 @@ def prune_mask(labels: NDArray[Any], weights: NDArray[Any], tau_c: float = TAU_C
     (paper, §Adaptive Pruning.) The cluster and noise pruning factors are above 0; larger ones prune less.
     """
     mean = mean_weight(np.asarray(weights, np.float64))
-    thresholds = mean / _factor("tau_c", tau_c), mean / _factor("tau_n", tau_n)
-    return deciding_weights(labels, weights) < np.where(labels != NOISE_LABEL, *thresholds)
+    cluster_threshold = mean / _factor("tau_c", tau_c)
+    noise_threshold = mean / _factor("tau_n", tau_n)
+    thresholds = np.where(labels != NOISE_LABEL, cluster_threshold, noise_threshold)
+    return deciding_weights(labels, weights) < thresholds
 
 
 def plain_prune_mask(weights: NDArray[Any], tau: float = TAU_N) -> Bools:

@@ -17,7 +17,7 @@ from gspure.errors import InputError
 from gspure.method import pruning
 from gspure.method.clusters import Labels, Selection, select
 from gspure.method.diagnosis import Diagnosis, diagnose
-from gspure.method.features import features
+from gspure.method.features import joint_features
 from gspure.method.tree import coincident_points, spanning_tree
 from gspure.method.weights import Reduction, accumulate, require_in_view
 from gspure.model.gaussians import Gaussians
@@ -32,9 +32,11 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Weights = Float32
 
-_MEMORY = 500e6, 1150, 120
-"""Bytes that purification needs besides the stored rows: of Python and the driver, per Gaussian, and per pixel of the
-largest view. Measured with up to six million Gaussians and 32 million pixels (benchmarks/bench_purify.py)."""
+# Memory of purification besides the stored rows, measured with up to six million Gaussians and 32 million pixels
+# (benchmarks/bench_purify.py).
+_FIXED_BYTES = 500e6  # of Python and the driver
+_BYTES_PER_GAUSSIAN = 1150
+_BYTES_PER_PIXEL = 120  # of the largest view
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,7 +96,7 @@ def purify(
     Parameters
     ----------
     model : Gaussians or PublicModel
-        The model; read that of a scheme with `gspure.schemes.registry.read_public_model`.
+        `gspure.schemes.registry.read_public_model` reads the public model of a scheme.
     cameras : sequence of Camera
         The N views over which weights are averaged, at their size. The command ``gspure purify`` averages over the
         training views, at most 1600 px wide: ``split(scaled(cameras, "1600px"))[0]`` of `gspure.cameras`.
@@ -121,7 +123,7 @@ def purify(
     from gspure.renderer import CONTRIBUTION
 
     def decide(means: Array, opacities: Array, weights: Weights) -> tuple[Labels, Bools, Diagnosis]:
-        tree = spanning_tree(features(means, opacities, weights), min_samples, device=device)
+        tree = spanning_tree(joint_features(means, opacities, weights), min_samples, device=device)
         labels = select(tree, min_cluster_size, selection, max_cluster_share, device=device)
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
@@ -144,15 +146,15 @@ def purify(
     say(f"clustering {len(rows)} Gaussians")
     labels, pruned, diagnosis = decide(rows.means, public.opacities(views), weights)
     if pruned.all():
-        found, hint = f"0 of {len(rows)}", "prune less: larger tau_c and tau_n"
-        raise InputError("pruning", "rows", expected="some to remain", found=found, hint=hint)
+        remaining = f"0 of {len(rows)}"
+        hint = "prune less: larger tau_c and tau_n"
+        raise InputError("pruning", "rows", expected="some to remain", found=remaining, hint=hint)
     settings = f"tau_c={tau_c} tau_n={tau_n} min_cluster_size={min_cluster_size} min_samples={min_samples}"
     kept = rows[~pruned].with_comment(f"gspure {__version__} purified {settings} selection={selection}")
     return Purification(kept, weights, labels, pruned, diagnosis)
 
 
 def peak_memory(model: Gaussians, cameras: Sequence[Camera]) -> float:
-    """Return an upper estimate of the memory in bytes that `gspure purify` needs, with the rows of a mapped file."""
-    fixed, each, pixel = _MEMORY
+    """Return an upper estimate of the memory in bytes that `gspure purify` needs, including the rows of the file."""
     largest = max((camera.width * camera.height for camera in cameras), default=0)
-    return fixed + model.table.nbytes + each * len(model) + pixel * largest
+    return _FIXED_BYTES + model.table.nbytes + _BYTES_PER_GAUSSIAN * len(model) + _BYTES_PER_PIXEL * largest

@@ -14,7 +14,7 @@ from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import principal_axes
 from gspure.settings import SIDE
 
-NEAR_SHARE: Final = 0.01  # of all rows: how many may be nearer than the near plane without a word; ours
+NEAR_SHARE: Final = 0.01  # share of rows before the near plane above which a line is printed; ours
 
 
 @dataclass(frozen=True)
@@ -31,18 +31,21 @@ class Subpixel:
         """Return a line of text, for a model of `count` Gaussians and views `width` pixels wide."""
         text = f"{len(self.rows)} of {count} Gaussians have weight 0 and cover less than a pixel in every view"
         wide = int(np.ceil(self.magnification * width))
-        return f"{text}; half of them would cover one in views {wide} pixels wide" if wide <= SIDE.most else text
+        if wide > SIDE.most:
+            return text
+        return f"{text}; half of them would cover one in views {wide} pixels wide"
 
 
 def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> Subpixel | None:
     """Return the rows of weight 0 whose footprint, alpha >= 1/255, is smaller than a pixel in every view; else None.
 
-    The weights are of these views and the energy "ray", whose footprint has no dilation and may fall between pixel
-    centres. Its area is that of the linearized projection, which is exact for small Gaussians.
+    The weights are those of these views and the energy "ray": its footprints have no dilation, so they may fall between
+    pixel centres. Areas are those of the linearized projection, which is exact for small Gaussians.
     """
     rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
     weightless = Gaussians(model.table[rows])
-    axes, means = principal_axes(weightless), weightless.means.astype(np.float64)
+    axes = principal_axes(weightless)
+    means = weightless.means.astype(np.float64)
     faces = np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]])  # s_b s_c q_a
     squares = 2 * np.log(np.maximum(weightless.opacities, ALPHA_MIN) / ALPHA_MIN)  # t^2
     largest = np.zeros(len(rows))
@@ -55,17 +58,22 @@ def subpixel_rows(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Cam
         areas = np.pi * squares[shown] * camera.K[0, 0] * camera.K[1, 1] / depths**2 * spread
         largest[shown] = np.maximum(largest[shown], areas)
     small = (largest > 0) & (largest < 1)
-    return Subpixel(rows[small], float(1 / np.sqrt(np.median(largest[small])))) if small.any() else None
+    if not small.any():
+        return None
+    magnification = float(1 / np.sqrt(np.median(largest[small])))
+    return Subpixel(rows[small], magnification)
 
 
 def near_lines(model: Gaussians, weights: NDArray[Any], cameras: Sequence[Camera]) -> list[str]:
-    """Return a line of text if more than `NEAR_SHARE` of all rows have weight 0, nearer than every view's near plane.
+    """Return a line of text if more than `NEAR_SHARE` of all rows have weight 0 and lie before a view's near plane.
 
-    Rows that no view shows do not count.
+    Rows behind the near plane of any view that shows them, and rows that no view shows, do not count.
     """
-    rows, count = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN)), len(model)
+    count = len(model)
+    rows = np.flatnonzero((weights == 0) & (model.opacities >= ALPHA_MIN))
     means = model.means[rows].astype(np.float64)
-    near, drawn = (np.zeros(len(rows), np.bool_) for _ in range(2))
+    near = np.zeros(len(rows), np.bool_)
+    drawn = np.zeros(len(rows), np.bool_)
     for camera in cameras:
         near[points_shown(camera, means, near=0.0)[0]] = True
         drawn[points_shown(camera, means)[0]] = True

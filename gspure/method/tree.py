@@ -28,8 +28,8 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     .. math:: d_{mreach}(a, b) = \max(\mathrm{core}(a), \mathrm{core}(b), \lVert a - b \rVert)
 
     where core(a) is the distance from a to its `min_samples`-th nearest other point (Campello et al. 2013; McInnes et
-    al. 2017), or with fewer other points, to the farthest. Coincident points are one point of the search; in the tree,
-    they are connected to the first of them.
+    al. 2017), or to the farthest, if there are fewer. The search treats coincident points as one; the tree connects
+    them to the first of them.
 
     The tree [K-1,3] has edges (a, b, distance) with a < b, sorted by distance; edges of equal length by the
     lexicographic order of the points, so it does not depend on the order of rows. On a device without double
@@ -51,8 +51,8 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
     is_first = np.append(True, (points[1:] != points[:-1]).any(axis=1))
     firsts = np.flatnonzero(is_first)
     piles = np.cumsum(is_first) - 1
-    nearest = min(min_samples, len(points) - 1)
-    ends, distances, core_distances = _tree_of_distinct(points[firsts], np.bincount(piles), nearest, device)
+    neighbours = min(min_samples, len(points) - 1)
+    ends, distances, core_distances = _tree_of_distinct(points[firsts], np.bincount(piles), neighbours, device)
     surplus = np.flatnonzero(~is_first)
     pairs = np.concatenate([firsts[ends], np.column_stack([firsts[piles[surplus]], surplus])])
     distances = np.append(distances, core_distances[piles[surplus]])
@@ -62,7 +62,7 @@ def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, dev
 
 
 def _order(*keys: NDArray[Any]) -> Indices:
-    """Return the lexicographic order of rows by `keys` [K], as numpy's lexsort does, which is slow with few ties."""
+    """Return the lexicographic order of rows by `keys` [K]; with few ties, numpy's lexsort is slower."""
     order = np.argsort(keys[0], kind="stable")
     tied = np.zeros(len(order), np.bool_)
     equal = ~(np.diff(keys[0][order]) > 0)
@@ -135,17 +135,17 @@ def read_tree(path: Path) -> Tree:
     """Read a spanning tree [K-1,3], or raise `InputError` unless 0 <= a < b < K and the distances ascend from 0."""
     tree = load_array(path, dtype=np.float64, shape=(None, 3), least=0)
     a, b, distances = tree.T
-    sound = (a < b) & (b <= len(tree)) & (np.trunc(tree[:, :2]) == tree[:, :2]).all(axis=1)
-    sound &= np.diff(distances, prepend=0) >= 0
-    if not sound.all():
-        row = int(sound.argmin())
-        expected, found = f"0 <= a < b <= {len(tree)}, ascending distances", " ".join(map(str, tree[row]))
-        raise InputError(path, f"edge {row}", expected=expected, found=found)
+    is_valid = (a < b) & (b <= len(tree)) & (np.trunc(tree[:, :2]) == tree[:, :2]).all(axis=1)
+    is_valid &= np.diff(distances, prepend=0) >= 0
+    if not is_valid.all():
+        row = int(is_valid.argmin())
+        expected = f"0 <= a < b <= {len(tree)}, ascending distances"
+        raise InputError(path, f"edge {row}", expected=expected, found=" ".join(map(str, tree[row])))
     return tree
 
 
 def coincident_points(tree: Tree) -> int:
-    """Return the number of edges of length zero, the surplus points in piles of more than `min_samples` equal ones.
+    """Return the number of edges of length zero: the surplus points of piles of more than `min_samples` equal points.
 
     Such a pile is infinitely dense for HDBSCAN (λ = 1 / 0): it becomes a cluster if it has `min_cluster_size` points.
     """

@@ -15,9 +15,9 @@ Reduction = Literal["sum", "max", "mean_touched"]
 REDUCTIONS: Final[tuple[Reduction, ...]] = get_args(Reduction)
 
 FEW_SHARE: Final = 0.01  # share of rows in view below which a warning is printed; ours
-HELD_SHARE: Final = 0.99  # of all ω: how many rows hold it is part of the diagnosis; ours
-LIGHT_FACTOR: Final = 5.0  # of the number of all rows to that of those, above which a warning is printed; ours
-HEAVY_SHARE: Final = 0.1  # of all ω: rows beyond it are heavy; below 1000 rows, 100 times the mean; ours
+HELD_SHARE: Final = 0.99  # share of all ω; the diagnosis counts the heaviest rows that hold it; ours
+LIGHT_FACTOR: Final = 5.0  # ratio of all rows to these heaviest rows above which a warning is printed; ours
+HEAVY_SHARE: Final = 0.1  # share of all ω above which a row is heavy; below 1000 rows, 100 times the mean; ours
 
 
 def view_weights(touched: NDArray[Any], reduction: Reduction = "sum") -> Float64:
@@ -52,8 +52,8 @@ def accumulate(views: Iterable[NDArray[Any]], count: int, reduction: Reduction =
     .. math:: \omega_k = \frac{1}{N} \sum_{v=1}^{N} \omega_{k,v}
 
     (paper, §View-Aware Gaussian Weight Accumulation.) N counts every view, including those that do not show a Gaussian.
-    Views are read one at a time and summed in float64 in the order of `views`, so the result is bit-identical however
-    they were divided into parts. Raise `InputError` if there is no view.
+    Views are read one at a time and summed in float64 in the order of `views`, so the weights are bit-identical for any
+    division of the views into parts. Raise `InputError` if there is no view.
     """
     total = np.zeros(count, np.float64)
     number = 0
@@ -66,20 +66,20 @@ def accumulate(views: Iterable[NDArray[Any]], count: int, reduction: Reduction =
 
 
 def require_in_view(weights: NDArray[Any]) -> None:
-    """Refuse weights that are all 0: no attack would seem to change a model that no view shows."""
+    """Raise `InputError` if all weights are 0: no attack would seem to change a model that no view shows."""
     if not weights.any():
         hint = f"do cameras and model belong together, and is the model farther than {NEAR_PLANE} from the cameras?"
         raise InputError("weights", "rows", expected="at least one in view", found=f"none of {len(weights)}", hint=hint)
 
 
 def heavy_rows(weights: NDArray[Any]) -> Indices:
-    """Return the rows of so large a weight that they shift mean and standard deviation of all weights [K]."""
+    """Return the rows whose weight is so large that it shifts mean and standard deviation of all weights [K]."""
     bound = max(HEAVY_SHARE, 100 / max(len(weights), 1))
     return np.flatnonzero(weights > bound * weights.sum(dtype=np.float64))
 
 
 def holding_rows(weights: NDArray[Any]) -> int:
-    """Return how many of the heaviest rows hold `HELD_SHARE` of all weight [K]; all, if there is none."""
+    """Return the number of the heaviest rows that hold `HELD_SHARE` of all weights [K]; all rows if these are 0."""
     if not weights.any():
         return len(weights)
     held = np.cumsum(np.sort(weights)[::-1], dtype=np.float64)

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
-_WIDEST: Final = 1400  # pixels of an embedded figure as wide as a page
-_RENDER: Final = 560  # and of a render
+_WIDEST: Final = 1400  # width in pixels of an embedded figure as wide as a page
+_RENDER: Final = 560  # width in pixels of an embedded render
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class Picture:
     caption: str
     data: str  # the image as a data URI
     wide: bool  # whether it is as wide as a page rather than a column
-    files: list[str]  # paths, from the page, of the figure and of its vector graphic if there is one
+    files: list[str]  # paths, relative to the page, of the figure and of its vector graphic if there is one
 
 
 @dataclass(frozen=True)
-class Model:
+class ModelSection:
     """One model as the page shows it.
 
-    `viewer` and `diagnosis` hold what `gspure.viewer.data.write_viewer` and the diagnosis of the clustering wrote.
+    `viewer` holds the data of `gspure.viewer.data.write_viewer`, and `diagnosis` that of the clustering.
     """
 
     scheme: str
@@ -65,7 +65,7 @@ class Comparison(NamedTuple):
     """One condition over all of its scenes."""
 
     answer: Answer
-    models: Sequence[Model]
+    models: Sequence[ModelSection]
     tables: Mapping[str, Sequence[Table]]  # by extraction
     pictures: Sequence[Picture]
     meanings: Mapping[str, str]  # of the attacks, by display name
@@ -77,17 +77,23 @@ class Comparison(NamedTuple):
 
 
 def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence[Path]) -> None:
-    """Write ``report.html``, whole or not at all. It loads nothing from outside itself, and links files of the run."""
-    linked = [os.path.relpath(file.resolve(), results.resolve()) for file in links]
+    """Write ``report.html``, whole or not at all. The page loads nothing; it links `links`, files of the run."""
     page = environment().get_template("page.html.j2")
-    thresholds = {"allowed": ALLOWED, "broken": BROKEN, "margin": MARGIN}
-    text = page.render(version=__version__, comparisons=comparisons, links=linked, **thresholds)
+    text = page.render(
+        version=__version__,
+        comparisons=comparisons,
+        links=[os.path.relpath(file.resolve(), results.resolve()) for file in links],
+        allowed=ALLOWED,
+        broken=BROKEN,
+        margin=MARGIN,
+    )
     write_text(results / "report.html", text)
 
 
 def picture(file: Path, caption: str, results: Path) -> Picture:
     """Return a PNG figure with its caption, and links to it and to its vector graphic."""
-    files = [str(p.relative_to(results)) for end in (".png", ".svg") if (p := file.with_suffix(end)).exists()]
+    formats = [file.with_suffix(suffix) for suffix in (".png", ".svg")]
+    files = [str(path.relative_to(results)) for path in formats if path.exists()]
     with opened(file) as image:
         wide = image.width > 1.2 * style.COLUMN * style.DPI
         data = _embedded(image, _WIDEST if wide else _WIDEST // 2)
@@ -95,32 +101,37 @@ def picture(file: Path, caption: str, results: Path) -> Picture:
 
 
 def renders(folder: Path, variants: Iterable[str], views: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return the renders ``folder/VARIANT/renders/TARGET/VIEW.png`` by variant and target, with a view per target."""
+    """Return the renders ``folder/VARIANT/renders/TARGET/VIEW.png`` as data URIs by variant and target.
+
+    `views` name one view per target. Return none if the unattacked model has none.
+    """
     images: dict[str, dict[str, str]] = {}
     for variant in dict.fromkeys(variants):
         for target, view in views.items():
-            if (file := folder / variant / "renders" / target / f"{view}.png").is_file():
+            file = folder / variant / "renders" / target / f"{view}.png"
+            if file.is_file():
                 with opened(file) as image:
                     images.setdefault(variant, {})[target] = _embedded(image, _RENDER)
     return images if UNATTACKED in images else {}
 
 
 def _embedded(image: Any, widest: int) -> str:
-    image = image.convert("RGB")
-    image.thumbnail((widest, 10 * widest))
+    """Return a picture as a data URI, reduced to a width of at most `widest` pixels."""
+    reduced = image.convert("RGB")
+    reduced.thumbnail((widest, 10 * widest))
     buffer = io.BytesIO()
-    image.save(buffer, format="WEBP", quality=80, method=4)
+    reduced.save(buffer, format="WEBP", quality=80, method=4)
     return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode()
 
 
 @cache
 def environment() -> Environment:
     """Return the templates of the report and the viewer, with the filters that write names and numbers."""
-    environment = template_environment(_TEMPLATES)
-    environment.filters |= {
+    templates = template_environment(_TEMPLATES)
+    templates.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
         "decimal": partial(decimal, decimals=1),
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }
-    return environment
+    return templates

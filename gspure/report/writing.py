@@ -25,7 +25,7 @@ from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown
-from gspure.report.page import Comparison, Model, picture, renders, write_page
+from gspure.report.page import Comparison, ModelSection, picture, renders, write_page
 from gspure.report.table import Table
 from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
@@ -111,7 +111,7 @@ def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
             _drawn(stack_plates, results / "figures" / f"{name}.png", plates)
 
 
-def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answer) -> Model:
+def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answer) -> ModelSection:
     """Draw the figures of a model, and return it as the page shows it."""
     model = variants[0].model
     folder = results / model.name
@@ -123,7 +123,7 @@ def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answe
     shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
     pictured = answer.pictured({o.variant for o in variants})
-    return Model(
+    return ModelSection(
         model.scheme,
         model.folder_name,
         outcomes=variants,

@@ -32,7 +32,8 @@ def depth_distances(public: PublicModel, cameras: Sequence[Camera], device: Devi
     for camera in track(cameras, "median depth"):
         gaussians, rows = public.gaussians(camera)
         if renderer is None or renderer.model is not gaussians:
-            renderer, axes = Renderer(gaussians, device), principal_axes(gaussians)
+            renderer = Renderer(gaussians, device)
+            axes = principal_axes(gaussians)
         deviations = np.linalg.norm(axes @ camera.viewmat[2, :3], axis=1)
         visible, positions = points_shown(camera, gaussians.means)
         columns, lines = positions[:, :2].astype(np.intp).T
@@ -54,9 +55,9 @@ def mesh_distances(model: Gaussians, mesh: Mesh) -> Float32:
 
 
 def face_points(mesh: Mesh) -> Float64:
-    """Return the vertices, and points on larger faces: their spacing is at most the median of the longest sides.
+    """Return the vertices and points on larger faces, spaced by at most the median of the faces' longest sides.
 
-    Faces larger than `SPLITS` times that size have a larger spacing.
+    The spacing is larger on faces larger than `SPLITS` times that median.
     """
     corners = mesh.vertices[mesh.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

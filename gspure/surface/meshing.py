@@ -22,7 +22,7 @@ from gspure.progress import say, track
 from gspure.renderer import Renderer
 from gspure.surface.tetrahedra import box_points, march, shown, spaced, tetrahedra
 
-OPAQUE: Final = 0.1  # least one of the Gaussians that define tetrahedra (an option of GOF); all define the field
+OPAQUE: Final = 0.1  # least opacity of Gaussians that define tetrahedra (an option of GOF); all define the field
 HALVINGS: Final = 6  # steps of bisection of an edge in each view that moves its vertex (GOF: 8, in all views)
 LEVEL: Final = 0.5  # opacity of the surface (GOF)
 FILTER_MARGIN: Final = 0.15  # extension of the image beyond its edges, as a share of its size (GOF)
@@ -38,11 +38,9 @@ class Mesh:
 
 
 def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
-    """Return the filter's standard deviation [K] in world units, by each Gaussian's nearest view.
+    """Return the filter's standard deviation [K] in world units, from each Gaussian's nearest view.
 
-    A Gaussian that no view shows gets the largest of all.
-
-    Raise `InputError` if no view shows a Gaussian.
+    A Gaussian that no view shows gets the largest of all. Raise `InputError` if no view shows a Gaussian.
     """
     nearest = np.full(len(model), np.inf)
     for camera in cameras:
@@ -58,8 +56,8 @@ def filter_sizes(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
 def smoothed(model: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
     """Return the model with the filter of its views applied: scales s' = sqrt(s^2 + f^2), the same opacities.
 
-    GOF, which trains with the filter, also multiplies opacities by det s / det s' (`gspure.model.finite`). Models
-    trained with 3DGS's dilation, which keeps opacities, would become transparent where their Gaussians are flat.
+    GOF trains with the filter and also multiplies opacities by det s / det s' (`gspure.model.finite`). Here, opacities
+    stay: models trained with 3DGS's dilation would become transparent where their Gaussians are flat.
     """
     scales = widened(model.log_scales, filter_sizes(model, cameras))
     return model.with_columns(dict(zip(SCALES, scales.T, strict=True)))
@@ -74,12 +72,13 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     """Return the surface O(x) = 1/2 in the views of `cameras`.
 
     The model has its 3-D filter applied (`smoothed`). Raise `InputError` if the views show too few Gaussians for a
-    tetrahedron, or the opacity is below 1/2 at all of their points, or above it.
+    tetrahedron, or the opacity is on the same side of 1/2 at all points.
     """
     boxed = model[opaque(model)]
     points = box_points(boxed)
     rows = np.flatnonzero(shown(points, cameras))
-    points = points[rows[spaced(points[rows], boxed.scales.max(axis=1)[rows // 9])]]
+    sizes = boxed.scales.max(axis=1)[rows // 9]
+    points = points[rows[spaced(points[rows], sizes)]]
     if len(points) < 4:  # the corners of one tetrahedron
         expected = f"Gaussians of an opacity above {OPAQUE} in the views"
         raise InputError("model", "surface", expected=expected, found=f"{len(points)} points around them")
@@ -90,8 +89,8 @@ def extract_mesh(model: Gaussians, cameras: Sequence[Camera], device: Device | N
     inside = first == len(cameras)
     edges, faces = march(points, cells, inside)
     if not len(faces):
-        found = f"only {'higher' if inside.any() else 'lower'} ones"
-        raise InputError("model", "surface", expected=f"opacities on both sides of {LEVEL}", found=found)
+        side = "higher" if inside.any() else "lower"
+        raise InputError("model", "surface", expected=f"opacities on both sides of {LEVEL}", found=f"only {side} ones")
     return Mesh(crossings(renderer, cameras, points[edges], first[edges[:, 1]]), faces)
 
 
@@ -105,19 +104,25 @@ def first_outside(renderer: Renderer, cameras: Sequence[Camera], points: Float64
 
 
 def crossings(renderer: Renderer, cameras: Sequence[Camera], edges: Float64, first: Indices) -> Float64:
-    """Return where the surface crosses the `edges` [E,2,3], from inside to outside: to 1/128 of their lengths.
+    """Return the crossings [E,3] of the surface and the `edges` [E,2,3], which lead from inside to outside.
 
-    Views before the `first` [E] that sees the outer end outside see both ends inside, and are left out.
+    They are exact to 1/128 of the edges' lengths. `first` [E] is the first view that sees the outer end outside; the
+    views before it see both ends inside and are left out.
     """
-    start, inner, outer = edges[:, 0], edges[:, 1].copy(), edges[:, 1].copy()  # the surface lies between the last two
+    start = edges[:, 0]
+    inner = edges[:, 1].copy()  # the surface lies between inner and outer
+    outer = edges[:, 1].copy()
     for i, camera in enumerate(track(cameras, "surface")):
-        rays, rows = renderer.rays(camera), np.flatnonzero(first <= i)
+        rays = renderer.rays(camera)
+        rows = np.flatnonzero(first <= i)
         rows = rows[_outside(rays, inner[rows])]
-        inner[rows], outer[rows] = start[rows], inner[rows]
+        outer[rows] = inner[rows]
+        inner[rows] = start[rows]
         for _ in range(HALVINGS):
             middle = (inner[rows] + outer[rows]) / 2
             outside = _outside(rays, middle)[:, None]
-            inner[rows], outer[rows] = np.where(outside, inner[rows], middle), np.where(outside, middle, outer[rows])
+            inner[rows] = np.where(outside, inner[rows], middle)
+            outer[rows] = np.where(outside, middle, outer[rows])
     return np.asarray((inner + outer) / 2)
 
 

@@ -1,7 +1,7 @@
 """Tetrahedra between points around Gaussians (Yu et al. 2024, Gaussian Opacity Fields), and the surface in them."""
 
 from collections.abc import Sequence
-from itertools import permutations, product
+from itertools import combinations, permutations, product
 from typing import Final
 
 import numpy as np
@@ -24,13 +24,17 @@ def box_points(model: Gaussians) -> Float64:
 
 
 def spaced(points: Float64, sizes: Float32 | Float64) -> Bools:
-    """Return the mask of one of the `points` [P,3] per cell of a grid: spaced by the power of two below its size."""
+    """Return the mask [P] of one of the `points` [P,3] per cell of a grid, spaced by a power of two.
+
+    It is the power below the size of the point; `sizes` [P] are in world units.
+    """
     levels = np.frexp(sizes)[1] - 1
     mask = np.arange(len(points)) < len(_BOX)  # one box: points in a plane have no tetrahedra
     for level in np.unique(levels):  # from fine to coarse
         rows = np.concatenate([np.flatnonzero(mask), np.flatnonzero(levels == level)])
         cells = np.floor(np.ldexp(points[rows], -level)).astype(np.int64) @ _HASH
-        mask[rows[np.unique(cells, return_index=True)[1]]] = True  # the first of each cell
+        _, first_in_cell = np.unique(cells, return_index=True)
+        mask[rows[first_in_cell]] = True
     return mask
 
 
@@ -39,7 +43,8 @@ def shown(points: Float64, cameras: Sequence[Camera]) -> Bools:
     mask = np.zeros(len(points), np.bool_)
     for camera in cameras:
         rest = np.flatnonzero(~mask)
-        mask[rest[points_shown(camera, points[rest])[0]]] = True
+        rows, _ = points_shown(camera, points[rest])
+        mask[rest[rows]] = True
     return mask
 
 
@@ -47,7 +52,7 @@ def tetrahedra(points: Float64) -> Indices:
     """Return the Delaunay tetrahedra [T,4] of the `points` [P,3], at least four, not all in a plane."""
     from scipy.spatial import Delaunay
 
-    options = "Qbb Qc Qz Q12 Q5"  # scipy's, and Q5: do not correct outer planes, which no tetrahedron uses
+    options = "Qbb Qc Qz Q12 Q5"  # scipy's, and Q5: no correction of outer planes, which no tetrahedron uses
     return np.asarray(Delaunay(points, qhull_options=options).simplices, np.intp)
 
 
@@ -59,14 +64,21 @@ def _triangles(case: int) -> list[Triangle]:
 
     They are anticlockwise as seen from outside.
     """
-    even = [p for p in permutations(range(4)) if sum(p[i] > p[j] for i in range(4) for j in range(i + 1, 4)) % 2 == 0]
+    even = [corners for corners in permutations(range(4)) if _is_even(corners)]
     inside = [i for i in range(4) if case >> i & 1]
     if len(inside) == 2:
-        a, b, c, d = next(p for p in even if sorted(p[:2]) == inside)
+        a, b, c, d = next(corners for corners in even if sorted(corners[:2]) == inside)
         return [((a, c), (a, d), (b, d)), ((a, c), (b, d), (b, c))]
-    lone = inside if len(inside) == 1 else [i for i in range(4) if i not in inside]
-    a, b, c, d = next(p for p in even if [p[0]] == lone)
-    return [((a, b), (a, c), (a, d)) if len(inside) == 1 else ((a, b), (a, d), (a, c))]
+    if len(inside) == 1:
+        a, b, c, d = next(corners for corners in even if corners[0] in inside)
+        return [((a, b), (a, c), (a, d))]
+    a, b, c, d = next(corners for corners in even if corners[0] not in inside)
+    return [((a, b), (a, d), (a, c))]
+
+
+def _is_even(permutation: tuple[int, ...]) -> bool:
+    inversions = [(a, b) for a, b in combinations(permutation, 2) if a > b]
+    return len(inversions) % 2 == 0
 
 
 _TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
@@ -75,13 +87,14 @@ _TRIANGLES: Final = {case: np.array(_triangles(case)) for case in range(1, 15)}
 def march(points: Float64, tetrahedra: Indices, inside: Bools) -> tuple[Indices, Indices]:
     """Return the edges [V,2] that the surface crosses, and its triangles [F,3].
 
-    The tetrahedra [T,4], of either orientation, partition a convex region of the points [P,3], of which some are
-    `inside`. Edges are pairs of a point inside and one outside; the mesh has a vertex on each. Faces are anticlockwise
-    as seen from outside. Within the region, every edge of a face belongs to exactly two.
+    The tetrahedra [T,4], of either orientation, partition a convex region; `inside` [P] is the mask of the points [P,3]
+    inside the surface. Edges lead from a point inside to one outside; the mesh has a vertex on each. Faces are
+    anticlockwise as seen from outside. Within the region, exactly two faces share an edge.
     """
     cases = inside[tetrahedra] @ (1 << np.arange(4))
     crossed = np.flatnonzero((cases > 0) & (cases < 15))
-    cases, tetrahedra = cases[crossed], tetrahedra[crossed]
+    cases = cases[crossed]
+    tetrahedra = tetrahedra[crossed]
     a, b, c, d = points[tetrahedra].transpose(1, 0, 2)
     inverted = np.einsum("ti,ti->t", np.cross(b - a, c - a), d - a) < 0
     corners = []

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import get_type_hints
 
 from gspure.codec import read
-from gspure.errors import InputError, refusal
+from gspure.errors import InputError, error_line
 from gspure.progress import tell, warnings_in_lines
 
 
@@ -26,6 +26,6 @@ def run(function: Callable[..., None]) -> None:
         with warnings_in_lines():
             function(**arguments)
     except (InputError, MemoryError, OSError) as error:
-        tell(f"gspure {Path(sys.argv[0]).stem}: {refusal(error)}")
+        tell(f"gspure {Path(sys.argv[0]).stem}: {error_line(error)}")
         sys.exit(2)
     gc.freeze()  # as `gspure.__main__` does

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from gspure.arrays import load_array, save_array
-from gspure.method.features import features as standardized_features
-from gspure.method.features import take
+from gspure.method.features import joint_features, take
 from gspure.method.settings import Feature
 from gspure.method.tree import spanning_tree
 from gspure.schemes.registry import read_public_model
@@ -27,7 +26,7 @@ def span(
     shape = (len(rows),)
     alpha = load_array(opacities, dtype=np.float32, shape=shape, least=0)
     omega = load_array(weights, dtype=np.float32, shape=shape, least=0)
-    joint = standardized_features(rows.means, alpha, omega)
+    joint = joint_features(rows.means, alpha, omega)
     save_array(features, joint)
     save_array(tree, spanning_tree(take(joint, cluster_on), min_samples))
 
