@@ -12,6 +12,7 @@ import pytest
 import gspure
 from gspure.cli import COMMANDS, main
 from gspure.scenes import lighting
+from gspure.workflow.schema import config_schema
 from tests.documentation import PAGES, ROOT, blocks
 
 SPEC = importlib.util.spec_from_file_location("site_pages", ROOT / "setup" / "site.py")

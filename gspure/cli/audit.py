@@ -195,7 +195,7 @@ def _configuration(args: Arguments, target: Path) -> Path:
         everyday = snakefile().parent / "config" / "everyday.yaml"
         configuration["variants"] = yaml.safe_load(everyday.read_text(encoding="utf-8"))["variants"]
     elif args.key:
-        configuration["variants"] = {**dict.fromkeys(DEFAULT_VARIANTS, {}), **_SEARCHED}
+        configuration["variants"] = {name: {} for name in DEFAULT_VARIANTS} | _SEARCHED
     if _CONFIGURATION.is_file():
         with reading(_CONFIGURATION, "a configuration, as YAML"):
             last = yaml.safe_load(_CONFIGURATION.read_text(encoding="utf-8"))

@@ -41,8 +41,8 @@ RESOLUTION: Final = Text(
     r"native|photographs|1/[1-9][0-9]{0,4}|[1-9][0-9]{0,4}px", "native, photographs, 1/N or Wpx (such as 1600px)"
 )
 BITS_TEXT: Final = Text(r"[01]{0,4096}", 'bits in quotes, such as "0110"')
-PATH: Final = Text(r"(?s).{1,4096}", "a path")
-LINE: Final = Text(r"(?s).{0,1000}", "a text of at most 1000 characters")
+PATH: Final = Text(r"[\s\S]{1,4096}", "a path")
+LINE: Final = Text(r"[\s\S]{0,1000}", "a text of at most 1000 characters")
 
 Name = Annotated[str, NAME]
 File = Annotated[str, PATH]

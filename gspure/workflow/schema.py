@@ -1,4 +1,7 @@
-"""The JSON schema of the configuration, for editors: ``python -m gspure.workflow.schema > schemas/config.schema.json``."""
+"""The JSON schema of the configuration, for editors.
+
+``python -m gspure.workflow.schema > schemas/config.schema.json`` renews its file.
+"""
 
 import json
 from typing import Any
