@@ -9,7 +9,8 @@ from gspure.cameras import Camera, intrinsics
 def rotation_from(quat):
     """Rotation of a quaternion (w, x, y, z) of any norm, by Rodrigues' formula."""
     quat = np.asarray(quat, float) / np.linalg.norm(quat)
-    angle, sine = 2 * np.arccos(np.clip(quat[0], -1, 1)), np.linalg.norm(quat[1:])
+    angle = 2 * np.arccos(np.clip(quat[0], -1, 1))
+    sine = np.linalg.norm(quat[1:])
     if sine == 0:
         return np.eye(3)
     x, y, z = quat[1:] / sine
@@ -32,7 +33,8 @@ quats = st.tuples(*[numbers(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.
 
 @st.composite
 def cameras(draw, name="view"):
-    width, height = draw(st.integers(1, 9000)), draw(st.integers(1, 9000))
+    width = draw(st.integers(1, 9000))
+    height = draw(st.integers(1, 9000))
     viewmat = np.eye(4)
     viewmat[:3, :3] = rotation_from(draw(quats))
     viewmat[:3, 3] = draw(st.tuples(*[numbers(-1e3, 1e3)] * 3))

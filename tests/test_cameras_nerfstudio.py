@@ -41,7 +41,8 @@ def test_intrinsics_of_frames_are_those_of_their_views(tmp_path):
 
 @given(quats, numbers(-5, 5), numbers(-5, 5), numbers(0.1, 5))
 def test_the_camera_looks_along_minus_z_with_y_up(tmp_path_factory, quat, x, y, depth):
-    rotation, position = rotation_from(quat), np.array([3.0, -1.0, 2.0])
+    rotation = rotation_from(quat)
+    position = np.array([3.0, -1.0, 2.0])
     matrix = np.column_stack([rotation, position]).tolist()
     (camera,) = parse(tmp_path_factory.getbasetemp(), {**SHARED, "frames": [FRAME | {"transform_matrix": matrix}]})
     point = rotation @ [x, y, -depth] + position

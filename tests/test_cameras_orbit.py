@@ -28,7 +28,7 @@ def test_every_view_looks_at_the_model_upright(generate, up, radius, x):
         assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
         assert np.linalg.det(rotation) == pytest.approx(1)
         assert project(camera, centre[None])[0][0] == pytest.approx([320, 240], abs=1e-6)
-        right, down = rotation[0], rotation[1]
+        right, down, _ = rotation
         assert right @ up == pytest.approx(0, abs=1e-12)
         assert down @ up <= 1e-12
 
@@ -55,11 +55,12 @@ def test_a_few_far_floaters_move_the_views_little(seed):
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1)])
 def test_a_figure_with_arms_spread_stands(up, span):
     """Its depth is its thinnest side; boxes are given by centre and size across, in depth and in height."""
-    torso, legs, head = ((0, 0, 1.15), (0.4, 0.2, 0.6)), ((0, 0, 0.45), (0.4, 0.2, 0.9)), ((0, 0, 1.6), (0.2, 0.2, 0.3))
+    torso = ((0, 0, 1.15), (0.4, 0.2, 0.6))
+    legs = ((0, 0, 0.45), (0.4, 0.2, 0.9))
+    head = ((0, 0, 1.6), (0.2, 0.2, 0.3))
     arms = ((0, 0, 1.35), (span, 0.1, 0.1))
-    parts = [
-        centre + size * RANDOM.uniform(-0.5, 0.5, (500, 3)) for centre, size in np.array([torso, legs, head, arms])
-    ]
+    boxes = np.array([torso, legs, head, arms])
+    parts = [centre + size * RANDOM.uniform(-0.5, 0.5, (500, 3)) for centre, size in boxes]
     across, depth, height = np.concatenate(parts).T
     points = np.stack([across, -height, depth] if up[1] else [across, depth, height], axis=1)
     np.testing.assert_array_equal(guessed_up(points, np.ones(len(points))).direction, up)
@@ -88,7 +89,7 @@ def test_a_model_without_a_clear_up_direction_has_that_of_colmap():
         assert not is_sure
 
 
-SHAPES = {  # and whether the guess is sure
+SHAPES = {  # points, and whether the guess is sure
     "ball": (BALL, False),
     "room of nearly equal sides": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.65], False),
     "tilted disc": (BALL - 0.9 * np.outer(BALL @ [0, -0.8, 0.6], [0, -0.8, 0.6]), False),

@@ -32,15 +32,15 @@ def seen_through(lens: Camera) -> np.ndarray:
     """What a lens shows of the plane: the inverse of its distortion by fixed-point iteration."""
     rows, columns = np.indices((lens.height, lens.width)) + 0.5
     target = (np.stack([columns, rows], -1) - lens.K[:2, 2]) / lens.K[[0, 1], [0, 1]]
-    k1, k2, p1, p2, k3, k4, k5, k6 = (*lens.distortion, *[0.0] * (8 - len(lens.distortion)))
-    at = target.copy()
+    k1, k2, p1, p2, k3, k4, k5, k6 = np.pad(lens.distortion, (0, 8 - len(lens.distortion)))
+    undistorted = target.copy()
     for _ in range(60):
-        x, y = np.moveaxis(at, -1, 0)
+        x, y = np.moveaxis(undistorted, -1, 0)
         r2 = x**2 + y**2
         radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
         shift = np.stack([2 * p1 * x * y + p2 * (r2 + 2 * x**2), p1 * (r2 + 2 * y**2) + 2 * p2 * x * y], -1)
-        at = (target - shift) / radial[..., None]
-    return pattern(*np.moveaxis(at, -1, 0))
+        undistorted = (target - shift) / radial[..., None]
+    return pattern(*np.moveaxis(undistorted, -1, 0))
 
 
 def taken(folder: Path, distortion, **settings) -> Camera:
@@ -56,7 +56,8 @@ def test_a_photograph_becomes_that_of_a_pinhole(tmp_path, kind):
     (pinhole,) = undistort([lens], tmp_path / "flat", tmp_path)
     assert (pinhole.distortion, pinhole.width, pinhole.height) == ((), lens.width, lens.height)
     rows, columns = np.indices((72, 96)) + 0.5
-    x, y = (columns - pinhole.K[0, 2]) / pinhole.K[0, 0], (rows - pinhole.K[1, 2]) / pinhole.K[1, 1]
+    x = (columns - pinhole.K[0, 2]) / pinhole.K[0, 0]
+    y = (rows - pinhole.K[1, 2]) / pinhole.K[1, 1]
     assert np.abs(read_image(pinhole.image) - pattern(x, y)).max() < 0.01
     assert np.abs(seen_through(lens) - pattern(x, y)).max() > 0.05
 
@@ -86,7 +87,8 @@ def capture(folder: Path) -> Path:
 
 
 def test_the_command_writes_a_capture_without_distortion(tmp_path):
-    source, out = capture(tmp_path / "capture"), tmp_path / "flat" / "cameras.json"
+    source = capture(tmp_path / "capture")
+    out = tmp_path / "flat" / "cameras.json"
     assert main(["cameras", str(source), "--undistort", "--out", str(out)]) == 0
     views = read_cameras(tmp_path / "flat")
     assert [view.name for view in views] == [view.name for view in read_lenses(source)]

@@ -19,7 +19,9 @@ from tests.training_cases import colmap_project, ring
 MEANS = np.random.default_rng(0).uniform(-0.5, 0.5, (50, 3))
 MODEL = gaussians(means=MEANS, scales=0.05, opacities=0.9)
 OPENGL = np.diag([1.0, -1, -1, 1])
-TURN, SHIFT, SCALE = rotation_from([0.9, 0.3, -0.2, 0.1]), np.array([0.3, -2.0, 5.0]), 0.27
+TURN = rotation_from([0.9, 0.3, -0.2, 0.1])
+SHIFT = np.array([0.3, -2.0, 5.0])
+SCALE = 0.27
 IMPLIED = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]])  # with colmap/sparse/0, but no applied_transform
 APPLIED = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]])
 
@@ -88,9 +90,11 @@ def exported(views):
 
 
 def test_poses_of_ns_export_take_the_optics_of_the_capture_and_stay(normalized):
-    views, (model, capture) = ring(4), normalized("export")
+    views = ring(4)
+    model, capture = normalized("export")
+    file = capture / "transforms_train.json"
     write_json(capture / "transforms.json", transforms(views, APPLIED))
-    write_json(file := capture / "transforms_train.json", exported(views))
+    write_json(file, exported(views))
     fitted = in_world_of(model, read_cameras(file), file)
     for view, camera in zip(views, fitted, strict=True):
         np.testing.assert_allclose(camera.numbers, view.numbers, atol=1e-9)
@@ -104,7 +108,8 @@ def test_poses_without_optics_are_refused_with_a_remedy(tmp_path):
 
 
 def test_cameras_follow_the_offset_of_a_model_only_if_they_are_near_it(tmp_path):
-    offset, views = np.array([456789.0, 5432100, 86]), ring(4)
+    offset = np.array([456789.0, 5432100, 86])
+    views = ring(4)
     write_model(tmp_path / "model.ply", MODEL.with_comment(offset_comment(offset)))
     for cameras in (views, shifted(views, offset)):
         write_cameras(tmp_path / "cameras.json", cameras)
@@ -117,7 +122,9 @@ def test_cameras_follow_the_offset_of_a_model_only_if_they_are_near_it(tmp_path)
 def test_views_of_a_model_are_not_doubted(shape, capsys):
     rng = np.random.default_rng(1)
     count = {"few": 5, "many": 50_000}.get(shape, 200)
-    means = rng.normal(size=(count, 3)) * (1, 1, 0.01 if shape == "flat" else 1)
+    means = rng.normal(size=(count, 3))
+    if shape == "flat":
+        means[:, 2] *= 0.01
     model = gaussians(means=means, scales=1.0 if shape == "large" else 0.05, opacities=0.5)
     mention_unseen(model, orbit_cameras(model))
     assert "are these its cameras" not in capsys.readouterr().err
@@ -125,7 +132,8 @@ def test_views_of_a_model_are_not_doubted(shape, capsys):
 
 @pytest.mark.parametrize("doubt", ["elsewhere", "backwards", "far", "invisible"])
 def test_views_that_hardly_show_the_model_are_named(doubt, capsys):
-    views, model = orbit_cameras(MODEL), MODEL
+    views = orbit_cameras(MODEL)
+    model = MODEL
     if doubt == "elsewhere":
         views = shifted(views, np.array([50.0, 0, 0]))
     elif doubt == "backwards":

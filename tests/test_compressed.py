@@ -27,11 +27,11 @@ def refused(path, match):
         read_model(path)
 
 
-def in_order(of, other):
-    """The rows of a model in the order of those of another that they are nearest to."""
-    nearest = np.linalg.norm(other.means[:, None] - of.means, axis=2).argmin(1)
-    assert len({*nearest.tolist()}) == len(other)
-    return type(of)(of.table[nearest])
+def in_order(gaussians, reference):
+    """Return for each row of a reference the nearest row of a model."""
+    nearest = np.linalg.norm(reference.means[:, None] - gaussians.means, axis=2).argmin(1)
+    assert len({*nearest.tolist()}) == len(reference)
+    return type(gaussians)(gaussians.table[nearest])
 
 
 def needs_zstandard(name):
@@ -43,7 +43,8 @@ def needs_zstandard(name):
 def test_a_model_in_every_format_is_read_nearly_as_it_was(tmp_path, name):
     needs_zstandard(name)
     path = write_all(tmp_path)[name]
-    before, after = model(), in_order(read_model(path), model())
+    before = model()
+    after = in_order(read_model(path), before)
     scales, opacities, shapes, coeffs = PRECISION[path.suffix]
     np.testing.assert_allclose(after.means, before.means, atol=4e-3)
     np.testing.assert_allclose(np.log(after.scales), np.log(before.scales), atol=scales)
@@ -142,7 +143,8 @@ EXTENSIONS = {  # type and payload of an extension: whether the model is read
 
 @pytest.mark.parametrize(("kind", "value", "is_read"), EXTENSIONS.values(), ids=EXTENSIONS)
 def test_an_spz_file_of_other_axes_or_scales_is_refused(tmp_path, kind, value, is_read):
-    path, records = tmp_path / "m.spz", struct.pack("<6I", 0x12340001, 4, 9, kind, 4, value)
+    path = tmp_path / "m.spz"
+    records = struct.pack("<6I", 0x12340001, 4, 9, kind, 4, value)
     data = gzip.decompress((SPLAT_TRANSFORM / "v3.spz").read_bytes())
     path.write_bytes(gzip.compress(data[:14] + b"\3" + data[15:] + records))
     if is_read:

@@ -21,7 +21,9 @@ class Server:
     """A web server with one file, that hangs up after so many bytes of an answer."""
 
     def __init__(self, content=CONTENT, *, hang_up_after=None):
-        self.content, self.hang_up_after, self.asked = content, hang_up_after, []
+        self.content = content
+        self.hang_up_after = hang_up_after
+        self.asked = []
 
     def __enter__(self):
         self.http = ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, self))

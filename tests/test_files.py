@@ -140,7 +140,8 @@ def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path):
 
 
 def test_provenance_names_inputs_with_their_digests_and_passes_on_the_run(tmp_path):
-    public, attacked = tmp_path / "public", tmp_path / "attacked"
+    public = tmp_path / "public"
+    attacked = tmp_path / "attacked"
     model = public / "point_cloud.ply"
     files.write_text(model, "ply")
     write_provenance(public, "embed", inputs={}, settings={"seed": 1}, run="abc")

@@ -1,4 +1,4 @@
-"""Infinities with a meaning: logits of opacity 0 or 1, and logarithms of a size of 0, are what finite numbers are."""
+"""Infinities with a meaning, logits of opacity 0 or 1 and logarithms of a size of 0, act like finite numbers."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,9 @@ def model(certain=20.0, nothing=-200.0):
     return rows
 
 
-FINITE, INFINITE = model(), model(np.inf, -np.inf)
+FINITE = model()
+INFINITE = model(np.inf, -np.inf)
+MODELS = (FINITE, INFINITE)
 
 
 def same(a, b):
@@ -48,7 +50,7 @@ def same(a, b):
 def test_they_are_drawn_and_measured_as_the_finite_numbers_they_stand_for(device, style, energy, capsys):
     assert drawable(INFINITE, "m") is INFINITE
     require_finite(INFINITE, "m")
-    finite, infinite = (Renderer(of, device, energy=energy, style=style) for of in (FINITE, INFINITE))
+    finite, infinite = (Renderer(model, device, energy=energy, style=style) for model in MODELS)
     for view in VIEWS:
         assert finite.image(view).tobytes() == infinite.image(view).tobytes()
         assert finite.contributions(view).tobytes() == infinite.contributions(view).tobytes()
@@ -58,11 +60,11 @@ def test_they_are_drawn_and_measured_as_the_finite_numbers_they_stand_for(device
 
 @pytest.mark.filterwarnings("error")
 def test_purification_prunes_the_same_rows_and_keeps_them_as_stored(device):
-    results = [purify(of, VIEWS, device=device, min_cluster_size=5, min_samples=3) for of in (FINITE, INFINITE)]
+    purified = [purify(model, VIEWS, device=device, min_cluster_size=5, min_samples=3) for model in MODELS]
     for name in ("weights", "labels", "prune_mask"):
-        np.testing.assert_array_equal(*(getattr(of, name) for of in results))
-    kept = INFINITE.table[~results[1].prune_mask]
-    assert results[1].model.table.tobytes() == kept.tobytes()
+        np.testing.assert_array_equal(getattr(purified[0], name), getattr(purified[1], name))
+    kept = INFINITE.table[~purified[1].prune_mask]
+    assert purified[1].model.table.tobytes() == kept.tobytes()
     assert np.isinf(kept["opacity"]).any()
 
 
@@ -70,11 +72,13 @@ def test_purification_prunes_the_same_rows_and_keeps_them_as_stored(device):
 def test_attacks_do_the_same_to_them(device, attack):
     for package in attack.packages:
         pytest.importorskip(package)
-    how = {"cameras": VIEWS, "device": device}
-    how |= {name: 3 for name in attack.settings if name == "iterations"}
-    how |= {"attributes": "colour"} if attack.name == "quantize" else {}  # the extremes are others
+    settings = {"cameras": VIEWS, "device": device}
+    if "iterations" in attack.settings:
+        settings["iterations"] = 3
+    if attack.name == "quantize":
+        settings["attributes"] = "colour"  # the extremes of other attributes differ
     try:
-        pair = [attack.apply(PublicModel(of), measurements(COUNT), **how) for of in (FINITE, INFINITE)]
+        pair = [attack.apply(PublicModel(model), measurements(COUNT), **settings) for model in MODELS]
     except NotApplicable:
         return
     same(pair[0].model, pair[1].model)
@@ -97,9 +101,10 @@ def test_quantization_keeps_them_and_spans_the_others(bits):
 def test_they_survive_in_files(tmp_path, name):
     if name != "m.ply":
         pytest.importorskip("gsply", reason="gspure[compression] is not installed")
-    for stem, of in (("finite", FINITE), ("infinite", INFINITE)):
-        write_model(tmp_path / f"{stem}{name}", of)
-    finite, infinite = (read_model(tmp_path / f"{stem}{name}") for stem in ("finite", "infinite"))
+    write_model(tmp_path / f"finite{name}", FINITE)
+    write_model(tmp_path / f"infinite{name}", INFINITE)
+    finite = read_model(tmp_path / f"finite{name}")
+    infinite = read_model(tmp_path / f"infinite{name}")
     same(finite, infinite)
     if name == "m.ply":
         assert infinite.table.tobytes() == INFINITE.table.tobytes()
@@ -108,7 +113,7 @@ def test_they_survive_in_files(tmp_path, name):
 def test_schemes_and_distances_read_finite_numbers_from_them(device):
     rng = np.random.default_rng(0)
     key = NetworkKey(random_key(rng), fresh(rng))
-    finite, infinite = (key.gaussians(PublicModel(of), VIEWS[0], "message")[0] for of in (FINITE, INFINITE))
+    finite, infinite = (key.gaussians(PublicModel(model), VIEWS[0], "message")[0] for model in MODELS)
     same(finite, infinite)
     assert (adaptive_matches(INFINITE, INFINITE) >= 0).mean() > 0.9
     corners = np.eye(3)

@@ -22,7 +22,8 @@ def corrupt(tmp_path):
     table = blobs(6).table
     table["x"][[1, 4]] = np.nan
     table["opacity"][4] = np.nan
-    table["opacity"][[0, 5]], table["scale_0"][0] = (-np.inf, np.inf), -np.inf  # opacities of 0 and 1, a size of 0
+    table["opacity"][[0, 5]] = (-np.inf, np.inf)  # opacities of 0 and 1
+    table["scale_0"][0] = -np.inf  # a size of 0
     for i in range(4):
         table[f"rot_{i}"][2] = 0
     for name in "xyz":

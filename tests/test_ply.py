@@ -219,7 +219,8 @@ def test_red_green_and_blue_become_coefficients(tmp_path, capsys, kind):
 
 def test_flat_gaussians_get_a_thin_third_axis(tmp_path, capsys):
     table = np.zeros(3, floats([name for name in vanilla_columns(0) if name != "scale_2"]))
-    table["scale_0"], table["scale_1"] = -1, -2
+    table["scale_0"] = -1
+    table["scale_1"] = -2
     model, line = read_with_a_warning(save(tmp_path / "m.ply", header(table.dtype, 3) + table.tobytes()), capsys)
     np.testing.assert_allclose(model.scales, [np.exp([-1, -2, -2]) * [1, 1, 1e-3]] * 3, rtol=1e-6)
     assert "2DGS" in line

@@ -31,7 +31,7 @@ def test_attacked_models_have_the_networks_byte_for_byte(tmp_path, network):
 
 def test_the_official_table_loads_with_offsets_by_coordinate(tmp_path):
     counted = {"f_offset": 30, "f_anchor_feat": 32, "scale": 6, "rot": 4}
-    names = [*("x", "y", "z", "opacity"), *(f"{name}_{i}" for name in counted for i in range(counted[name]))]
+    names = ["x", "y", "z", "opacity"] + [f"{name}_{i}" for name in counted for i in range(counted[name])]
     table = np.ones(5, [(name, "<f4") for name in names])
     for j in range(30):
         table[f"f_offset_{j}"] = 100 * np.arange(5) + j  # each offset tells its place
@@ -71,7 +71,8 @@ class Payload:
 @pytest.mark.parametrize("form", ["zip", "legacy", "cut", "list", "bomb"])
 def test_a_hostile_or_corrupt_decoder_is_refused_in_one_line_and_not_executed(tmp_path, form):
     torch = pytest.importorskip("torch")
-    path, trace = tmp_path / "chkpnt7_net.pth", tmp_path / "executed"
+    path = tmp_path / "chkpnt7_net.pth"
+    trace = tmp_path / "executed"
     content = {"zip": {"conv1": Payload(trace)}, "list": [torch.ones(2)]}.get(form, {"conv1.bias": torch.ones(1 << 16)})
     torch.save(content, path)
     if form == "legacy":

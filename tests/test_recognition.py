@@ -57,21 +57,25 @@ FILES = {
 
 @pytest.mark.parametrize("name", ["m.ply", "m.spz", "m.splat", "m.sog", "m"])
 @pytest.mark.parametrize(
-    ("found", "content"),
-    [pytest.param(found, each, id=f"{found}{i}") for found, files in FILES.items() for i, each in enumerate(files)],
+    ("description", "content"),
+    [
+        pytest.param(kind, content, id=f"{kind}{i}")
+        for kind, contents in FILES.items()
+        for i, content in enumerate(contents)
+    ],
 )
-def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, found, content):
+def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, description, content):
     if name == "m.spz" and content[:2] == b"\x1f\x8b":
-        found = "an SPZ model of version 2 to 4, found "
+        description = "an SPZ model of version 2 to 4, found "
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError) as caught:
         read_model(tmp_path / name)
-    assert found in str(caught.value)
+    assert description in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("source", "name", "found"),
+    ("source", "name", "description"),
     [
         ("v3.spz", "m.ply", "a gzip archive .* one of SPZ is named .spz"),
         ("v4.spz", "m.ply", "an SPZ model .name it .spz"),
@@ -79,9 +83,9 @@ def test_a_file_of_another_kind_is_named_with_a_remedy(tmp_path, name, found, co
         ("model.compressed.ply", "m.spz", "a PLY .name it .ply"),
     ],
 )
-def test_a_model_with_the_suffix_of_another_format_is_named(tmp_path, source, name, found):
+def test_a_model_with_the_suffix_of_another_format_is_named(tmp_path, source, name, description):
     (tmp_path / name).write_bytes((SPLAT_TRANSFORM / source).read_bytes())
-    with pytest.raises(InputError, match=f"found {found}"):
+    with pytest.raises(InputError, match=f"found {description}"):
         read_model(tmp_path / name)
 
 
@@ -89,8 +93,8 @@ def test_a_model_with_the_suffix_of_another_format_is_named(tmp_path, source, na
 def test_renamed_properties_are_listed(tmp_path, names):
     write_model(tmp_path / "m.ply", blobs(3, sh_degree=0))
     content = (tmp_path / "m.ply").read_bytes()
-    for name, other in names.items():
-        content = content.replace(f" {name}\n".encode(), f" {other}\n".encode())
+    for name, new_name in names.items():
+        content = content.replace(f" {name}\n".encode(), f" {new_name}\n".encode())
     (tmp_path / "m.ply").write_bytes(content)
     with pytest.raises(InputError, match=f"no such property .renamed. It has {' '.join(names.values())}.$"):
         read_model(tmp_path / "m.ply")

@@ -22,7 +22,8 @@ SETTINGS = {
 @pytest.mark.parametrize("name", SETTINGS)
 def test_every_number_of_attacks_and_schemes_has_bounds_that_admit_its_default(name):
     function, setting = SETTINGS[name]
-    default, limits = defaults(function)[setting], bounds(function)[setting]
+    default = defaults(function)[setting]
+    limits = bounds(function)[setting]
     if isinstance(default, str):
         assert limits is None
     else:

@@ -4,7 +4,8 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from gspure.cli import options, parser_of
+from gspure.cli import options
+from gspure.cli.pair import PairSettings, make_pair
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import file_digest, filling, write_json
@@ -52,13 +53,15 @@ def run(args: Arguments) -> None:
     options.require_own_folder(args)
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, dict(args.set))
-    if not (bool(args.pair) != bool(args.scene) == bool(args.message)):
+    makes_pair = bool(args.scene)
+    if bool(args.message) != makes_pair or bool(args.pair) == makes_pair:
         raise InputError("embed", "PAIR", expected="a pair, or --scene and --message", found="neither or both")
-    args.set = scheme.settings | settings
+    resolved = {"set": scheme.settings | settings, "pair": args.out / "pair" if makes_pair else args.pair}
     model = Path("public", "point_cloud.ply")
     with filling(args.out) as folder:
-        pair = read_pair(args.pair or _made_pair(args, folder / "pair"), args.initialization)
-        args.pair = args.pair or args.out / "pair"
+        if makes_pair:
+            make_pair(_pair_settings(args), folder / "pair")
+        pair = read_pair(folder / "pair" if makes_pair else args.pair, args.initialization)
         poses = "the same poses" if pair.shares_poses else "poses of its own"
         say(f"{len(pair.scene.views)} views, message at {poses}, {len(pair.points[0])} points")
         began = time.monotonic()
@@ -69,28 +72,32 @@ def run(args: Arguments) -> None:
             check = bit_readability(pair.scene.views, public, key, device)
         elif key is not None:
             check = readability(pair.message, public, key, device)
-        run = file_digest(public.write(folder / model)[0])[:16]
+        files = public.write(folder / model)
+        run_id = file_digest(files[0])[:16]
         # Without settings, since the seed may give the key away.
-        write_provenance(folder / "public", "embed", inputs={}, settings={"scheme": scheme.name}, run=run)
-        options.record_command(args, folder, run)
+        write_provenance(folder / "public", "embed", inputs={}, settings={"scheme": scheme.name}, run=run_id)
+        options.record_command(args, folder, run_id, resolved)
         if key is not None:
             key.write(folder / "key")
-            options.record_command(args, folder / "key", run)
+            options.record_command(args, folder / "key", run_id, resolved)
         if check:
             write_json(folder / "key" / "readability.json", asdict(check))
-        # Perhaps of another scheme.
-        options.remove_older(args.out, "public/*", "key/*", *["pair/**/*"] * bool(args.scene))
+        options.remove_older(args.out, "public/*", "key/*")  # perhaps of another scheme
+        if makes_pair:
+            options.remove_older(args.out, "pair/**/*")
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")
     if check:
         check.report()
 
 
-def _made_pair(args: Arguments, folder: Path) -> Path:
-    """Make a pair in a folder as `gspure pair` does; photographs of the message keep their poses."""
+def _pair_settings(args: Arguments) -> PairSettings:
+    """Return the settings of the pair to make; photographs of the message keep their poses."""
     has_poses = not (scene_builder(args.message) or is_trained_model(args.message))
-    words = [args.scene, args.message, "--protocol", "own" if has_poses else "shared", "--out", str(folder)]
-    words += ["--resolution", args.resolution, "--seed", str(args.seed)]
-    making = parser_of("pair").parse_args(words)
-    making.device = args.device
-    making.run(making)
-    return folder
+    return PairSettings(
+        args.scene,
+        args.message,
+        protocol="own" if has_poses else "shared",
+        resolution=args.resolution,
+        seed=args.seed,
+        device=args.device,
+    )

@@ -125,7 +125,7 @@ def _best_rivals(
 
 
 def _within(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point]:
-    """Return the points of a sweep that do at most a damage, those of gentler strengths where a search missed it."""
+    """Return the points of a sweep with at most this damage; a gentler strength replaces one whose search missed it."""
     gentle = {
         cell: {variant: drops for variant, drops in curve.items() if drops.scene <= damage}
         for cell, curve in known.items()

@@ -82,7 +82,7 @@ def score(means: Means, scheme: str, variant: str, _target: str = "") -> float:
 
 
 def lead(means: Means, scheme: str, variant: str, target: str) -> float:
-    """Return the lowest mean PSNR of the other attacks minus that of this one, dB."""
+    """Return the lowest mean PSNR of the other attacks minus the mean PSNR of this attack, dB."""
     others = [means[scheme, attack, target] for attack in ATTACKS if attack != variant]
     return min(others) - means[scheme, variant, target]
 

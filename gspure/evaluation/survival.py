@@ -143,7 +143,7 @@ def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Surviv
     attacked_scenes = {o.scene for o in attacked}
     survived = present & still_present
     lost = (present & attacked_scenes) - survived
-    message_free = [o for o in known if o.variant in MESSAGE_FREE]  # their key may hold what retrieval identifies
+    message_free = [o for o in known if o.variant in MESSAGE_FREE]  # retrieval may identify a message in their key
     only_retrieved = (lost & _retrieved(attacked, extraction)) - _retrieved(message_free, extraction)
     judged_scenes = present or attacked_scenes
     judged = [o for o in attacked if o.scene in judged_scenes]

@@ -44,7 +44,7 @@ class ImagePair(NamedTuple):
     view: str
     reference: Path
     image: Path
-    background: tuple[float, ...] = (0.0, 0.0, 0.0)  # shown by transparent pixels: that of the renders
+    background: tuple[float, ...] = (0.0, 0.0, 0.0)  # colour of transparent pixels, as in the renders
 
 
 def pair_images(

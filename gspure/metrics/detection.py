@@ -1,4 +1,4 @@
-"""Whether a mark is present in a model: the statistics of what a detector reads from its renders."""
+"""Whether a mark is present in a model: the statistics of a detector's readings from its renders."""
 
 from __future__ import annotations
 

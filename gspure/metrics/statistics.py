@@ -91,7 +91,7 @@ def means_of(groups: Groups) -> Float64:
 
 
 def mean_interval(values: Sequence[ArrayLike]) -> Interval:
-    """Return the mean over scenes with its interval; `values` are those of the seeds of every scene, all finite."""
+    """Return the mean over scenes with its interval; `values` hold one array per scene: its seeds, all finite."""
     groups = in_order(values)
     means = means_of(groups)
     level_of_range = 1 - 2.0 ** (1 - len(groups))

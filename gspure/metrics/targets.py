@@ -1,4 +1,4 @@
-"""Targets: what is rendered of a model, or read from its renders, and compared."""
+"""Targets: the renders of a model, or readings from its renders, that are compared."""
 
 from typing import Final
 

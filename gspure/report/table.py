@@ -70,7 +70,8 @@ class Table:
         rule = []
         for width, is_left in zip(widths, self._are_left, strict=True):
             signs.append(f"<{width}" if is_left else f">{width}")
-            rule.append("-" * width if is_left else "-" * (width - 1) + ":")
+            end = "-" if is_left else ":"
+            rule.append(end.rjust(width, "-"))
         padded = [map(format, line, signs) for line in (lines[0], rule, *lines[1:])]
         return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
@@ -88,7 +89,7 @@ class Table:
 
     @property
     def _are_left(self) -> list[bool]:
-        """Whether each column is aligned left: the first, and those of words."""
+        """Whether each column is aligned left: the first column, and columns of words."""
         return [column.text or i == 0 for i, column in enumerate(self.columns)]
 
 
