@@ -12,16 +12,16 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.cli import audit, main
+from gspure.codec import plain
 from gspure.evaluation.collecting import collect
+from gspure.evaluation.plan import Plan
 from gspure.evaluation.survival import Survival, survival
 from gspure.files import write_json
 from gspure.metrics.csv_tables import write_table
 from gspure.model import write_model
-from gspure.report.writing import ReportPlan
-from gspure.workflow import variants
 from tests.contest_cases import write_model as write_results
 from tests.models import blobs, tilted_camera
-from tests.workflow_cases import ROOT, settled
+from tests.workflow_cases import ROOT, configuration
 
 
 @pytest.fixture
@@ -44,8 +44,8 @@ def words(monkeypatch):
 def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(folder, words, capsys):
     assert main(["audit", "my model.ply", "--cameras", "orbit", "--up", "0", "0", "1", "--cores", "1"]) == 0
     file = Path(words[words.index("--configfile") + 1])
-    (asset,) = settled(yaml.safe_load(file.read_text()))["assets"].values()
-    assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
+    (asset,) = configuration(yaml.safe_load(file.read_text())).assets.values()
+    assert (asset.model, asset.cameras, asset.generated.up) == ("my model.ply", "orbit", (0, 0, 1))
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
     assert words[words.index("--cores") + 1] == "1"
     write_model(folder / "other.ply", blobs(30))
@@ -65,8 +65,8 @@ def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
     assert main(["audit", "my model.ply", "--key", "run/marked/key", "--everyday"]) == 0
-    config = settled(yaml.safe_load(Path(words[-1]).read_text()))
-    assert {"half", "sog", "detail_quarter", "merge"} < {*config["variants"]}
+    config = configuration(yaml.safe_load(Path(words[-1]).read_text()))
+    assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
 
 
 def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
@@ -79,10 +79,9 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
 @pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 1)])
 def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
     monkeypatch.setattr(audit, "_shown", lambda _: 0)
-    plans = {"sis/room": write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)})}
-    monkeypatch.setattr(variants, "report_plan", lambda _: ReportPlan(plans))
-    write_json(Path("results/configuration.json"), {})
-    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plans)))
+    plan = Plan((write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)}),))
+    write_json(Path("results/plan.json"), plain(plan))
+    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plan.models)))
     assert main(["audit", "my model.ply", "--fail-under", limit]) == status
     assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
 
