@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
-from gspure.opencl.trainable import Parameters, Statistics, TrainState
+from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainState
 from gspure.renderer import Renderer
 from tests.models import points_of
 
@@ -38,11 +38,11 @@ def state(count, seed=0, **settings) -> TrainState:
     return TrainState(*(parameters(count, seed + part, **settings) for part in range(3)))
 
 
-def statistics(gradients, views=1) -> Statistics:
+def statistics(gradients, views=1) -> DensificationStatistics:
     """As if each Gaussian had shown these mean gradients in so many views."""
     gradients = np.asarray(gradients, np.float32)
     views = np.broadcast_to(np.asarray(views, np.uint32), gradients.shape)
-    return Statistics(gradients * views, views)
+    return DensificationStatistics(gradients * views, views)
 
 
 def same_bits(a: TrainState, b: TrainState) -> bool:
