@@ -168,7 +168,7 @@ STATEMENTS = {
     "model": 1191,
     "opencl": 1439,
     "report": 896,
-    "scan": 180,
+    "scan": 208,
     "scenes": 610,
     "schemes": 2086,
     "surface": 204,
