@@ -170,7 +170,7 @@ STATEMENTS = {
     "report": 896,
     "scan": 208,
     "scenes": 610,
-    "schemes": 2086,
+    "schemes": 2345,
     "surface": 204,
     "training": 694,
     "viewer": 185,
