@@ -69,7 +69,7 @@ class Parser(argparse.ArgumentParser):
     def parse_args(self, words: Sequence[str]) -> Arguments:  # type: ignore[override]
         """Parse all words; a command with `passed_on` passes on those after ``--``.
 
-        A misspelt option is refused before a missing one, which it may have been meant to be.
+        A misspelt option is refused first, because argparse would report the intended one as missing instead.
         """
         end = len(words)
         if "--" in words and "passed_on" in self._defaults:
