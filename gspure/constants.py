@@ -26,7 +26,7 @@ SH_DC: Final = 0.28209479177387814  # zeroth real spherical harmonic, 1 / (2 sqr
 
 MAX_SH_DEGREE: Final = 3
 
-# --- Range of numbers: what keeps float32 from overflowing for any finite input. Ours. --------------------------------
+# --- Range of numbers: limits that keep float32 from overflowing for any finite input. Ours. --------------------------
 
 MAGNITUDE_MAX: Final = 1e30
 """A quaternion, or the middle scale of a Gaussian under ``ray``, is usable from 1 / MAGNITUDE_MAX to MAGNITUDE_MAX."""

@@ -3,7 +3,8 @@
 import numpy as np
 
 from gspure.schemes.secure_gs.anchors import PRIVATE, PUBLIC, Anchors, fresh
-from gspure.schemes.secure_gs.model import AnchorModel, HiddenKey
+from gspure.schemes.secure_gs.key import HiddenKey
+from gspure.schemes.secure_gs.model import AnchorModel
 
 
 def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:

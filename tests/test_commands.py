@@ -24,9 +24,9 @@ def gspure(line: str, *words: str) -> int:
 
 
 @pytest.fixture(scope="module")
-def made(pair_folder, tmp_path_factory):
+def embedded(pair_folder, tmp_path_factory):
     """A pair, a marked model and another one."""
-    folder = tmp_path_factory.mktemp("made")
+    folder = tmp_path_factory.mktemp("embedded")
     shutil.copytree(pair_folder, folder / "pair")
     for name, seed in (("marked", 0), ("other", 1)):
         words = f"embed planted {folder}/pair --set gaussians=300 --seed {seed} --out {folder}/{name}"
@@ -35,15 +35,16 @@ def made(pair_folder, tmp_path_factory):
 
 
 @pytest.fixture
-def folder(made, asset):
+def folder(embedded, asset):
     """A copy of it, with a vanilla model and its cameras; it is the current folder."""
-    return shutil.copytree(made, asset, dirs_exist_ok=True)
+    return shutil.copytree(embedded, asset, dirs_exist_ok=True)
 
 
 def record(path):
     """The provenance of a folder, without its settings."""
-    found = read_json(Path(path) / "provenance.json")
-    return found["command"], {name: entry["path"] for name, entry in found["inputs"].items()}, found.get("run")
+    provenance = read_json(Path(path) / "provenance.json")
+    inputs = {name: entry["path"] for name, entry in provenance["inputs"].items()}
+    return provenance["command"], inputs, provenance.get("run")
 
 
 def test_public_model_key_and_results_have_one_run_and_only_the_key_names_the_seed(folder, capsys):

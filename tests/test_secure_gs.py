@@ -5,9 +5,10 @@ import pytest
 
 from gspure.metrics.image_metrics import psnr
 from gspure.schemes.scheme import hide
-from gspure.schemes.secure_gs import SCHEME, first_anchors
+from gspure.schemes.secure_gs import SCHEME
 from gspure.schemes.secure_gs.anchors import neural, visible_rows
 from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
+from gspure.schemes.secure_gs.initialization import first_anchors
 from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project

@@ -235,7 +235,7 @@ class _Reader:
 
 
 def _records(path: Path) -> Iterator[_Reader]:
-    """Yield a reader of a binary file once per record; the caller reads the record, the last of which ends the file."""
+    """Yield one reader of a binary file once per record, for the caller to read it; require the end after the last."""
     reader = _Reader(path.read_bytes())
     for _ in range(reader.take("<Q")[0]):
         yield reader

@@ -71,7 +71,7 @@ def run(args: Arguments) -> None:
         save_array(args.removed, result.attacked.prune_mask)
     if args.transform:
         save_array(args.transform, result.transform)
-    options.record_command(args, args.out.parent, set=result.settings)
+    options.record_command(args, args.out.parent, resolved={"set": result.settings})
     print(result.sentence)
 
 

@@ -56,8 +56,10 @@ def run(args: Arguments) -> None:
     if args.undistort:
         cameras = _undistorted(args)
     else:
-        cameras = read_source(args.source, args.model, **{name: getattr(args, name) for name in _SETTINGS})
-        cameras = scaled(cameras, args.resolution or ("native" if generated else TRAINING_RULE))
+        settings = {name: getattr(args, name) for name in _SETTINGS}
+        cameras = read_source(args.source, args.model, **settings)
+        default_rule = "native" if generated else TRAINING_RULE
+        cameras = scaled(cameras, args.resolution or default_rule)
     write_cameras(args.out, cameras)
     record_command(args, args.out.parent)
     print("\n".join(_table(cameras)))
@@ -65,10 +67,13 @@ def run(args: Arguments) -> None:
 
 def _undistorted(args: Arguments) -> list[Camera]:
     """Write photographs and points of a capture without lens distortion beside ``--out``; return their cameras."""
-    source, place, images = args.source, args.out.parent, Path("images")
+    source = args.source
+    place = args.out.parent
+    images = Path("images")
     if isinstance(source, str):
         raise InputError(source, "--undistort", expected="cameras with photographs", found="generated views")
-    cameras, folder = read_lenses(source), place.resolve()
+    cameras = read_lenses(source)
+    folder = place.resolve()
     capture = (source if source.is_dir() else source.parent).resolve()
     photographs = {parent for camera in cameras if camera.image for parent in camera.image.resolve().parents}
     if folder == capture or folder / images in photographs:
@@ -83,7 +88,8 @@ def _undistorted(args: Arguments) -> list[Camera]:
 
 def _table(cameras: Sequence[Camera]) -> Iterable[str]:
     """Yield a heading and one line per image size and focal length."""
-    tests = {camera.name for camera in split(cameras)[1]}
+    _, held_out = split(cameras)
+    tests = {camera.name for camera in held_out}
     yield f"{'views':>6}{'train':>7}{'test':>6}  {'size':<11}{'focal':>8}{'fov':>7}{'photographs':>13}"
     alike = grouped(cameras, lambda camera: (camera.width, camera.height, float(camera.K[0, 0])))
     for (width, height, focal), views in sorted(alike.items()):

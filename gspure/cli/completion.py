@@ -28,8 +28,9 @@ def run(args: Arguments) -> None:
     commands = whole.add_subparsers()
     for name in COMMANDS:
         parser = parser_of(name)
+        outputs = parser.get_default("outputs") or ()
         for action in parser._actions:  # noqa: SLF001 (argparse lists them nowhere else)
-            if action.type in {Path, camera_source} or action.dest in (parser.get_default("outputs") or ()):
+            if action.type in {Path, camera_source} or action.dest in outputs:
                 vars(action)["complete"] = shtab.FILE
         commands.add_parser(name, help=parser.description, parents=[parser], add_help=False)
     print(shtab.complete(whole, args.shell))

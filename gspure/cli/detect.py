@@ -10,7 +10,6 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.readings import Reading, read_marks
 from gspure.provenance import run_of
-from gspure.schemes.registry import made_by
 from gspure.settings import SECONDS
 
 EXAMPLES = """\
@@ -38,17 +37,17 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
+    scheme = options.key_scheme(args) if args.key else args.scheme
     if args.key:
-        args.scheme = args.scheme or made_by(args.key)[0]
         key = options.read_key(args, run_of(args.images))
         readings = key.readings(args.images)
     else:
         readings = read_marks(args.command, args.images, args.message, args.timeout)
     write_table(args.out, Reading, readings)
-    options.record_command(args, args.out.parent)
+    options.record_command(args, args.out.parent, resolved={"scheme": scheme})
     mean = f"{np.mean([reading.level for reading in readings]):.4g}"
-    found = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
-    print(f"{found} over {len(readings)} images")
+    summary = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
+    print(f"{summary} over {len(readings)} images")
 
 
 def _bits(text: str) -> str:

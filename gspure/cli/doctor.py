@@ -28,12 +28,12 @@ _CHECKOUT: Final = Path(gspure.__file__).resolve().parents[1]  # of an editable 
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report, column by column; whether gspure cannot run without it, and the command that fixes it."""
+    """One line of the report."""
 
     ok: bool
-    cells: tuple[str, ...]
-    needed: bool = True
-    fix: str = ""
+    cells: tuple[str, ...]  # by column
+    needed: bool = True  # gspure cannot run without it
+    fix: str = ""  # a command
 
 
 def add_arguments(parser: Parser) -> None:
@@ -43,14 +43,18 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> int:
     """Print the report; return 0 if gspure can run, else 1."""
     fixes = examine()
-    if args.fix and (pip := [fix for fix in fixes if fix.startswith(shlex.quote(sys.executable))]):
-        for fix in pip:
+    by_pip = [fix for fix in fixes if fix.startswith(shlex.quote(sys.executable))]
+    if args.fix and by_pip:
+        for fix in by_pip:
             print(f"\n{fix}", flush=True)
             subprocess.run(shlex.split(fix), check=False)
         print(flush=True)
         fixes = examine()
-    print(f"\n{'gspure cannot run yet: see the fixes above.' if fixes else 'gspure can run.'}")
-    return int(bool(fixes))
+    if fixes:
+        print("\ngspure cannot run yet: see the fixes above.")
+        return 1
+    print("\ngspure can run.")
+    return 0
 
 
 def examine() -> list[str]:
@@ -79,7 +83,8 @@ def opencl() -> list[Finding]:
     usable = [trial for trial in working if trial.selected]
     findings = []
     for trial in trials:
-        status = trial.problem or f"{trial.seconds:.1f} s{', in use' if trial in usable[:1] else ''}"
+        use = ", in use" if trial in usable[:1] else ""
+        status = trial.problem or f"{trial.seconds:.1f} s{use}"
         cells = (str(trial.index), trial.kind, trial.name, f"{trial.platform} {trial.driver}", status)
         findings.append(Finding(trial in working, cells, needed=False))
     if working and not usable:
@@ -96,7 +101,8 @@ def opengl() -> list[Finding]:
     """Return whether 3-D figures can be drawn with OpenGL."""
     from gspure.figures.plates import opengl_renderer
 
-    if renderer := opengl_renderer():
+    renderer = opengl_renderer()
+    if renderer:
         return [Finding(ok=True, cells=(renderer,), needed=False)]
     fix = _make("gl") or "sudo apt-get install libegl1 libgl1-mesa-dri"
     return [Finding(ok=False, cells=("off-screen rendering fails: no point clouds",), needed=False, fix=fix)]
@@ -130,15 +136,22 @@ def _make(target: str) -> str | None:
     return f"make -C {shlex.quote(str(_CHECKOUT))} {target}" if by_make else None
 
 
+def _colour(finding: Finding) -> int:
+    """Return the terminal's colour: green, or red for a fault and yellow for a remark."""
+    if finding.ok:
+        return 32
+    return 31 if finding.needed else 33
+
+
 def report(title: str, findings: Sequence[Finding]) -> Iterator[str]:
     """Yield the lines of a section; columns of rows of equal length are aligned."""
     yield f"\n{title}"
     for finding in findings:
-        table = [other.cells for other in findings if len(other.cells) == len(finding.cells)]
+        table = [row.cells for row in findings if len(row.cells) == len(finding.cells)]
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         cells = "  ".join(cell.ljust(width) for cell, width in zip(finding.cells, widths, strict=True))
-        word, colour = ("ok", 32) if finding.ok else ("no", 31 if finding.needed else 33)
-        mark = f"\033[{colour}m{word}\033[0m" if sys.stdout.isatty() else word
+        word = "ok" if finding.ok else "no"
+        mark = f"\033[{_colour(finding)}m{word}\033[0m" if sys.stdout.isatty() else word
         yield f"  {mark}  {cells}".rstrip()
         if not finding.ok and finding.fix:
             yield f"        fix: {finding.fix}"

@@ -33,6 +33,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
+    """Download and unpack the scenes that the folder lacks."""
     scenes = SCENES if ALL in args.scenes else dict.fromkeys(args.scenes)
     missing = {scene: SCENES[scene] for scene in scenes if not (args.out / scene / PROVENANCE).is_file()}
     if missing and not args.accept_licence:

@@ -48,41 +48,55 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Extract every view."""
-    args.scheme = args.scheme or made_by(args.key)[0]
-    args.cameras = args.cameras or message_folder(made_by(args.key)[1])
-    scheme, views = find_scheme(args.scheme), options.read_views(args, args.split, args.transform)
+    scheme_name = options.key_scheme(args)
+    source = args.cameras or message_folder(made_by(args.key)[1])
+    scheme = find_scheme(scheme_name)
+    views = options.read_views(args, args.split, args.transform, source)
     public = scheme.read_public(args.model).drawn(args.model)
     key = options.read_key(args, run_of(model_file(args.model)))
-    args.extraction = args.extraction or next(iter(scheme.extractions))
-    if args.extraction not in scheme.extractions:
+    extraction = args.extraction or next(iter(scheme.extractions))
+    if extraction not in scheme.extractions:
         expected = f"one of {', '.join(scheme.extractions)}"
-        raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(args.extraction))
+        raise InputError(f"scheme {scheme.name}", "--extraction", expected=expected, found=repr(extraction))
     if args.original and args.transform:
         raise InputError("extract", "--transform", expected="nothing beside --original", found=str(args.transform))
     if args.original:
-        public = registered(public, scheme.read_public(args.original).drawn(args.original).model)
-    if scheme.fits and args.extraction == ADAPTIVE:
+        original = scheme.read_public(args.original).drawn(args.original)
+        public = registered(public, original.model)
+    if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
-    images, all_blank = key.images(public, args.extraction, views, options.read_device(args)), True
+    images = key.images(public, extraction, views, options.read_device(args))
+    all_blank = True
     with filling(args.out) as folder:
         for camera, image in zip(track(views, "extract"), images, strict=True):
             write_image(folder / f"{camera.name}.png", image)
             all_blank &= is_blank(image)
-        if isinstance(args.cameras, str):
+        if isinstance(source, str):
             options.write_views(folder, views)
-        options.record_command(args, folder)
-    if args.wrong_key is None and isinstance(args.cameras, Path) and not missing_photographs(views):
-        readability(Capture.read(args.cameras), public, key, options.read_device(args)).report()
-    if all_blank and args.wrong_key is None:
-        causes = "the key does not match the model, Gaussians were moved or rounded, or an attack removed the message"
-        tries = ["--original"] * (not args.original)
-        tries += [f"--extraction {ADAPTIVE}"] * (ADAPTIVE in scheme.extractions and args.extraction != ADAPTIVE)
-        advice = f" (for moved or rounded Gaussians, try {' or '.join(tries)})" if tries else ""
-        warn(f"all extracted images are blank: {causes}{advice}")
+        resolved = {"scheme": scheme_name, "cameras": source, "extraction": extraction}
+        options.record_command(args, folder, resolved=resolved)
+    if args.wrong_key is not None:
+        return
+    if isinstance(source, Path) and not missing_photographs(views):
+        readability(Capture.read(source), public, key, options.read_device(args)).report()
+    if all_blank:
+        may_adapt = ADAPTIVE in scheme.extractions and extraction != ADAPTIVE
+        _warn_of_blank_images(has_original=bool(args.original), may_adapt=may_adapt)
+
+
+def _warn_of_blank_images(*, has_original: bool, may_adapt: bool) -> None:
+    causes = "the key does not match the model, Gaussians were moved or rounded, or an attack removed the message"
+    options_to_try = []
+    if not has_original:
+        options_to_try.append("--original")
+    if may_adapt:
+        options_to_try.append(f"--extraction {ADAPTIVE}")
+    advice = f" (for moved or rounded Gaussians, try {' or '.join(options_to_try)})" if options_to_try else ""
+    warn(f"all extracted images are blank: {causes}{advice}")
 
 
 def _lesson(args: Arguments) -> Lesson:
-    """Return what the key learns from: photographs of the message, in training views that move with the model."""
+    """Return the lesson of the key: photographs of the message, in training views that move with the model."""
     if not args.photographs:
         raise InputError("extract", "--photographs", expected="photographs of the message to learn from", found="none")
     capture = Capture.read(args.photographs)

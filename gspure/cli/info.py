@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable
 from itertools import groupby
+from pathlib import Path
 
 from gspure.cameras.orbit import up_of
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
-from gspure.model import model_file, read_model
+from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import FILTER
 from gspure.model.inria import UNPACKED_SOG, training_arguments
 from gspure.model.summary import Summary, doubts, summarize, suspicious_lines
@@ -31,29 +32,43 @@ def run(args: Arguments) -> None:
     for doubt in doubts(model):
         warn(f"{file}: {doubt}")
     summary = summarize(model)
-    up = str(up_of(model)) if len(summary.suspicious.get("undrawable", ())) < len(model) else ""
-    rows = "anchors" if model.has_anchors else "Gaussians"
-    colour = f"SH degree {model.sh_degree}" if model.sh_degree >= 0 else "no spherical harmonics"
-    parts = file.parent.glob("*.webp") if file.name == UNPACKED_SOG else []  # the images of an unpacked SOG model
-    size = f"{sum(part.stat().st_size for part in (file, *parts)) / 1e6:,.1f} MB"
-    facts = f"  {len(model):,} {rows}, {colour}, {len(model.names)} properties, {size}"
-    lines = [str(file), facts, f"  {summary.kind}"]
-    lines += [f"  run {run}"] if (run := run_of(file)) else []
-    lines += [f"  further properties: {_series(summary.further_columns)}"] if summary.further_columns else []
-    lines += ["", *_table(summary), *([f"  {'guessed up':<18}{up:>11}"] if up else [])]
+    has_drawable_rows = len(summary.suspicious.get("undrawable", ())) < len(model)
+    up = str(up_of(model)) if has_drawable_rows else ""
+    lines = [str(file), f"  {_facts(file, model)}", f"  {summary.kind}"]
+    run_id = run_of(file)
+    if run_id:
+        lines.append(f"  run {run_id}")
+    if summary.further_columns:
+        lines.append(f"  further properties: {_series(summary.further_columns)}")
+    lines += ["", *_table(summary)]
+    if up:
+        lines.append(f"  {'guessed up':<18}{up:>11}")
     lines += [f"  {line}" for line in suspicious_lines(summary.suspicious, len(model))]
-    lines += [""] if model.comments or training else []
+    if model.comments or training:
+        lines.append("")
     lines += [f"  comment: {comment}" for comment in model.comments]
     lines += [f"  trained with {name} = {value}" for name, value in sorted(training.items())]
     print("\n".join(map(printable, lines)))
 
 
+def _facts(file: Path, model: Gaussians) -> str:
+    """Return the numbers of rows and properties, the colours and the size of the file."""
+    rows = "anchors" if model.has_anchors else "Gaussians"
+    colour = f"SH degree {model.sh_degree}" if model.sh_degree >= 0 else "no spherical harmonics"
+    files = [file]
+    if file.name == UNPACKED_SOG:
+        files += file.parent.glob("*.webp")  # its images
+    size = sum(part.stat().st_size for part in files) / 1e6
+    return f"{len(model):,} {rows}, {colour}, {len(model.names)} properties, {size:,.1f} MB"
+
+
 def _table(summary: Summary) -> Iterable[str]:
-    """Yield the quantiles of the columns, and the numbers of odd rows."""
+    """Yield the quantiles of the columns, and the numbers of suspicious rows."""
     cells = {"": ["min", "5 %", "25 %", "median", "75 %", "95 %", "max"]}
     for name, values in summary.quantiles.items():
         cells[name.replace("_", " ")] = [f"{value:.4g}" for value in values] or ["no finite value"]
-    yield from (f"  {name:<18}" + "".join(f"{cell:>11}" for cell in row) for name, row in cells.items())
+    for name, row in cells.items():
+        yield f"  {name:<18}" + "".join(f"{cell:>11}" for cell in row)
     if FILTER in summary.further_columns:
         yield "  stored values: the 3-D filter is not part of them"
     where = (f"{name} in {rows:,}, first {first}" for name, (rows, first) in summary.non_finite_columns.items())

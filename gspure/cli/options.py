@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,31 +37,44 @@ def add_device(parser: Parser) -> None:
 
 def read_device(args: Arguments) -> Device:
     """Return the device that ``--device`` selects; log its name."""
+    return selected_device(args.device)
+
+
+def selected_device(name: str | None) -> Device:
+    """Return the device of a name or index as ``--device`` takes it; log its full name."""
     from gspure.opencl.device import choose_device
     from gspure.progress import say
 
-    device = choose_device(args.device)
+    device = choose_device(name)
     say(f"device {device}")
     return device
 
 
-def read_key(args: Arguments, run: str) -> Key:
-    """Return the key of ``--scheme`` and ``--key``, or the unrelated one of ``--wrong-key``.
+def key_scheme(args: Arguments) -> str:
+    """Return the name of the scheme: that of ``--scheme``, by default that of ``--key``."""
+    from gspure.schemes.registry import made_by
 
-    Unless ``--control`` is set, refuse the key of another run of `gspure embed` than `run`, that of the model.
+    name: str = args.scheme or made_by(args.key)[0]
+    return name
+
+
+def read_key(args: Arguments, run: str) -> Key:
+    """Return the key of `key_scheme` in ``--key``, or the unrelated one of ``--wrong-key``.
+
+    Unless ``--control`` is set, refuse the key of another embedding than `run`, the run ID of the model.
     """
     import numpy as np
 
     from gspure.provenance import run_of
     from gspure.schemes.registry import find_scheme
 
-    key = find_scheme(args.scheme).read_key(args.key)
+    key = find_scheme(key_scheme(args)).read_key(args.key)
     if args.wrong_key is not None:
         return key.wrong(np.random.default_rng(args.wrong_key))
-    own = run_of(args.key)
-    if run and own and run != own and not args.control:
+    key_run = run_of(args.key)
+    if run and key_run and run != key_run and not args.control:
         hint = "--control accepts the key of another model, a negative control"
-        raise InputError(args.key, "run", expected=f"{run}, as of the model", found=own, hint=hint)
+        raise InputError(args.key, "run", expected=f"{run}, as of the model", found=key_run, hint=hint)
     return key
 
 
@@ -109,7 +122,7 @@ def add_up(parser: Parser, **group: Any) -> None:
 
 
 def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
-    """Read cameras, in the world of the model, or generate them; `settings` that are not None are of generated ones."""
+    """Read cameras, in the world of the model, or generate them; `settings` that are not None are for generating."""
     from gspure.cameras import GENERATED, read_cameras
     from gspure.cameras.worlds import in_world_of
     from gspure.model import read_model
@@ -117,9 +130,10 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
     settings = {name: value for name, value in settings.items() if value is not None}
     if isinstance(source, Path):
         if settings:
-            found = f"a camera file and --{next(iter(settings))}"
-            raise InputError(source, "source", expected="orbit or shells", found=found)
-        return in_world_of(model, read_cameras(source), source) if model else read_cameras(source)
+            conflict = f"a camera file and --{next(iter(settings))}"
+            raise InputError(source, "source", expected="orbit or shells", found=conflict)
+        cameras = read_cameras(source)
+        return in_world_of(model, cameras, source) if model else cameras
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     return GENERATED[source](read_model(model), **settings)
@@ -133,14 +147,19 @@ def add_views(parser: Parser, split: str, **cameras: Any) -> None:
     parser.reads("--transform", "NPY", meaning, required=False)
 
 
-def read_views(args: Arguments, split: str, transform: Path | None = None) -> list[Camera]:
-    """Read the views of a split that ``--cameras`` names, moved by the rigid transform of a file."""
+def read_views(
+    args: Arguments, split: str, transform: Path | None = None, source: Path | str | None = None
+) -> list[Camera]:
+    """Read the views of a split of `source`, by default ``--cameras``, moved by the rigid transform of a file."""
     from gspure.cameras.reading import read_transform
     from gspure.cameras.splits import views_of_split
 
-    views = views_of_split(read_source(args.cameras, args.model, up=args.up), split, args.cameras)
-    moves = read_transform(transform) if transform else None
-    return views if moves is None else [view.moved(moves) for view in views]
+    source = source or args.cameras
+    views = views_of_split(read_source(source, args.model, up=args.up), split, source)
+    if transform is None:
+        return views
+    motion = read_transform(transform)
+    return [view.moved(motion) for view in views]
 
 
 def write_views(folder: Path, views: Sequence[Camera]) -> None:
@@ -150,54 +169,61 @@ def write_views(folder: Path, views: Sequence[Camera]) -> None:
     write_cameras(folder / "cameras.json", [replace(view, image=None) for view in views])
 
 
-def record_command(args: Arguments, folder: Path, run: str = "", **settled: object) -> None:
+def record_command(args: Arguments, folder: Path, run: str = "", resolved: Mapping[str, object] | None = None) -> None:
     """Write ``provenance.json`` to a folder of results: arguments that are paths are inputs, others are settings.
 
-    `run` is the run ID if the inputs have none (`gspure.provenance.write_provenance`). `settled` are values in place of
-    those of the command line, such as the settings of an attack with their defaults.
+    `run` is the run ID if the inputs have none (`gspure.provenance.write_provenance`). `resolved` replaces arguments by
+    the values that the command used, such as defaults that depend on the model.
     """
     from gspure.model import model_file
     from gspure.provenance import write_provenance
 
     skipped = {*args.outputs, "outputs", "run", "verb", "quiet", "force"}
-    known = {name: value for name, value in {**vars(args), **settled}.items() if name not in skipped}
-    inputs = {name: value for name, value in known.items() if isinstance(value, Path)}
-    settings = {name: value for name, value in known.items() if name not in inputs}
+    values = vars(args) | dict(resolved or {})
+    recorded = {name: value for name, value in values.items() if name not in skipped}
+    inputs = {name: value for name, value in recorded.items() if isinstance(value, Path)}
+    settings = {name: value for name, value in recorded.items() if name not in inputs}
     if "model" in inputs:
         inputs["model"] = model_file(inputs["model"])
     write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
 
 
 def require_own_folder(args: Arguments) -> None:
-    """Refuse an output folder with files that another command, or none, has written, unless ``--force`` is set."""
+    """Refuse an output folder with files that this command did not write, unless ``--force`` is set."""
     from gspure.files import read_json
     from gspure.provenance import PROVENANCE
 
-    files = (file for path in args.out.glob("[!.]*") for file in (path, *path.rglob("*")) if file.is_file())
-    if args.force or not any(files):
+    visible = args.out.glob("[!.]*")
+    has_files = any(file.is_file() for path in visible for file in (path, *path.rglob("*")))
+    if args.force or not has_files:
         return
-    record = read_json(file) if (file := args.out / PROVENANCE).is_file() else None
+    provenance = args.out / PROVENANCE
+    record = read_json(provenance) if provenance.is_file() else None
     if not (isinstance(record, dict) and record.get("command") == args.verb):
-        expected, hint = f"an empty folder or results of `gspure {args.verb}`", "name another folder, or use --force"
+        expected = f"an empty folder or results of `gspure {args.verb}`"
+        hint = "name another folder, or use --force"
         raise InputError(args.out, "--out", expected=expected, found="other files", hint=hint)
 
 
 def remove_older(folder: Path, *patterns: str) -> None:
-    """Remove files of an earlier run that the next one may lack."""
+    """Remove files of an earlier run, which the next run may not replace."""
     for pattern in patterns:
-        for path in filter(Path.is_file, folder.glob(pattern)):
-            path.unlink()
+        for path in folder.glob(pattern):
+            if path.is_file():
+                path.unlink()
 
 
 def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme]) -> None:
     """Add a list of attacks or schemes below the examples, with their settings and defaults."""
-    lines = [f"  {c.name:<28}{' '.join(f'{name}={value}' for name, value in c.settings.items())}" for c in choices]
-    lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:", *map(str.rstrip, lines)]
+    lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:"]
+    for choice in choices:
+        settings = " ".join(f"{name}={value}" for name, value in choice.settings.items())
+        lines.append(f"  {choice.name:<28}{settings}".rstrip())
     parser.epilog = "\n".join(lines)
 
 
 def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
-    """Warn if the up direction of generated views is an unsure guess, and draw a model with each axis up, labelled."""
+    """Warn if the up direction of generated views is an unsure guess, and draw the model with each axis up."""
     from gspure.cameras.orbit import UP_SHEET, up_of
     from gspure.figures.panels import draw_up_sheet
     from gspure.progress import warn

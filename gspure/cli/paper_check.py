@@ -29,13 +29,13 @@ def run(args: Arguments) -> None:
     checks = paper.check_claims(printed)
     ours = read_table(args.survival, Survival) if args.survival else []
     if args.out:
-        write_text(args.out, _all(checks))
+        write_text(args.out, _as_csv(checks))
     title = "Scores in dB, recomputed from Table 1 with the 95% interval over its scenes"
-    rows = [_score(check, printed) for check in checks if check.claim.quantity == "score"]
-    scores = _table(title, ["scheme", "attack", "printed", "recomputed", "difference", "follows"], rows)
-    rows = [_number(check) for check in checks if check.claim.quantity != "score"]
+    columns = ["scheme", "attack", "printed", "recomputed", "difference", "follows"]
+    scores = _table(title, columns, [_score(check, printed) for check in checks if check.claim.quantity == "score"])
+    title = "Other numbers in dB, recomputed from Table 1"
     columns = ["place", "printed", "recomputed", "difference", "follows"]
-    others = _table("Other numbers in dB, recomputed from Table 1", columns, rows)
+    others = _table(title, columns, [_number(check) for check in checks if check.claim.quantity != "score"])
     for table in (scores, others, beside_table(paper.beside(printed, ours))):
         print(f"{table.title}\n\n{table.markdown()}\n")
     failed = sum(not check.holds for check in checks)
@@ -51,12 +51,13 @@ def _score(check: paper.Check, printed: Sequence[paper.PrintedRow]) -> list[str]
 
 
 def _number(check: paper.Check) -> list[str]:
-    printed = f"{'< ' if check.claim.relation == '<' else ''}{decimal(check.claim.value)}"
+    relation = "< " if check.claim.relation == "<" else ""
+    printed = f"{relation}{decimal(check.claim.value)}"
     numbers = [printed, decimal(check.recomputed), signed(check.difference)]
     return [f"{check.claim.place}: {check.claim.words}", *numbers, "yes" if check.holds else "no"]
 
 
-def _all(checks: Sequence[paper.Check]) -> str:
+def _as_csv(checks: Sequence[paper.Check]) -> str:
     rows = []
     for check in checks:
         *claim, value = check.claim

@@ -20,15 +20,15 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        for kind in (None, Path):
-            self.register("type", kind, partial(filled, kind or str))
+        self.register("type", None, partial(filled, str))
+        self.register("type", Path, partial(filled, Path))
 
     def reads(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
         """Add a file or folder to read; an option without a default is required unless `required` is false."""
         if name.startswith("-") and "default" not in settings:
             settings = {"required": True, **settings}
         settings = {"type": Path, "metavar": metavar, **settings}
-        self.add_argument(name, help=meaning + _DEFAULT * bool(settings.get("default")), **settings)
+        self.add_argument(name, help=_with_default(meaning, settings.get("default")), **settings)
 
     def writes(self, name: str, metavar: str, meaning: str, **settings: Any) -> None:
         """Add a folder (DIR) or file to write; the metavar of a file names its suffixes, such as CSV or PNG|SVG."""
@@ -38,21 +38,24 @@ class Parser(argparse.ArgumentParser):
 
     def text(self, name: str, metavar: str, meaning: str, default: str | None = None, **settings: Any) -> None:
         """Add a text."""
-        self.add_argument(name, metavar=metavar, help=meaning + _DEFAULT * bool(default), default=default, **settings)
+        help_text = _with_default(meaning, default)
+        self.add_argument(name, metavar=metavar, help=help_text, default=default, **settings)
 
     def number(
         self, name: str, metavar: Metavar, meaning: str, limits: Range, default: float | None = None, **settings: Any
     ) -> None:
         """Add a number within `limits`, perhaps to a `group` of options; `name` may hold a short name, too."""
-        useful = f"; {limits}" if limits.most <= 1000 else ""  # larger bounds are far above what is useful
-        meaning += useful + ("" if default is None else _DEFAULT)
+        if limits.most <= 1000:  # larger bounds are far above what is useful
+            meaning += f"; {limits}"
+        if default is not None:
+            meaning += _DEFAULT
         settings |= {"metavar": metavar, "help": meaning, "default": default, "type": partial(_number, limits)}
-        settings.pop("group", self).add_argument(*name.split(), **settings)
+        group = settings.pop("group", self)
+        group.add_argument(*name.split(), **settings)
 
     def choice(self, name: str, choices: Iterable[str], meaning: str, default: str | None = None) -> None:
         """Add one of some texts."""
-        known = _DEFAULT * bool(default)
-        self.add_argument(name, choices=tuple(choices), help=meaning + known, default=default)
+        self.add_argument(name, choices=tuple(choices), help=_with_default(meaning, default), default=default)
 
     def flag(self, *names_and_meaning: str) -> None:
         """Add a switch: its names, and its meaning."""
@@ -64,14 +67,17 @@ class Parser(argparse.ArgumentParser):
         self.add_argument(name, action="append", type=_pair, metavar=metavar, help=f"{meaning}; repeatable", default=[])
 
     def parse_args(self, words: Sequence[str]) -> Arguments:  # type: ignore[override]
-        """Parse all words; those after ``--`` are passed on by a command that has `passed_on`.
+        """Parse all words; a command with `passed_on` passes on those after ``--``.
 
-        A misspelt option is refused first, as it is the reason why others are missing.
+        A misspelt option is refused first, because argparse would report the intended one as missing instead.
         """
-        end = words.index("--") if "--" in words and "passed_on" in self._defaults else len(words)
+        end = len(words)
+        if "--" in words and "passed_on" in self._defaults:
+            end = words.index("--")
         known = self._option_string_actions
-        for option in (word.partition("=")[0] for word in words[:end] if word.startswith("--")):
-            if not any(name.startswith(option) for name in known):
+        for word in words[:end]:
+            option = word.partition("=")[0]
+            if option.startswith("--") and not any(name.startswith(option) for name in known):
                 self.error(f"no option {option}{suggestion(option, known.keys() - {'--help'})}")
         parsed = super().parse_intermixed_args(words[:end])  # PAIR of `embed` may follow options
         if end < len(words):
@@ -81,6 +87,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the reason, and exit with status 2."""
         self.exit(2, f"{self.prog}: {printable(message)}; see `{self.prog} --help`\n")
+
+
+def _with_default(meaning: str, default: object) -> str:
+    return meaning + _DEFAULT if default else meaning
 
 
 def filled(kind: Callable[[str], Any], text: str) -> Any:
@@ -97,7 +107,8 @@ def _output(suffixes: tuple[str, ...], text: str) -> Path:
 
 
 def _number(limits: Range, text: str) -> float:
-    if (value := limits.parse(text)) is None:
+    value = limits.parse(text)
+    if value is None:
         raise argparse.ArgumentTypeError(f"expected {limits.expected}, found {text!r}")
     return value
 

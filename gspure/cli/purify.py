@@ -8,14 +8,23 @@ from typing import Any
 import numpy as np
 
 from gspure import __version__
-from gspure.arrays import save_array
+from gspure.arrays import Float32, Indices, save_array
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
 from gspure.cameras.worlds import mention_unseen
 from gspure.cli import options
 from gspure.cli.options import mention_up
 from gspure.cli.parser import Arguments, Parser
-from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N, MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
+from gspure.constants import (
+    ANCHOR_TAU_C,
+    ANCHOR_TAU_N,
+    MAX_CLUSTER_SHARE,
+    MIN_CLUSTER_SIZE,
+    MIN_SAMPLES,
+    TAU_C,
+    TAU_N,
+    Energy,
+)
 from gspure.errors import InputError
 from gspure.files import filling, write_json
 from gspure.images import write_image
@@ -25,6 +34,7 @@ from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
 from gspure.metrics import comparison
 from gspure.metrics.comparison import ViewMetrics
+from gspure.model import Gaussians
 from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
@@ -48,7 +58,7 @@ files in DIR:
   provenance.json    command, settings and inputs
 """
 
-_VISIBLE = 30.0  # dB against renders before pruning: in views below it, people see what is missing; ours
+_VISIBLE = 30.0  # dB against renders before pruning; views below it visibly lack detail; ours
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 """Folders of renders, with the target of their metrics."""
@@ -82,15 +92,13 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Purify, compare the held-out views and write the results, all or none; then draw figures, and print."""
-    from gspure.schemes.registry import read_public_model, recognized
+    from gspure.schemes.registry import read_public_model
 
     options.require_own_folder(args)
     stored = read_public_model(args.model)
     suspects = suspicious_rows(stored.model)
     public = stored.drawable(args.model)
-    scheme = recognized(public.model)
-    args.tau_c = args.tau_c or (scheme.tau_c if scheme else TAU_C)
-    args.tau_n = args.tau_n or (scheme.tau_n if scheme else TAU_N)
+    settings = _settings(args, public)
     if args.repair is not None and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(options.read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
@@ -99,7 +107,6 @@ def run(args: Arguments) -> None:
     if not train:
         warn("a single view: it measures the weights, and none is held out for the metrics")
         train = test
-    settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     device = choose_device(args.device)
     with filling(args.out) as folder:
         purification = purify(public, train, device=device, energy=args.energy, **settings)
@@ -108,46 +115,56 @@ def run(args: Arguments) -> None:
         options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
-        rows = _compare(folder, models, test, device)
-        suspicions = {reason: rows.tolist() for reason, rows in suspects.items()}
-        diagnosis = purification.diagnosis.to_json() | {"suspicious": suspicions}
-        _add_psnr(diagnosis, rows)
+        metrics = _compare(folder, models, test, device)
+        diagnosis = _diagnosis(purification, suspects, metrics)
         write_json(folder / "diagnosis.json", diagnosis)
-        options.record_command(args, folder)
-        patterns = (f"renders/{title}/*.png" for title in _RENDERS)
-        options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *patterns)
+        options.record_command(args, folder, resolved=settings)
+        renders = [f"renders/{title}/*.png" for title in _RENDERS]
+        options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *renders)
     if public.visible and isinstance(args.cameras, str):
         mention_up(public.model, public.scene(device, public.model.background), args.up, args.out)
-    captions = [] if args.no_figures else _draw(args, public, purification, cameras, [*models], device)
+    captions: list[str] = []
+    if not args.no_figures:
+        captions = _draw(args.out, public, purification, settings, cameras, [*models], device)
     lines = [*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]
     if public.rows_are_gaussians:
-        subpixel = subpixel_rows(public.model, purification.weights, train) if args.energy == "ray" else None
-        lines += [subpixel.line(len(public.model), cameras[0].width)] if subpixel else []
-        lines += near_lines(public.model, purification.weights, train)
-    if {"psnr_before_repair", "psnr"} <= diagnosis.keys():
-        before, after = diagnosis["psnr_before_repair"]["mean"], diagnosis["psnr"]["mean"]
-        lines.append(f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after")
-    table = comparison.as_text(rows, per_view=args.per_view) if rows else []
-    print("\n".join([*lines, f"results in {args.out}", *table, *captions]))
-    for low in comparison.worst([row for row in rows if row.target == "scene"]):
-        if low.psnr < _VISIBLE:
-            level = f"{low.view} has {low.psnr:.1f} dB, so visible detail is lost"
-            warn(f"{level}: a larger --tau-n prunes less, --repair trains the remaining rows")
+        lines += _lines_of_views(public.model, purification.weights, train, args.energy, cameras[0].width)
+    lines += _lines_of_repair(diagnosis)
+    lines.append(f"results in {args.out}")
+    if metrics:
+        lines += comparison.as_text(metrics, per_view=args.per_view)
+    print("\n".join([*lines, *captions]))
+    _warn_of_lost_detail(metrics)
+
+
+def _settings(args: Arguments, public: PublicModel) -> dict[str, Any]:
+    """Return the settings of the method; by default, the model's scheme decides about the pruning factors."""
+    from gspure.schemes.registry import recognized
+
+    settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
+    scheme = recognized(public.model)
+    settings["tau_c"] = args.tau_c or (scheme.tau_c if scheme else TAU_C)
+    settings["tau_n"] = args.tau_n or (scheme.tau_n if scheme else TAU_N)
+    return settings
 
 
 def _models(
     public: PublicModel, purification: Purification, views: Sequence[Camera], repair: int | None, device: Device
 ) -> dict[str, PublicModel]:
-    """Return the models by title of their renders; with `repair`, train the rest on renders of the public model."""
+    """Return the models by the title of their renders.
+
+    After `repair` steps, 0 for the default, the purified model is the pruned one trained on renders of the public one.
+    """
     pruned = public.with_model(purification.model)
     if repair is None:
         return {"unattacked": public, "purified": pruned}
     from gspure.attacks.attack import Teacher
     from gspure.attacks.learning import ITERATIONS
 
-    repair = repair or ITERATIONS
-    rows = Teacher("prune_repair", public, views, device).train(pruned, np.random.default_rng(0), repair, "all")
-    rows = rows.with_comment(f"gspure {__version__} repaired iterations={repair}")
+    iterations = repair or ITERATIONS
+    teacher = Teacher("prune_repair", public, views, device)
+    rows = teacher.train(pruned, np.random.default_rng(0), iterations, "all")
+    rows = rows.with_comment(f"gspure {__version__} repaired iterations={iterations}")
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}
 
 
@@ -158,34 +175,67 @@ def _compare(
     if not models["unattacked"].visible:
         say("the model holds no colour: no renders, no metrics")
         return []
-    renders, background = folder / "renders", models["unattacked"].model.background
+    renders = folder / "renders"
+    background = models["unattacked"].model.background
     for title, public in models.items():
         scene = public.scene(device, background)
         for camera in track(views, f"render {title}"):
             write_image(renders / title / f"{camera.name}.png", scene(camera))
-    pairs = [
-        pair._replace(target=_RENDERS[title])
-        for title in reversed([*models][1:])
-        for pair in comparison.pair_images(renders / "unattacked", renders / title)[0]
-    ]
-    rows = [comparison.compare(pair) for pair in track(pairs, "metrics")]
-    comparison.write_metrics(folder / "metrics.csv", rows)
-    return rows
+    changed = [title for title in models if title != "unattacked"]
+    pairs = []
+    for title in reversed(changed):
+        of_title, _ = comparison.pair_images(renders / "unattacked", renders / title)
+        pairs += [pair._replace(target=_RENDERS[title]) for pair in of_title]
+    metrics = [comparison.compare(pair) for pair in track(pairs, "metrics")]
+    comparison.write_metrics(folder / "metrics.csv", metrics)
+    return metrics
 
 
-def _add_psnr(diagnosis: dict[str, Any], rows: Sequence[ViewMetrics]) -> None:
-    """Add the mean PSNR of the held-out views, and the worst of them with its warning; nothing if all are identical."""
-    for mean, low in zip(comparison.means(rows), comparison.worst(rows), strict=True):
+def _diagnosis(
+    purification: Purification, suspects: Mapping[str, Indices], metrics: Sequence[ViewMetrics]
+) -> dict[str, Any]:
+    """Return the content of ``diagnosis.json``; the PSNR of a target is left out if all its views are identical."""
+    diagnosis: dict[str, Any] = purification.diagnosis.to_json()
+    diagnosis["suspicious"] = {reason: rows.tolist() for reason, rows in suspects.items()}
+    for mean, low in zip(comparison.means(metrics), comparison.worst(metrics), strict=True):
         if math.isfinite(low.psnr):
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
             diagnosis[key] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
-    diagnosis["warnings"] += comparison.far_below(rows)
+    diagnosis["warnings"] += comparison.far_below(metrics)
+    return diagnosis
+
+
+def _lines_of_views(
+    model: Gaussians, weights: Float32, views: Sequence[Camera], energy: Energy, width: int
+) -> list[str]:
+    """Return remarks on Gaussians near the cameras and, with energy "ray", on those smaller than a pixel."""
+    lines = []
+    subpixel = subpixel_rows(model, weights, views) if energy == "ray" else None
+    if subpixel:
+        lines.append(subpixel.line(len(model), width))
+    return lines + near_lines(model, weights, views)
+
+
+def _lines_of_repair(diagnosis: Mapping[str, Any]) -> list[str]:
+    if not {"psnr_before_repair", "psnr"} <= diagnosis.keys():
+        return []
+    before = diagnosis["psnr_before_repair"]["mean"]
+    after = diagnosis["psnr"]["mean"]
+    return [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
+
+
+def _warn_of_lost_detail(metrics: Sequence[ViewMetrics]) -> None:
+    for low in comparison.worst([row for row in metrics if row.target == "scene"]):
+        if low.psnr < _VISIBLE:
+            level = f"{low.view} has {low.psnr:.1f} dB, so visible detail is lost"
+            warn(f"{level}: a larger --tau-n prunes less, --repair trains the remaining rows")
 
 
 def _draw(
-    args: Arguments,
+    out: Path,
     public: PublicModel,
     purification: Purification,
+    settings: Mapping[str, Any],
     cameras: Sequence[Camera],
     titles: Sequence[str],
     device: Device,
@@ -195,13 +245,19 @@ def _draw(
     from gspure.figures.gallery import draw_model
     from gspure.figures.panels import draw_before_after
 
-    folder = args.out / "figures"
-    model = Purified(public, purification.labels, purification.weights, tau_c=args.tau_c, tau_n=args.tau_n)
+    folder = out / "figures"
+    model = Purified(
+        public,
+        purification.labels,
+        purification.weights,
+        tau_c=settings["tau_c"],
+        tau_n=settings["tau_n"],
+    )
     captions = draw_model(folder, model, cameras, device)
     if public.visible:
         path = folder / "before_after.png"
         try:
-            captions[path.name] = draw_before_after(path, {title: args.out / "renders" / title for title in titles})
+            captions[path.name] = draw_before_after(path, {title: out / "renders" / title for title in titles})
         except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
             warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
     return [f"{folder / name}: {caption}" for name, caption in captions.items()]

@@ -33,19 +33,20 @@ def run(args: Arguments) -> None:
     views = options.read_views(args, args.split, args.transform)
     public = read_public_model(args.model, args.scheme).drawable(args.model)
     mention_unseen(public.model, views)
-    args.background = tuple(args.background or public.model.background)
-    scene = public.scene(options.read_device(args), args.background, args.energy)
+    background = tuple(args.background or public.model.background)
+    scene = public.scene(options.read_device(args), background, args.energy)
     empty = []
     with filling(args.out) as folder:
         for camera in track(views, "render"):
             image = scene(camera)
-            empty += [camera.name] * is_flat(image)
+            if is_flat(image):
+                empty.append(camera.name)
             write_image(folder / f"{camera.name}.png", image)
             if args.npy:
                 save_array(folder / f"{camera.name}.npy", image)
         if isinstance(args.cameras, str):
             options.write_views(folder, views)
-        options.record_command(args, folder)
+        options.record_command(args, folder, resolved={"background": background})
     if isinstance(args.cameras, str):
         mention_up(public.model, scene, args.up, args.out)
     if empty:

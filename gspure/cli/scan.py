@@ -50,9 +50,10 @@ def run(args: Arguments) -> None:
     model = read_model(file)
     if not len(model):
         raise InputError(file, "rows", expected="at least one", found="none")
-    vanilla = model.sh_degree >= 0 and not model.has_anchors
-    cameras = scaled(options.read_source(args.cameras, file), TRAINING_RULE) if args.cameras and vanilla else []
-    verdict = judge(model, _weights(args, model, cameras) if cameras else None)
+    is_vanilla = model.sh_degree >= 0 and not model.has_anchors
+    cameras = scaled(options.read_source(args.cameras, file), TRAINING_RULE) if args.cameras and is_vanilla else []
+    weights = _weights(args, model, cameras) if cameras else None
+    verdict = judge(model, weights)
     if args.picture and not verdict.measured.rows:
         warn(f"{args.picture}: not drawn, as no statistic counts rows of this model")
     elif args.picture:
@@ -61,11 +62,17 @@ def run(args: Arguments) -> None:
         masks = {name.replace("_", " "): mask for name, mask in verdict.measured.rows.items()}
         draw_rows(args.picture, model, masks, cameras)
     if args.json:
-        facts = {"model": str(file), "verdict": verdict.word, "reasons": verdict.reasons}
-        print(json.dumps({**facts, "statistics": verdict.statistics()}, indent=2))
+        facts = {
+            "model": str(file),
+            "verdict": verdict.word,
+            "reasons": verdict.reasons,
+            "statistics": verdict.statistics(),
+        }
+        print(json.dumps(facts, indent=2))
         return
+    reasons = [f"  {reason}" for reason in verdict.reasons]
     print(printable(f"{file}: {verdict.word}"))
-    print("\n".join([*(f"  {reason}" for reason in verdict.reasons), *verdict.lines()]))
+    print("\n".join([*reasons, *verdict.lines()]))
 
 
 def _weights(args: Arguments, model: Gaussians, cameras: Sequence[Camera]) -> Float32:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     from gspure.arrays import Float32
     from gspure.metrics.comparison import ViewMetrics
     from gspure.opencl.device import Device
+    from gspure.opencl.trainable import TrainableModel
     from gspure.training.dataset import Dataset
+    from gspure.training.output import Snapshot
     from gspure.training.trainer import Trainer
 
 EXAMPLES = """\
@@ -36,6 +39,17 @@ in DIR are those of 3DGS's trainer and render script:
 CHECKPOINT = "checkpoint.npz"
 _SECONDS_BETWEEN_CHECKPOINTS = 30.0
 _WATCHED = 3  # number of held-out views over which progress reports average the PSNR
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """The settings of a run, which a resumed run must share."""
+
+    iterations: int
+    resolution: str
+    background: tuple[float, ...]
+    max_gaussians: int
+    seed: int
 
 
 def add_arguments(parser: Parser) -> None:
@@ -70,72 +84,105 @@ def run(args: Arguments) -> None:
     options.require_own_folder(args)
     if args.model:
         require_writable(args.model)
-    args.background = tuple(args.background or trained_background(args.data))
-    photographs = {"photographs": args.images, "skip_missing": args.skip_missing}
-    data = dataset.read_dataset(args.data, args.resolution, **photographs, seed=args.seed)
-    args.max_gaussians = args.max_gaussians or data.max_gaussians
-    images = dataset.read_photographs(track(data.train, "photographs"), args.background)
+    background = tuple(args.background or trained_background(args.data))
+    data = dataset.read_dataset(
+        args.data, args.resolution, photographs=args.images, skip_missing=args.skip_missing, seed=args.seed
+    )
+    max_gaussians = args.max_gaussians or data.max_gaussians
+    settings = TrainingSettings(args.iterations, args.resolution, background, max_gaussians, args.seed)
+    images = dataset.read_photographs(track(data.train, "photographs"), background)
     size = f"{data.train[0].width}x{data.train[0].height}"
     views = f"{len(data.train)} views of {size}, {len(data.test)} held out"
     say(f"{views}, {len(data.xyz)} points, extent {data.extent:.3g}")
     device = options.read_device(args)
-    options.record_command(args, args.out)
+    options.record_command(args, args.out, resolved={"background": background, "max_gaussians": max_gaussians})
     with filling(args.out) as folder:
-        trainer = _train(args, data, images, device)
+        trainer = _train(settings, data, images, args.out / CHECKPOINT, resume=args.resume, device=device)
         parameters = trainer.model.state().parameters
-        model = output.write_output(folder, data, parameters, args.iterations, args.background, place=args.out)
-        rows = _compare(folder, args, data, model, device) if data.test else []
+        written = output.write_output(folder, data, parameters, args.iterations, background, place=args.out)
+        rows = _compare(folder, settings, data, written, device) if data.test else []
         output.remove_results(args.out)
+    model = output.point_cloud(args.out, args.iterations)
     if args.model:
         with replacing(args.model) as temporary:
-            shutil.copyfile(output.point_cloud(args.out, args.iterations), temporary)
+            shutil.copyfile(model, temporary)
     (args.out / CHECKPOINT).unlink(missing_ok=True)
     if rows:
         print("\n".join(as_text(rows, per_view=args.per_view)))
-    say(f"{trainer.model.count} Gaussians in {output.point_cloud(args.out, args.iterations)}")
+    say(f"{trainer.model.count} Gaussians in {model}")
 
 
-def _train(args: Arguments, data: Dataset, images: Sequence[Float32], device: Device) -> Trainer:
+def _train(
+    settings: TrainingSettings,
+    data: Dataset,
+    images: Sequence[Float32],
+    checkpoint: Path,
+    *,
+    resume: bool,
+    device: Device,
+) -> Trainer:
     """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
-    from gspure.metrics.image_metrics import psnr
     from gspure.opencl.trainable import TrainableModel
-    from gspure.training import dataset, initialization, output
+    from gspure.training import dataset, output
     from gspure.training.schedule import Schedule
-    from gspure.training.trainer import Trainer, beginning, watched
+    from gspure.training.trainer import Trainer, watched
 
-    checkpoint = args.out / CHECKPOINT
-    used = ("iterations", "resolution", "background", "max_gaussians", "seed")
-    settings = {name: getattr(args, name) for name in used}
-    settings["photographs and cameras"] = dataset.fingerprint(data, images)
-    if args.resume and checkpoint.is_file():
-        start = output.read_checkpoint(checkpoint, settings)
+    identity = asdict(settings) | {"photographs and cameras": dataset.fingerprint(data, images)}
+    if resume and checkpoint.is_file():
+        start = output.read_checkpoint(checkpoint, identity)
         say(f"continuing from iteration {start.iteration}")
     else:
-        points = initialization.thinned(data.xyz, data.rgb, args.max_gaussians, args.seed)
-        start = beginning(initialization.gaussians_at(*points), args.seed)
+        start = _beginning(settings, data)
     model = TrainableModel(start.state, start.iteration, device)
     model.set_targets(images)
-    bounds: dict[str, Any] = {"extent": data.extent, "max_gaussians": args.max_gaussians}
-    schedule = Schedule.scaled(args.iterations)
-    trainer = Trainer(model, data.train, schedule, start, background=args.background, **bounds)
-    views = data.test or data.train
-    views = views[:: -(-len(views) // _WATCHED)]
-    photographs = dataset.read_photographs(views, args.background)
-
-    def quality() -> str:
-        shown = (model.image(view, args.background).clip(0, 1) for view in views)
-        return f"PSNR {sum(map(psnr, shown, photographs)) / len(views):.2f}  {model.count} Gaussians"
-
-    began = saved = time.monotonic()
-    for _ in watched(trainer, args.iterations, quality, start.iteration):
+    trainer = Trainer(
+        model,
+        data.train,
+        Schedule.scaled(settings.iterations),
+        start,
+        extent=data.extent,
+        background=settings.background,
+        max_gaussians=settings.max_gaussians,
+    )
+    quality = _quality(model, data, settings.background)
+    began = time.monotonic()
+    saved = began
+    for _ in watched(trainer, settings.iterations, quality, start.iteration):
         if trainer.rests and time.monotonic() - saved > _SECONDS_BETWEEN_CHECKPOINTS:
-            output.write_checkpoint(checkpoint, trainer.snapshot(), settings)
+            output.write_checkpoint(checkpoint, trainer.snapshot(), identity)
             saved = time.monotonic()
-    say(f"trained {args.iterations - start.iteration} iterations in {time.monotonic() - began:.1f} s")
+    say(f"trained {settings.iterations - start.iteration} iterations in {time.monotonic() - began:.1f} s")
     return trainer
 
 
-def _compare(folder: Path, args: Arguments, data: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
+def _beginning(settings: TrainingSettings, data: Dataset) -> Snapshot:
+    """Return the snapshot before the first iteration: Gaussians at the points of the dataset."""
+    from gspure.training import initialization
+    from gspure.training.trainer import beginning
+
+    xyz, rgb = initialization.thinned(data.xyz, data.rgb, settings.max_gaussians, settings.seed)
+    return beginning(initialization.gaussians_at(xyz, rgb), settings.seed)
+
+
+def _quality(model: TrainableModel, data: Dataset, background: Sequence[float]) -> Callable[[], str]:
+    """Return a function that measures the PSNR in a few held-out views, and counts the Gaussians."""
+    from gspure.metrics.image_metrics import psnr
+    from gspure.training.dataset import read_photographs
+
+    candidates = data.test or data.train
+    step = -(-len(candidates) // _WATCHED)
+    views = candidates[::step]
+    photographs = read_photographs(views, background)
+
+    def quality() -> str:
+        renders = (model.image(view, background).clip(0, 1) for view in views)
+        mean = sum(map(psnr, renders, photographs)) / len(views)
+        return f"PSNR {mean:.2f}  {model.count} Gaussians"
+
+    return quality
+
+
+def _compare(folder: Path, settings: TrainingSettings, data: Dataset, model: Path, device: Device) -> list[ViewMetrics]:
     """Render the held-out views from the model's file, and compare them as PNG files, as 3DGS does."""
     from gspure.images import write_image
     from gspure.metrics.comparison import TRUTH, ImagePair, compare, write_metrics
@@ -144,14 +191,14 @@ def _compare(folder: Path, args: Arguments, data: Dataset, model: Path, device: 
     from gspure.training.dataset import read_photographs
     from gspure.training.output import comparison_folders
 
-    truth, renders = comparison_folders(folder, args.iterations)
+    truth, renders = comparison_folders(folder, settings.iterations)
     renderer = Renderer(read_model(model), device)
-    photographs = read_photographs(data.test, args.background)
+    photographs = read_photographs(data.test, settings.background)
     rows = []
     for camera, photograph in zip(track(data.test, "held out"), photographs, strict=True):
         pair = ImagePair(".", camera.name, truth / f"{camera.name}.png", renders / f"{camera.name}.png")
         write_image(pair.reference, photograph)
-        write_image(pair.image, renderer.image(camera, background=args.background))
+        write_image(pair.image, renderer.image(camera, background=settings.background))
         rows.append(compare(pair, TRUTH))
     write_metrics(folder / "metrics.csv", rows)
     return rows

@@ -61,7 +61,8 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
         return filtered(model)
     rows = undrawable_rows(model)
     if len(rows) == len(model) or model.has_anchors:
-        _refuse(model, source, *next(iter(undrawable.items())))
+        name, bad_rows = next(iter(undrawable.items()))
+        _refuse(model, source, name, bad_rows)
     warn(f"{source}: {len(rows)} of {len(model)} rows are not finite and are not drawn: {listed(rows)}")
     values = {name: model.columns(name)[:, 0] for name in ("opacity", *undrawable)}
     for name in undrawable.keys() - {"opacity"}:
@@ -71,10 +72,10 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
 
 
 def filtered(model: Gaussians) -> Gaussians:
-    """Return a model whose scales and opacities include its filter, which becomes 0, or the model without one.
+    """Return a model with its filter applied to scales and opacities, and then set to 0.
 
     The filter adds its variance to that of each axis, and lowers the opacity by the ratio of the volumes. Programs that
-    apply filters draw both models alike.
+    apply filters draw both models alike. A model without a filter is returned unchanged.
     """
     if FILTER not in model.names or not model.table[FILTER].any():
         return model

@@ -170,7 +170,7 @@ def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void
 
 
 def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the rows of an ASCII file, by numpy's parser, which is several times faster than plyfile's."""
+    """Return the rows of an ASCII file, parsed by numpy, several times faster than plyfile."""
     count = file.content["vertex"].count
     with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
         stream.seek(file.size)

@@ -31,7 +31,8 @@ Networks = Mapping[str, Network]
 """By name: ``opacity``, ``cov``, ``color``; in a hidden branch also ``offset``."""
 
 PARAMETERS: Final = ("0.weight", "0.bias", "2.weight", "2.bias")
-DIRECTION: Final = 3  # inputs besides the feature: the direction from the camera; of `offset`, also the distance
+DIRECTION: Final = 3  # inputs of all networks besides the feature: the direction from the camera
+DISTANCE: Final = 1  # a further input of the network `offset`: the distance from the camera
 OUTPUTS: Final = {"offset": 3, "opacity": 1, "cov": 7, "color": 3}  # `cov`: scale factors and quaternion
 PUBLIC: Final = ("opacity", "cov", "color")
 PRIVATE: Final = ("offset", *PUBLIC)
@@ -43,7 +44,7 @@ SCALINGS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
-    """M anchors of k Gaussians each; arrays of numpy or torch."""
+    """M anchors of k Gaussians each, in arrays of numpy or torch."""
 
     positions: Any  # [M,3], world units; training does not move them
     offsets: Any  # [M,k,3] of the Gaussians, in multiples of the first three scalings
@@ -62,21 +63,24 @@ class Anchors:
 
     def at(self, rows: Any) -> Anchors:
         """Return some of the anchors."""
-        return Anchors(*(rows_of(part, rows) for part in vars(self).values()))
+        return Anchors(*(take_rows(part, rows) for part in vars(self).values()))
 
     @classmethod
-    def of(cls, table: Gaussians) -> Anchors:
+    def from_table(cls, table: Gaussians) -> Anchors:
         """Return a table's anchors; column c k + i of ``f_offset_*`` is coordinate c of Gaussian i."""
-        columns = (table.columns(*table.columns_named(prefix)) for prefix in ("f_offset_", "f_anchor_feat_", "scale_"))
-        offsets, features, log_scalings = columns
-        by_coordinate = offsets.reshape(len(table), 3, offsets.shape[1] // 3)
-        return cls(table.means, np.ascontiguousarray(by_coordinate.transpose(0, 2, 1)), features, log_scalings)
+        by_coordinate = table.columns(*table.columns_named("f_offset_"))
+        features = table.columns(*table.columns_named("f_anchor_feat_"))
+        log_scalings = table.columns(*table.columns_named("scale_"))
+        k = by_coordinate.shape[1] // 3
+        offsets = np.ascontiguousarray(by_coordinate.reshape(len(table), 3, k).transpose(0, 2, 1))
+        return cls(table.means, offsets, features, log_scalings)
 
     @property
     def table(self) -> Gaussians:
         """The anchors, in arrays, as a table with the columns of Scaffold-GS, in its order."""
         offsets = self.offsets.transpose(0, 2, 1).reshape(len(self.positions), -1)
-        columns: dict[str, Any] = dict(zip("xyz", self.positions.T, strict=True)) | dict.fromkeys(NORMALS, 0)
+        columns: dict[str, Any] = dict(zip("xyz", self.positions.T, strict=True))
+        columns |= dict.fromkeys(NORMALS, 0)
         columns |= {f"f_offset_{i}": column for i, column in enumerate(offsets.T)}
         columns |= {f"f_anchor_feat_{i}": column for i, column in enumerate(self.features.T)}
         columns["opacity"] = STORED_OPACITY
@@ -88,7 +92,7 @@ class Anchors:
         return Gaussians(table)
 
 
-def rows_of(array: Any, rows: Any) -> Any:
+def take_rows(array: Any, rows: Any) -> Any:
     """Return ``array[rows]``; PyTorch's indexing is slower than its selection, forward and backward."""
     return array[rows] if isinstance(array, np.ndarray) else array.index_select(0, rows)
 
@@ -99,21 +103,26 @@ def require_anchors(source: Path, table: Gaussians, feat_dim: int, k: int) -> No
     for prefix, count in (("f_offset_", 3 * k), ("f_anchor_feat_", feat_dim), ("scale_", SCALINGS)):
         names = table.columns_named(prefix)
         if len(names) != count:
-            found, hint = f"{len(names)} properties", "networks of another model?"
-            raise InputError(source, f"{prefix}*", expected=f"{count} properties", found=found, hint=hint)
+            expected = f"{count} properties"
+            actual = f"{len(names)} properties"
+            hint = "networks of another model?"
+            raise InputError(source, f"{prefix}*", expected=expected, found=actual, hint=hint)
         geometry += names
     for name, rows in non_finite_rows(table, geometry).items():
-        found = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
-        raise InputError(source, name, expected="finite numbers", found=found)
+        actual = f"infinity or not-a-number in {len(rows)} of {len(table)} rows, first in row {rows[0]}"
+        raise InputError(source, name, expected="finite numbers", found=actual)
 
 
 def perceptron(xp: Any, network: Network, inputs: Any) -> Any:
     """Return the outputs [V,O] of `inputs` [V,I]; `xp` is the library of both, numpy or torch."""
-    first, second = ((network[f"{layer}.weight"].T, network[f"{layer}.bias"]) for layer in (0, 2))
+    first_weight = network["0.weight"].T
+    first_bias = network["0.bias"]
+    second_weight = network["2.weight"].T
+    second_bias = network["2.bias"]
     if xp is np:
-        return (inputs @ first[0] + first[1]).clip(0) @ second[0] + second[1]
+        return (inputs @ first_weight + first_bias).clip(0) @ second_weight + second_bias
     # The same, with fewer steps and without the gradient of clip, which is many times slower than that of relu.
-    return xp.addmm(second[1], xp.addmm(first[1], inputs, first[0]).relu(), second[0])
+    return xp.addmm(second_bias, xp.addmm(first_bias, inputs, first_weight).relu(), second_weight)
 
 
 def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generator) -> dict[str, dict[str, Float32]]:
@@ -121,15 +130,21 @@ def fresh(names: tuple[str, ...], feat_dim: int, k: int, rng: np.random.Generato
     networks = {}
     for name in names:
         shapes = network_shapes(name, feat_dim, k)
-        bounds = [shapes[layer][1] ** -0.5 for layer in (0, 0, 2, 2)]
-        drawn = [rng.uniform(-bound, bound, shape) for bound, shape in zip(bounds, shapes, strict=True)]
-        networks[name] = {p: array.astype(np.float32) for p, array in zip(PARAMETERS, drawn, strict=True)}
+        network: dict[str, Float32] = {}
+        for parameter, shape in zip(PARAMETERS, shapes, strict=True):
+            inputs = shapes[0][1] if parameter.startswith("0.") else shapes[2][1]
+            bound = inputs**-0.5
+            network[parameter] = rng.uniform(-bound, bound, shape).astype(np.float32)
+        networks[name] = network
     return networks
 
 
 def network_shapes(name: str, feat_dim: int, k: int) -> tuple[tuple[int, ...], ...]:
     """Return the shapes of a network's `PARAMETERS`."""
-    inputs, outputs = feat_dim + DIRECTION + (name == "offset"), OUTPUTS[name] * k
+    inputs = feat_dim + DIRECTION
+    if name == "offset":
+        inputs += DISTANCE
+    outputs = OUTPUTS[name] * k
     return (feat_dim, inputs), (feat_dim,), (outputs, feat_dim), (outputs,)
 
 
@@ -163,22 +178,22 @@ def neural(xp: Any, anchors: Anchors, networks: Networks, centre: Any) -> Neural
     active = xp.argwhere(~(opacities.reshape(count) <= 0))[:, 0]  # with not-a-number, so that it is noticed
     owners = active // anchors.k
     offsets = perceptron(xp, networks["offset"], far) if "offset" in networks else anchors.offsets
-    scalings = rows_of(xp.exp(anchors.log_scalings), owners)
-    shapes = rows_of(perceptron(xp, networks["cov"], near).reshape(count, 7), active)
+    scalings = take_rows(xp.exp(anchors.log_scalings), owners)
+    shapes = take_rows(perceptron(xp, networks["cov"], near).reshape(count, 7), active)
     quats = shapes[:, 3:]
     return Neural(
         outputs=opacities,
         active=active,
-        means=rows_of(anchors.positions, owners) + rows_of(offsets.reshape(count, 3), active) * scalings[:, :3],
+        means=take_rows(anchors.positions, owners) + take_rows(offsets.reshape(count, 3), active) * scalings[:, :3],
         quats=quats / xp.sqrt((quats * quats).sum(axis=1))[:, None],
         scales=scalings[:, 3:] * _sigmoid(xp, shapes[:, :3]),
-        opacities=rows_of(opacities.reshape(count), active),
-        colors=_sigmoid(xp, rows_of(perceptron(xp, networks["color"], near).reshape(count, 3), active)),
+        opacities=take_rows(opacities.reshape(count), active),
+        colors=_sigmoid(xp, take_rows(perceptron(xp, networks["color"], near).reshape(count, 3), active)),
     )
 
 
-def as_gaussians(gaussians: Neural, rows: Rows, k: int) -> tuple[Gaussians, Rows]:
-    """Return the active Gaussians, with colours of degree 0, and the anchor of each; `rows` [V] are the anchors'."""
+def active_gaussians(gaussians: Neural, rows: Rows, k: int) -> tuple[Gaussians, Rows]:
+    """Return the active Gaussians of the anchors `rows` [V], with colours of degree 0, and the anchor of each."""
     tiny = np.finfo(np.float32).tiny
     table = Gaussians.from_parameters(
         means=gaussians.means,
@@ -201,7 +216,9 @@ def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scale
     (Scaffold-GS, ``prefilter_voxel``; the bounds of the 3DGS rasterizer.) Rows with a zero quaternion or an infinite
     scale have none.
     """
-    rotation, focal, principal = camera.viewmat[:3, :3], np.diag(camera.K)[:2], camera.K[:2, 2]
+    rotation = camera.viewmat[:3, :3]
+    focal = np.diag(camera.K)[:2]
+    principal = camera.K[:2, 2]
     centres = means @ rotation.T + camera.viewmat[:3, 3]
     rows = np.flatnonzero(centres[:, 2] > NEAR_PLANE)
     centres = centres[rows]
@@ -213,7 +230,8 @@ def visible_rows(camera: Camera, means: NDArray[Any], quats: NDArray[Any], scale
     # J A: the axes on the screen, J = f / z (I | -slope) of the perspective projection
     spread = (axes[:, :2] - clipped[:, :, None] * axes[:, 2:]) * (focal / centres[:, 2:])[:, :, None]
     a, b = np.square(spread).sum(axis=2).T + EWA_DILATION
-    middle, determinant = (a + b) / 2, a * b - (spread[:, 0] * spread[:, 1]).sum(axis=1) ** 2
+    middle = (a + b) / 2
+    determinant = a * b - (spread[:, 0] * spread[:, 1]).sum(axis=1) ** 2
     largest = middle + np.sqrt(np.maximum(0.1, middle**2 - determinant))
     radii = np.ceil(3 * np.sqrt(largest))[:, None]
     centres2d = slopes * focal + principal - 0.5  # the rasterizer samples at integer coordinates

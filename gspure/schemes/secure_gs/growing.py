@@ -30,7 +30,7 @@ ADJUST_EVERY: Final = 100
 
 @dataclass(frozen=True)
 class AnchorSchedule:
-    """Scaffold-GS's schedule, in a run of so many `iterations`. They count from 1; events follow the optimizer step."""
+    """Scaffold-GS's schedule, scaled to `iterations`. They count from 1; events follow the optimizer step."""
 
     iterations: int
 
@@ -48,11 +48,11 @@ class AnchorSchedule:
         return rates | {"offsets": offsets, "features": FEATURES_RATE, "log_scalings": SCALINGS_RATE}
 
     def counts(self, iteration: int) -> bool:
-        """Tell whether statistics are collected at this iteration."""
+        """Return whether statistics are collected at this iteration."""
         return self._scaled(COUNT_FROM) < iteration < self._scaled(ADJUST_UNTIL)
 
     def adjusts(self, iteration: int) -> bool:
-        """Tell whether anchors grow and are pruned after this iteration."""
+        """Return whether anchors grow and are pruned after this iteration."""
         within = self._scaled(ADJUST_FROM) < iteration < self._scaled(ADJUST_UNTIL)
         return within and iteration % self.adjust_every == 0
 
@@ -60,8 +60,8 @@ class AnchorSchedule:
         return round(iteration * self.iterations / ITERATIONS)
 
 
-class Statistics:
-    """Sums over the views of one branch, with `count` = M anchors of k Gaussians, since their last reset."""
+class AnchorStatistics:
+    """Sums over the views of one branch since their last reset, for `count` = M anchors of k Gaussians."""
 
     def __init__(self, count: int, k: int) -> None:
         self.norms = np.zeros((count, k), np.float32)  # of the gradients: see `gspure.schemes.rows.screen_norms`
@@ -80,16 +80,20 @@ class Statistics:
         self.norms.reshape(-1)[active] += norms
         self.centres.reshape(-1, 3)[active] += gaussians.means
 
-    def means(self) -> tuple[Float32, Float32]:
-        """Return the mean norm [M,k] and the mean centre [M,k,3] of each Gaussian."""
-        views = np.maximum(self.active_views, np.float32(1))
-        return np.asarray(self.norms / views), np.asarray(self.centres / views[..., None])
+    def mean_norms(self) -> Float32:
+        """Return the mean norm [M,k] of each Gaussian over the views where it was active; else 0."""
+        return np.asarray(self.norms / np.maximum(self.active_views, np.float32(1)))
+
+    def mean_centres(self) -> Float32:
+        """Return the mean centre [M,k,3] of each Gaussian over the views where it was active; else 0."""
+        return np.asarray(self.centres / np.maximum(self.active_views, np.float32(1))[..., None])
 
     def restart(self, gaussians: Bools, anchors: Bools, rows: Indices, new: int) -> None:
-        """Zero the sums of some Gaussians [M,k] and anchors [M]; keep those of the anchors `rows`, append new ones."""
+        """Reset the sums of some Gaussians [M,k] and anchors [M]; then keep the anchors `rows`, append `new` ones."""
         for sums in (self.norms, self.active_views, self.centres):
             sums[gaussians] = 0
-        self.opacities[anchors] = self.views[anchors] = 0
+        self.opacities[anchors] = 0
+        self.views[anchors] = 0
         for name, sums in vars(self).items():
             setattr(self, name, np.concatenate([sums[rows], np.zeros((new, *sums.shape[1:]), np.float32)]))
 
@@ -128,8 +132,9 @@ def grown(
         np.maximum.at(strongest, owners, candidates.norms[chosen])
         features = np.full((len(cells), candidates.features.shape[1]), -np.inf, np.float32)
         np.maximum.at(features, owners, candidates.features[chosen])
-        taken = [positions, *(part.positions for part in parts)]
-        empty = np.flatnonzero(~np.isin(_keys(cells), _keys(np.rint(np.concatenate(taken) / side))))
+        present = np.concatenate([positions, *(part.positions for part in parts)])
+        is_occupied = np.isin(_keys(cells), _keys(np.rint(present / side)))
+        empty = np.flatnonzero(~is_occupied)
         best = np.sort(empty[np.argsort(-strongest[empty], kind="stable")[:room]])
         room -= len(best)
         log_scalings = np.full((len(best), SCALINGS), np.log(side), np.float32)
@@ -140,7 +145,12 @@ def grown(
 
 def joined(*parts: Anchors) -> Anchors:
     """Return all anchors of `parts`, in their order."""
-    return Anchors(*(np.concatenate(arrays) for arrays in zip(*(vars(part).values() for part in parts), strict=True)))
+    return Anchors(
+        positions=np.concatenate([part.positions for part in parts]),
+        offsets=np.concatenate([part.offsets for part in parts]),
+        features=np.concatenate([part.features for part in parts]),
+        log_scalings=np.concatenate([part.log_scalings for part in parts]),
+    )
 
 
 def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
@@ -151,10 +161,11 @@ def _keys(cells: NDArray[np.floating]) -> NDArray[np.int64]:
 
 
 def in_box(positions: Float32, hidden: Float32, voxel: float) -> Bools:
-    """Return the mask of the positions [...,3] in the bounding box of the clusters in hidden ones [C,3], if any."""
+    """Return the mask of the positions [...,3] in the box around the clusters of `hidden` ones [C,3]."""
     from sklearn.cluster import DBSCAN
 
     if len(hidden):
         hidden = hidden[DBSCAN(eps=RADIUS * voxel, min_samples=NEIGHBOURS).fit(hidden).labels_ >= 0]
-    lowest, highest = hidden.min(axis=0, initial=np.inf), hidden.max(axis=0, initial=-np.inf)
+    lowest = hidden.min(axis=0, initial=np.inf)
+    highest = hidden.max(axis=0, initial=-np.inf)
     return np.asarray(((positions >= lowest) & (positions <= highest)).all(axis=-1))

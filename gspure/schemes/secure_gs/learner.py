@@ -1,4 +1,4 @@
-"""Anchors and networks in training: their loss in one view, its gradients, the optimizer."""
+"""Anchors and networks in training: the loss of one view, its gradients, the optimizer."""
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -22,7 +22,7 @@ LEARNED: Final = ("offsets", "features", "log_scalings")  # trained attributes o
 
 
 class Learner:
-    """Shared anchors, and the networks and photographs, by training view, of each branch; the scene's is first."""
+    """Shared anchors, and each branch's networks and photographs, by training view; the first branch is the scene's."""
 
     def __init__(
         self, anchors: Anchors, branches: Sequence[Networks], photographs: Sequence[Sequence[Float32]], device: Device
@@ -31,9 +31,10 @@ class Learner:
         self._photographs = [Photographs(images, device) for images in photographs]
         self._positions = on_device(anchors.positions)
         self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
-        self._branches = [{n: {p: _leaf(a) for p, a in net.items()} for n, net in nets.items()} for nets in branches]
+        self._branches = [_leaves(networks) for networks in branches]
         groups = [{"params": [tensor], "name": name} for name, tensor in self._learned.items()]
-        groups += [{"params": [*net.values()], "name": n} for nets in self._branches for n, net in nets.items()]
+        for networks in self._branches:
+            groups += [{"params": [*network.values()], "name": name} for name, network in networks.items()]
         self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
 
     @property
@@ -43,22 +44,32 @@ class Learner:
 
     def networks(self, branch: int) -> dict[str, dict[str, Float32]]:
         """Return a copy of a branch's networks."""
-        return {n: {p: on_host(t).copy() for p, t in net.items()} for n, net in self._branches[branch].items()}
+        return {
+            name: {parameter: on_host(tensor).copy() for parameter, tensor in network.items()}
+            for name, network in self._branches[branch].items()
+        }
 
     def differentiate(
         self, branch: int, camera: Camera, rows: Indices, view: int, weight: float, background: Background = BLACK
     ) -> tuple[float, Neural, Float32]:
-        """Add the gradients of a branch's loss, times its weight, to those of all parameters.
+        """Add the gradients of a branch's weighted loss to those of all parameters.
 
-        `rows` [V] are the visible anchors; `view` is the index of the camera, which is that of its photograph. Return
-        the weighted loss, the view's Gaussians as arrays, and the loss's gradients [A,3] with respect to their centres.
+        `rows` [V] are the visible anchors; `view` is the index of the camera and of its photograph. Return the weighted
+        loss, the view's Gaussians as arrays, and the gradients [A,3] of the loss with respect to their centres.
         """
         anchors = Anchors(self._positions, **self._learned).at(on_device(rows))
         centre = on_device(camera.centre.astype(np.float32))
         gaussians = neural(torch, anchors, self._branches[branch], centre)
         gaussians.means.retain_grad()
-        geometry = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities)
-        image = self._render(camera, *geometry, features=gaussians.colors, background=background)
+        image = self._render(
+            camera,
+            gaussians.means,
+            gaussians.quats,
+            gaussians.scales,
+            gaussians.opacities,
+            features=gaussians.colors,
+            background=background,
+        )
         volume = gaussians.scales.prod(dim=1).sum() / max(len(gaussians.scales), 1)
         loss, gradient = self._photographs[branch].compare(view, on_host(image))
         gradients = [weight * on_device(gradient), torch.full_like(volume, weight * VOLUME_WEIGHT)]
@@ -79,7 +90,8 @@ class Learner:
         after = joined(self.anchors.at(rows), new)
         self._positions = on_device(after.positions)
         for group in self._optimizer.param_groups[: len(LEARNED)]:
-            (before,), name = group["params"], group["name"]
+            name = group["name"]
+            (before,) = group["params"]
             leaf = _leaf(getattr(after, name))
             moments = self._optimizer.state.pop(before)
             zeros = leaf.new_zeros(len(new.positions), *leaf.shape[1:])
@@ -88,6 +100,13 @@ class Learner:
             self._optimizer.state[leaf] = moments
             group["params"] = [leaf]
             self._learned[name] = leaf
+
+
+def _leaves(networks: Networks) -> dict[str, dict[str, torch.Tensor]]:
+    """Return networks as tensors that learn."""
+    return {
+        name: {parameter: _leaf(array) for parameter, array in network.items()} for name, network in networks.items()
+    }
 
 
 def _leaf(array: Float32) -> torch.Tensor:

@@ -1,9 +1,8 @@
-"""SecureGS's public model, anchors in a Scaffold-GS .ply and the networks beside it; and its key, private networks.
+"""SecureGS's public model: anchors in a Scaffold-GS .ply, and the networks beside it. The files of networks.
 
 ::
 
     <public>/securegs_public.npz    {opacity,cov,color}.{0,2}.{weight,bias}
-    <key>/securegs_hidden.npz       {offset,opacity,cov,color}.{0,2}.{weight,bias}
 """
 
 from __future__ import annotations
@@ -26,16 +25,13 @@ from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
 from gspure.renderer import Renderer
-from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.anchors import (
     PARAMETERS,
-    PRIVATE,
     PUBLIC,
     Anchors,
     Networks,
     Neural,
-    as_gaussians,
-    fresh,
+    active_gaussians,
     network_shapes,
     neural,
     require_anchors,
@@ -75,19 +71,21 @@ class AnchorModel(PublicModel):
     @cached_property
     def anchors(self) -> Anchors:
         """The rows as input of the networks."""
-        return Anchors.of(self.model)
+        return Anchors.from_table(self.model)
 
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a model's .ply, or its folder, and the networks beside the .ply."""
         file = model_file(Path(path))
-        rows, source = read_model(file), file.with_name(NETWORKS)
-        if not source.is_file():
+        model = read_model(file)
+        networks_file = file.with_name(NETWORKS)
+        if not networks_file.is_file():
             hint = "files of Scaffold-GS's and SecureGS's authors are not read"
             raise InputError(file.parent, "networks", expected=f"{NETWORKS} of `gspure embed`", found="none", hint=hint)
-        networks = read_networks(source, PUBLIC, "the public networks of SecureGS")
-        require_anchors(file, rows, *sizes_of(networks))
-        return cls(rows, networks)
+        networks = read_networks(networks_file, PUBLIC, "the public networks of SecureGS")
+        feat_dim, k = sizes_of(networks)
+        require_anchors(file, model, feat_dim, k)
+        return cls(model, networks)
 
     def write_networks(self, folder: Path) -> None:
         """Write the networks."""
@@ -102,13 +100,15 @@ class AnchorModel(PublicModel):
         rows = visible_rows(camera, self.model.means, self.model.quats, self.model.scales)
         with np.errstate(over="ignore"):
             centre = camera.centre.astype(np.float32)
-            return neural(np, self.anchors.at(rows), networks or self.networks, centre), rows
+            gaussians = neural(np, self.anchors.at(rows), networks or self.networks, centre)
+        return gaussians, rows
 
     def gaussians(self, camera: Camera, networks: Networks | None = None) -> tuple[Gaussians, Rows]:
         """Return the active Gaussians of `networks` (default: the public ones) for a camera, and the anchor of each."""
-        gaussians, rows = as_gaussians(*self.neural(camera, networks), self.anchors.k)
+        neural_gaussians, visible = self.neural(camera, networks)
+        gaussians, owners = active_gaussians(neural_gaussians, visible, self.anchors.k)
         require_computed(gaussians, "key" if networks else "model", "networks")
-        return gaussians, rows
+        return gaussians, owners
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return the renderer of the scene."""
@@ -116,14 +116,15 @@ class AnchorModel(PublicModel):
         return lambda camera: Renderer(self.gaussians(camera)[0], device, energy=energy).image(camera, background)
 
     def learned(self, lesson: Lesson) -> Self:
-        """Return the model with features, scalings and offsets learned through the public networks, which stay."""
+        """Return the model with features, scalings and offsets learned through the public networks, which are fixed."""
         rates = lesson.rates(self.rates)
         groups = {"features": "colour", "log_scalings": "scale", "offsets": "position"}
-        learner = self.trained(lesson, self.networks, {group: rates.get(name, 0.0) for group, name in groups.items()})
+        rate_by_group = {group: rates.get(attribute, 0.0) for group, attribute in groups.items()}
+        learner = self.trained(lesson, self.networks, rate_by_group)
         return self._with_attributes(learner.anchors.table, rates)
 
     def trained(self, lesson: Lesson, networks: Networks, rates: Mapping[str, float]) -> Learner:
-        """Return the learner of anchors and networks after a lesson; `rates` names what learns, and how fast."""
+        """Return the learner of anchors and networks after a lesson; groups of parameters without a rate are fixed."""
         from gspure.schemes.secure_gs.learner import LEARNED, Learner
         from gspure.training.pytorch import single_threaded
 
@@ -138,8 +139,9 @@ class AnchorModel(PublicModel):
         return learner
 
     def opacities(self, cameras: Sequence[Camera]) -> Float32:
-        """Return the mean opacity [M] of each anchor over its Gaussians and the views where it is visible, if any."""
-        total, views = np.zeros(len(self.model)), np.zeros(len(self.model))
+        """Return the mean opacity [M] of each anchor over its Gaussians and the views where it is visible; else 0."""
+        total = np.zeros(len(self.model))
+        views = np.zeros(len(self.model))
         for camera in cameras:
             gaussians, rows = self.neural(camera)
             total[rows] += np.maximum(gaussians.outputs, 0).mean(axis=1)
@@ -147,14 +149,14 @@ class AnchorModel(PublicModel):
         return np.asarray(total / np.maximum(views, 1), np.float32)
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
-        """Return a function from a camera to the contributions of each anchor that any of its Gaussians touch."""
+        """Return a function from a camera to the contributions of the anchors that have a Gaussian in its view."""
         device = device or choose_device()
 
-        def of_view(camera: Camera) -> NDArray[Any]:
+        def view_contributions(camera: Camera) -> NDArray[Any]:
             gaussians, owners = self.gaussians(camera)
             return merge_by_row(Renderer(gaussians, device, energy=energy).contributions(camera), owners)
 
-        return of_view
+        return view_contributions
 
     def geometry_digest(self) -> str:
         """Return a digest of the rows and the networks."""
@@ -162,62 +164,19 @@ class AnchorModel(PublicModel):
         return digest(self.model.geometry_digest(), *self.networks, *weights)
 
 
-HIDDEN: Final = "securegs_hidden.npz"
-FIT_RATE: Final = 2e-3  # first learning rate of `HiddenKey.fitted`; ours
-
-
-class HiddenKey(Key):
-    """The private networks: ``offset``, ``opacity``, ``cov`` and ``color``."""
-
-    def __init__(self, networks: Networks) -> None:
-        self.networks = networks
-
-    @classmethod
-    def read(cls, folder: Path) -> Self:
-        """Read a key."""
-        return cls(read_networks(Path(folder) / HIDDEN, PRIVATE, "the private networks of SecureGS"))
-
-    def write(self, folder: Path) -> None:
-        """Write the networks."""
-        write_networks(Path(folder) / HIDDEN, self.networks)
-
-    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
-        """Return the renderer of the private networks' Gaussians."""
-        device = device or choose_device()
-        return lambda camera: Renderer(self.gaussians(public, camera, extraction)[0], device).image(camera)
-
-    def gaussians(self, public: PublicModel, camera: Camera, extraction: str) -> tuple[Gaussians, Rows]:  # noqa: ARG002
-        """Return the hidden Gaussians of a camera, and the anchor of each."""
-        return self._readable(public).gaussians(camera, self.networks)
-
-    def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
-        """Return the private networks after training on the model's anchors; the model stays as it is."""
-        rates = dict.fromkeys(self.networks, FIT_RATE)
-        return type(self)(self._readable(public).trained(lesson, self.networks, rates).networks(0))
-
-    def wrong(self, rng: np.random.Generator) -> Self:
-        """Return untrained networks."""
-        return type(self)(fresh(PRIVATE, *sizes_of(self.networks), rng))
-
-    def _readable(self, public: PublicModel) -> AnchorModel:
-        """Return a model if the networks can read its anchors, or raise `InputError`."""
-        if not isinstance(public, AnchorModel):
-            raise InputError("secure_gs", "model", expected="anchors", found="Gaussians")
-        sizes = (public.anchors.feat_dim, public.anchors.k), sizes_of(self.networks)
-        if sizes[0] != sizes[1]:
-            found, expected = ("{} features and {} Gaussians per anchor".format(*of) for of in sizes)
-            raise InputError("secure_gs", "model", expected=expected, found=found, hint="a key of another model")
-        return public
-
-
 def read_networks(file: Path, names: tuple[str, ...], content: str) -> Networks:
     """Read networks, or raise `InputError` if they do not fit one another."""
-    axes = {parameter: (None,) * (1 + parameter.endswith("weight")) for parameter in PARAMETERS}
-    kinds: dict[str, Kind] = {f"{name}.{p}": (np.float32, axes[p]) for name in names for p in PARAMETERS}
+    kinds: dict[str, Kind] = {}
+    for name in names:
+        for parameter in PARAMETERS:
+            shape = (None, None) if parameter.endswith("weight") else (None,)
+            kinds[f"{name}.{parameter}"] = (np.float32, shape)
     arrays = load_arrays(file, kinds, content)
     networks = {name: {p: arrays[f"{name}.{p}"] for p in PARAMETERS} for name in names}
+    feat_dim, k = sizes_of(networks)
     for name, network in networks.items():
-        expected, shapes = network_shapes(name, *sizes_of(networks)), tuple(array.shape for array in network.values())
+        expected = network_shapes(name, feat_dim, k)
+        shapes = tuple(array.shape for array in network.values())
         if shapes != expected:
             raise InputError(file, name, expected=f"weights and biases {expected}", found=str(shapes))
     return networks

@@ -5,12 +5,20 @@ from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Bools, Float32
 from gspure.errors import InputError
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.rows import screen_norms
 from gspure.schemes.scheme import Run
 from gspure.schemes.secure_gs.anchors import Anchors, Networks, visible_rows
-from gspure.schemes.secure_gs.growing import GRADIENT_THRESHOLD, AnchorSchedule, Candidates, Statistics, grown, in_box
+from gspure.schemes.secure_gs.growing import (
+    GRADIENT_THRESHOLD,
+    AnchorSchedule,
+    AnchorStatistics,
+    Candidates,
+    grown,
+    in_box,
+)
 from gspure.schemes.secure_gs.learner import Learner
 from gspure.schemes.secure_gs.model import AnchorModel
 from gspure.training.pytorch import single_threaded
@@ -28,12 +36,16 @@ class Training:
     """
 
     def __init__(self, run: Run, anchors: Anchors, voxel: float, branches: Sequence[Networks], density: float) -> None:
-        self._run, self._voxel, self._density = run, voxel, density
-        self._captures = [run.pair.scene, run.pair.message][: len(branches)]
-        self.learner = Learner(anchors, branches, [c.images for c in self._captures], run.device)
+        self._run = run
+        self._voxel = voxel
+        self._density = density
+        self._captures = [run.pair.scene]
+        if len(branches) > 1:
+            self._captures.append(run.pair.message)
+        self.learner = Learner(anchors, branches, [capture.images for capture in self._captures], run.device)
         self._schedule = AnchorSchedule(run.iterations)
         self._hardening = Hardening(run, self._schedule.adjust_every)
-        self._statistics = [Statistics(len(anchors.positions), anchors.k) for _ in branches]
+        self._statistics = [AnchorStatistics(len(anchors.positions), anchors.k) for _ in branches]
         self._rng = np.random.default_rng(run.seed)
 
     def public(self) -> AnchorModel:
@@ -48,11 +60,13 @@ class Training:
                 self._hardening.follow(iteration, self.public)
 
     def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
-        anchors, low = self.learner.anchors, self._hardening.left_out(iteration)
+        anchors = self.learner.anchors
+        low = self._hardening.left_out(iteration)
         upright = np.broadcast_to(np.array([1, 0, 0, 0]), (len(anchors.positions), 4))
         total = 0.0
         for branch, (statistics, capture) in enumerate(zip(self._statistics, self._captures, strict=True)):
-            view, weight = batch[branch], (1.0, self._run.message_weight)[branch]
+            view = batch[branch]
+            weight = self._run.message_weight if branch else 1.0
             camera = capture.views[view]
             rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
             if branch and low is not None:
@@ -70,30 +84,44 @@ class Training:
         """Grow anchors, then prune those that neither branch uses."""
         least_views = VISIBLE_SHARE * self._schedule.adjust_every
         new = self._grown(least_views / 2)
-        measured = [s.views > least_views for s in self._statistics]
-        transparent = [s.opacities < OPACITY_MIN * s.views for s in self._statistics]
-        needed = [m & ~t for m, t in zip(measured, transparent, strict=True)]
+        measured: list[Bools] = []
+        needed: list[Bools] = []
+        for statistics in self._statistics:
+            is_measured = statistics.views > least_views
+            is_transparent = statistics.opacities < OPACITY_MIN * statistics.views
+            measured.append(is_measured)
+            needed.append(is_measured & ~is_transparent)
         rows = np.flatnonzero(np.any(needed, axis=0) | ~np.any(measured, axis=0))
-        for statistics, anchors in zip(self._statistics, measured, strict=True):
-            statistics.restart(statistics.active_views > least_views / 2, anchors, rows, len(new.positions))
+        for statistics, is_measured in zip(self._statistics, measured, strict=True):
+            statistics.restart(statistics.active_views > least_views / 2, is_measured, rows, len(new.positions))
         self.learner.replace_anchors(rows, new)
         if not len(rows) + len(new.positions):
             raise InputError("secure_gs", "anchors", expected="at least one", found="none: all became transparent")
 
     def _grown(self, least_views: float) -> Anchors:
-        """Return new anchors near Gaussians of the scene and, our choice, of the message."""
+        """Return new anchors near Gaussians of the scene and (our choice) of the message."""
         anchors = self.learner.anchors
-        means = [statistics.means() for statistics in self._statistics]
+        scene_positions = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
+        positions = [scene_positions]
+        positions += [statistics.mean_centres() for statistics in self._statistics[1:]]  # these move with the view
+        norms = [statistics.mean_norms() for statistics in self._statistics]
         measured = [statistics.active_views > least_views for statistics in self._statistics]
-        centres = anchors.positions[:, None] + anchors.offsets * np.exp(anchors.log_scalings[:, None, :3])
-        positions = [centres, *(hidden for _, hidden in means[1:])]  # hidden Gaussians move with the view
         thresholds = [np.full(mask.shape, GRADIENT_THRESHOLD, np.float32) for mask in measured]
-        if len(means) > 1 and self._density > 1:
-            growing = measured[1] & (means[1][0] >= GRADIENT_THRESHOLD)
-            thresholds[0][in_box(centres, positions[1][growing], self._voxel)] /= self._density
+        if len(self._statistics) > 1 and self._density > 1:
+            growing = measured[1] & (norms[1] >= GRADIENT_THRESHOLD)
+            region = in_box(scene_positions, positions[1][growing], self._voxel)
+            thresholds[0][region] /= self._density
         features = np.broadcast_to(anchors.features[:, None], (*measured[0].shape, anchors.feat_dim))
-        parts = (positions, [norms for norms, _ in means], thresholds, [features] * len(measured))
-        chosen = ([part[mask] for part, mask in zip(of, measured, strict=True)] for of in parts)
-        candidates = Candidates(*map(np.concatenate, chosen))
+        candidates = Candidates(
+            positions=_selected(positions, measured),
+            norms=_selected(norms, measured),
+            thresholds=_selected(thresholds, measured),
+            features=_selected([features for _ in measured], measured),
+        )
         room = max(0, self._run.most_rows - len(anchors.positions))
         return grown(anchors.positions, candidates, self._voxel, anchors.k, room, self._rng)
+
+
+def _selected(arrays: Sequence[Float32], masks: Sequence[Bools]) -> Float32:
+    """Return the elements of each branch's array that its mask selects, branch after branch."""
+    return np.concatenate([array[mask] for array, mask in zip(arrays, masks, strict=True)])
