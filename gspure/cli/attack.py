@@ -63,24 +63,25 @@ def run(args: Arguments) -> None:
     require_writable(args.out)
     spec = _spec(args)
     public = read_public_model(args.model, args.scheme).drawable(args.model)
-    result = attacked(public, spec, _context(args, spec))
-    if result.match:
-        _mention(result, result.match, args.damage, is_estimated=not args.photographs)
-    result.public.write(args.out)
+    attack_result = attacked(public, spec, _context(args, spec))
+    if attack_result.match:
+        _mention(attack_result, attack_result.match, args.damage, is_estimated=not args.photographs)
+    attack_result.public.write(args.out)
     if args.removed:
-        save_array(args.removed, result.attacked.prune_mask)
+        save_array(args.removed, attack_result.attacked.prune_mask)
     if args.transform:
-        save_array(args.transform, result.transform)
-    options.record_command(args, args.out.parent, resolved={"set": result.settings})
-    print(result.sentence)
+        save_array(args.transform, attack_result.transform)
+    options.record_command(args, args.out.parent, resolved={"set": attack_result.settings})
+    print(attack_result.sentence)
 
 
 def _spec(args: Arguments) -> AttackSpec:
     """Return the attack that the arguments name, or raise `InputError` for a setting that it does not take."""
     attack = find_attack(args.name)
     if attack.of_renders:
-        expected, hint = "an attack on models", "variants of the workflow apply it"
-        raise InputError(f"attack {attack.name}", "name", expected=expected, found="one on renders", hint=hint)
+        hint = "variants of the workflow apply it"
+        source = f"attack {attack.name}"
+        raise InputError(source, "name", expected="an attack on models", found="one on renders", hint=hint)
     settings = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
     files = {name: getattr(args, name) for name in sorted(attack.needs & _MEASUREMENTS.keys())}
     measured = {name: file for name, file in files.items() if file}
@@ -110,10 +111,10 @@ def _damage(views: Sequence[Camera], folder: Path | None, device: Device, public
     return scene_damage(public, views, photographs, device)
 
 
-def _mention(result: AttackResult, match: Match, wanted: float, *, is_estimated: bool) -> None:
+def _mention(attack_result: AttackResult, match: Match, wanted: float, *, is_estimated: bool) -> None:
     """Print the strength at which a search ended; warn if it misses the damage."""
     amount = f"an estimated {match.damage:z.2f} dB" if is_estimated else f"{match.damage:z.2f} dB"
-    sentence = f"{result.attack.name}: {result.strength} lowers the scene's PSNR by {amount}"
+    sentence = f"{attack_result.attack.name}: {attack_result.strength} lowers the scene's PSNR by {amount}"
     if match.misses(wanted):
         warn(f"{sentence}, not by {wanted:g} dB")
     else:

@@ -143,17 +143,17 @@ def run_attack(
         measure_damage=damage_measure(views[SCENE], device, is_photographed=SCENE in job.views.photographed),
     )
     try:
-        result = attacked(before, spec, context)
+        attack_result = attacked(before, spec, context)
     except NotApplicable as error:
         tell(str(error))
         save_array(job.folder / "prune_mask.npy", np.zeros(len(before.model), np.bool_))
         return Refused(error.reason), None
-    result.public.write(place)
-    save_array(job.folder / "prune_mask.npy", result.attacked.prune_mask)
-    settings = {"attack": spec.name, **result.settings, "seed": spec.seed}
+    attack_result.public.write(place)
+    save_array(job.folder / "prune_mask.npy", attack_result.attacked.prune_mask)
+    settings = {"attack": spec.name, **attack_result.settings, "seed": spec.seed}
     write_provenance(place.parent, "attack", inputs={"model": job.public}, settings=settings)
-    tell(result.sentence)
-    return result.applied(before, scheme), attacked_exhibit(job, result, place)
+    tell(attack_result.sentence)
+    return attack_result.applied(before, scheme), attacked_exhibit(job, attack_result, place)
 
 
 def damage_measure(
@@ -171,16 +171,16 @@ def damage_measure(
     return measure
 
 
-def attacked_exhibit(job: Job, result: AttackResult, place: Path) -> Exhibit:
+def attacked_exhibit(job: Job, attack_result: AttackResult, place: Path) -> Exhibit:
     """Return an attacked model to show; a removed format is vanilla 3DGS, which no extraction of the scheme reads."""
-    is_removed = bool(result.attacked.removed)
+    is_removed = bool(attack_result.attacked.removed)
     return Exhibit(
-        public=result.public,
+        public=attack_result.public,
         source=place,
         rendered=(SCENE,) if is_removed else job.rendered,
         compared=(SCENE,) if is_removed else job.compared,
-        transform=result.transform,
-        retouched=result.attacked.retouched,
+        transform=attack_result.transform,
+        retouched=attack_result.attacked.retouched,
     )
 
 

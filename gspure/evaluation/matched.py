@@ -111,23 +111,38 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     exceed on some model, or that the search missed from above on some models and from below on others.
     """
     rows = []
-    sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
+    attacks = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for condition, alike in by_condition(outcomes).items():
         for extraction in extractions(alike):
             known = curves(alike, extraction)
-            for name, variants in sweeps.items():
+            for name, variants in attacks.items():
                 strengths = max((len(curve.keys() & {*variants}) for curve in known.values()), default=0)
                 for damage in damages(alike):
-                    every = points(known, variants, damage)
-                    reached = {cell: point for cell, point in every.items() if point}
-                    sides = {point.scene > damage for point in reached.values() if point.scene != damage}
-                    if reached and len(reached) == len(every) and len(sides) < 2:
-                        drop = mean_interval(by_scene({cell: point.message for cell, point in reached.items()}))
-                        scenes = scene_means({cell: point.scene for cell, point in reached.items()})
-                        scene_drop = float(np.mean([*scenes.values()])) if sides else damage
-                        gentle = sum(point.scene < damage for point in reached.values())
-                        rows.append(Matched(condition, extraction, name, strengths, damage, drop, gentle, scene_drop))
+                    mean = _mean_point(points(known, variants, damage), damage)
+                    if mean is not None:
+                        rows.append(Matched(condition, extraction, name, strengths, damage, *mean))
     return rows
+
+
+class _MeanPoint(NamedTuple):
+    """The last fields of `Matched`."""
+
+    drop: Interval
+    gentle: int
+    scene_drop: float
+
+
+def _mean_point(by_cell: Mapping[tuple[str, int], Point | None], damage: float) -> _MeanPoint | None:
+    """Return the mean over scenes of the points of a sweep at a damage; None unless they can be averaged."""
+    known = {cell: point for cell, point in by_cell.items() if point}
+    is_above = {point.scene > damage for point in known.values() if point.scene != damage}
+    if not known or len(known) < len(by_cell) or len(is_above) == 2:
+        return None
+    drop = mean_interval(by_scene({cell: point.message for cell, point in known.items()}))
+    gentle = sum(point.scene < damage for point in known.values())
+    scenes = scene_means({cell: point.scene for cell, point in known.items()})
+    scene_drop = float(np.mean([*scenes.values()])) if is_above else damage
+    return _MeanPoint(drop, gentle, scene_drop)
 
 
 def points(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point | None]:

@@ -39,7 +39,7 @@ def read_assets(config: Config, source: str) -> dict[str, Asset]:
     for name, entry in config.assets.items():
         place = f"assets.{name}"
         assets[name] = _read_asset(entry, source, place)
-        unmarked = [other for other, asset in config.assets.items() if other != name and asset.clean is None]
+        unmarked = [known for known, asset in config.assets.items() if known != name and asset.clean is None]
         if entry.clean is not None:
             require_known(entry.clean, unmarked, source, f"{place}.clean")
     return assets

@@ -164,7 +164,7 @@ class _Planner:
     def _of_pair(self, scheme: Scheme, pair: Pair, seed: int) -> ModelPlan:
         """Return the plan of a scheme's model of a pair."""
         identity = ModelId(scheme.name, pair.name, seed)
-        others = [other for other in self.pairs.values() if other.message_identity != pair.message_identity]
+        others = [known for known in self.pairs.values() if known.message_identity != pair.message_identity]
         public = identity.folder / "public" / "point_cloud.ply"
         targets = self._targets(scheme)
         owner = owner_of(scheme, identity, identity.folder / "key", public, targets, pair.folder / "message")
@@ -196,8 +196,8 @@ class _Planner:
         clean = Clean(identity.folder / CLEAN / "public" / "point_cloud.ply")
         subject = self._subject(model, (SCENE, MESSAGE), tuple(inputs), clean)
         if others:
-            other = ModelId(scheme.name, others[0].name).folder
-            subject = replace(subject, other_scene=other / "public" / "point_cloud.ply")
+            other_folder = ModelId(scheme.name, others[0].name).folder
+            subject = replace(subject, other_scene=other_folder / "public" / "point_cloud.ply")
         return self._with_jobs(model, subject)
 
     def _subject(
