@@ -2,7 +2,7 @@
 
 Fields are numbers, texts, paths, literals, dataclasses, named tuples, and tuples, mappings and unions of these.
 `Annotated` adds bounds (`gspure.settings.Range`), a `Text` rule, a description for the schema, or `REST`. In a union of
-dataclasses, the entry `KIND` names the class. NaN is null.
+dataclasses, the entry `KIND` names the class. Numbers that are not finite are null.
 """
 
 import json
@@ -58,7 +58,7 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, float) and math.isnan(value):
+    if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 

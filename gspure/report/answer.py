@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import isfinite, isnan, nan
 from typing import Any, Final, Literal, NamedTuple
 
+from gspure.codec import plain
 from gspure.evaluation.outcomes import Outcome, mean_of
 from gspure.evaluation.survival import Survival
 from gspure.metrics.image_metrics import MARGIN
@@ -156,7 +157,7 @@ class Answer:
         """Return all of it for JSON; unknown and infinite numbers are null."""
         facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "lost")}
         facts |= {"attacks": self.attacks, "controls": self.controls}
-        return {name: _plain(value) for name, value in facts.items()}
+        return {name: plain(value) for name, value in facts.items()}
 
 
 def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Answer]:
@@ -224,14 +225,3 @@ def _scanned(scans: Sequence[Mapping[str, str]]) -> tuple[str, str]:
         answers = [_DETECTED[scan[when]] for scan in scans]
         texts.append(answers[0] if len(answers) == 1 else f"{answers.count('yes')} of {len(answers)}")
     return " → ".join(texts), "detectable without a key, before and after GSPure"
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON knows it."""
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    return [_plain(each) for each in value] if isinstance(value, list) else value

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import yaml
 
@@ -292,22 +292,22 @@ class Config:
     ] = None
 
 
-def read_config(files: Iterable[Path], overrides: Mapping[str, Any], source: str) -> Config:
+def read_config(files: Iterable[Path], overrides: Mapping[str, object], source: str) -> Config:
     """Read a configuration from YAML files, later ones over earlier ones, with the overrides of ``--config`` on top.
 
     Raise `InputError` for the first entry that no job could use; `source` names the configuration.
     """
-    content: dict[str, Any] = {}
+    content: dict[str, object] = {}
     for file in files:
         _lay_over(content, load_yaml(file))
     _lay_over(content, overrides)
     return config_of(content, source)
 
 
-def config_of(content: Mapping[str, Any], source: str) -> Config:
+def config_of(content: Mapping[str, object], source: str) -> Config:
     """Return the configuration with this content, or raise `InputError` for the first entry that does not fit."""
     content = dict(content)
-    if isinstance(content.get("decisions"), Mapping):
+    if "decisions" in content:
         content["decisions"] = _inherited(content)
     config: Config = read(Config, content, source)
     _require_consistent(config, source)
@@ -349,7 +349,7 @@ def _require_complete(asset: AssetConfig, source: str, place: str) -> None:
         raise InputError(source, f"{place}.generated.up", expected="a direction", found="0 0 0")
 
 
-def load_yaml(file: Path) -> dict[str, Any]:
+def load_yaml(file: Path) -> dict[str, object]:
     """Read a YAML file whose keys are texts, such as ``no`` or ``2024_05``, each of them once."""
     with reading(file, "a configuration, as YAML"):
         content = yaml.load(file.read_text(encoding="utf-8-sig"), _TextKeys)  # noqa: S506 - a SafeLoader
@@ -363,7 +363,7 @@ def load_yaml(file: Path) -> dict[str, Any]:
 class _TextKeys(yaml.SafeLoader):
     """A safe loader that keeps keys as they are written, and refuses those that are written twice."""
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:  # noqa: FBT001, FBT002
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:  # noqa: FBT001, FBT002
         self._require_distinct(node)
         self.flatten_mapping(node)  # lays the entries of `<<` below the node's own
         return {
@@ -386,18 +386,20 @@ class _TextKeys(yaml.SafeLoader):
             known.add(key)
 
 
-def _lay_over(content: dict[str, Any], changes: Mapping[str, Any]) -> None:
+def _lay_over(content: dict[str, object], changes: Mapping[str, object]) -> None:
     """Replace entries by those of `changes`, below common mappings one by one, as Snakemake does."""
     for name, value in changes.items():
-        if isinstance(value, Mapping) and isinstance(content.get(name), dict):
-            _lay_over(content[name], value)
+        below = content.get(name)
+        if isinstance(value, Mapping) and isinstance(below, dict):
+            _lay_over(below, value)
         else:
             content[name] = value
 
 
-def _inherited(content: Mapping[str, Any]) -> dict[str, Any]:
+def _inherited(content: Mapping[str, object]) -> object:
     """Return the decisions, each with the settings of the method that it does not set itself."""
     method = content.get("method")
-    base = method if isinstance(method, Mapping) else {}
-    decisions: Mapping[str, Any] = content["decisions"]
-    return {name: {**base, **entry} if isinstance(entry, Mapping) else entry for name, entry in decisions.items()}
+    decisions = content["decisions"]
+    if not isinstance(method, Mapping) or not isinstance(decisions, Mapping):
+        return decisions
+    return {name: {**method, **entry} if isinstance(entry, Mapping) else entry for name, entry in decisions.items()}

@@ -4,14 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
-from gspure.attacks import Attack
 from gspure.evaluation.plan import METHOD, Decision
 from gspure.grouping import grouped
 from gspure.method.settings import MethodSettings
 from gspure.metrics.names import GSPURE
-from gspure.settings import Setting
+from gspure.workflow.variants import VariantSpec
 
 Settings = Mapping[str, MethodSettings]  # of every decision by name, that of the method first
 Factors = Mapping[str, tuple[float, float]]
@@ -26,17 +25,6 @@ ARTIFACTS: Final[Mapping[str, Sequence[str]]] = {
     "prune_mask.npy": ("tau_c", "tau_n"),
 }
 """The files of a decision in the order of their steps, and the settings that each depends on besides those before."""
-
-
-class VariantSpec(NamedTuple):
-    """A variant of the configuration: an attack at one strength."""
-
-    attack: Attack
-    entry: str  # of the configuration
-    decision: str
-    seed: int
-    settings: Mapping[str, Setting]
-    damage: float | None = None  # to search a strength for, dB
 
 
 def suited(settings: Settings, tau_c: float, tau_n: float) -> Settings:

@@ -10,8 +10,8 @@ from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detect
 from gspure.external import files_of
 from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.metrics.targets import SCENE
-from gspure.workflow.decisions import VariantSpec
 from gspure.workflow.inputs import distinct
+from gspure.workflow.variants import VariantSpec
 
 
 @dataclass(frozen=True)

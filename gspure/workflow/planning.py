@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from gspure.attacks import attacks
 from gspure.attacks.attack import Attack
 from gspure.cameras import GENERATED
 from gspure.codec import plain
@@ -14,31 +13,29 @@ from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Training, Views
-from gspure.external import words_of
-from gspure.metrics.names import CLEAN, CONTROLS, UNATTACKED, variant_at
+from gspure.metrics.names import CLEAN, UNATTACKED
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
-from gspure.schemes.registry import find_scheme, schemes
+from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
-from gspure.settings import require_settings
-from gspure.workflow.assets import Asset, Clean, read_assets, require_known
-from gspure.workflow.config import AssetConfig, Config, VariantConfig
-from gspure.workflow.decisions import Settings, VariantSpec, attack_groups, decisions_of, factors_of, suited, sweeps
+from gspure.workflow.assets import Asset, Clean, read_assets
+from gspure.workflow.config import AssetConfig, Config
+from gspure.workflow.decisions import Settings, attack_groups, decisions_of, factors_of, suited, sweeps
 from gspure.workflow.inputs import camera_files, capture_files, distinct, model_files
 from gspure.workflow.jobs import Subject, control_job, controls_of, variant_job
 from gspure.workflow.pairs import Pair, message_training, pair_training, read_pair
+from gspure.workflow.variants import VariantSpec, check_detectors, check_schemes, read_variants
 
 VANILLA: Final = "vanilla"  # folder of the user's own models without a key
 PLAIN_READER: Final = "gspure.public_model"  # module that reads models of no scheme
-_FOLDERS: Final = ("public", "key", "contributions", "decisions", "figures", "trained")  # of a model
 
 
 def plan_of(config: Config, source: str) -> Plan:
     """Return the plan of a configuration, or raise `InputError` for the first entry that no job could use."""
     if not config.assets and not (config.pairs and config.schemes):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
-    variants = _variants(config, source)
-    _check_detectors(config, source)
-    _check_schemes(config, source)
+    variants = read_variants(config, source)
+    check_detectors(config, source)
+    check_schemes(config, source)
     pairs = {name: read_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
     settings = planner.settings(None)
@@ -261,64 +258,6 @@ def camera_source(asset: Asset, source: str) -> CameraSource:
 def users_camera_files(sources: Iterable[str]) -> tuple[Path, ...]:
     """Return the files of cameras that are not generated."""
     return distinct(file for source in sources if source not in GENERATED for file in camera_files(source))
-
-
-def _variants(config: Config, source: str) -> dict[str, VariantSpec]:
-    """Return the variants of a configuration; a list of damages becomes a variant for each."""
-    variants = {}
-    for name, entry in config.variants.items():
-        variant = _variant(name, entry, config, source)
-        if entry.damage is None:
-            variants[name] = variant
-            continue
-        damages = entry.damage if isinstance(entry.damage, tuple) else (entry.damage,)
-        for damage in damages:
-            variants[variant_at(name, damage)] = variant._replace(damage=damage)
-    return variants
-
-
-def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> VariantSpec:
-    """Return a variant; refuse it unless its name, attack, settings, decision and damage go together."""
-    place = f"variants.{name}"
-    known = attacks()
-    if name in {*CONTROLS, *_FOLDERS}:
-        raise InputError(source, place, expected="a name of no control and no folder of a model", found=name)
-    attack_name = entry.attack or name
-    require_known(attack_name, [name] if name in known else [*known], source, place)
-    attack = known[attack_name]
-    require_settings(source, attack.function, entry.settings, f"{place}.")
-    if entry.decision is not None:
-        require_known(entry.decision, [*config.decisions], source, f"{place}.decision")
-        if not attack.needs & {"weights", "prune_mask"}:
-            expected = f"no entry, since {attack_name} uses no decision"
-            raise InputError(source, f"{place}.decision", expected=expected, found=repr(entry.decision))
-    if entry.damage is not None:
-        if attack.strength is None:
-            raise InputError(source, f"{place}.damage", expected="an attack with a strength", found=attack_name)
-        strength = entry.settings.get(attack.strength.setting)
-        if strength is not None:
-            field = f"{place}.{attack.strength.setting}"
-            raise InputError(source, field, expected="nothing beside damage", found=repr(strength))
-    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, entry.settings)
-
-
-def _check_detectors(config: Config, source: str) -> None:
-    """Refuse commands that cannot be split, and names of targets."""
-    for name, detector in config.detectors.items():
-        words_of(detector.command)
-        if name in (SCENE, BITS) or is_picture(name):
-            raise InputError(source, f"detectors.{name}", expected="a name of no target", found=name)
-
-
-def _check_schemes(config: Config, source: str) -> None:
-    """Refuse unknown schemes, settings and extractions."""
-    known = schemes() if config.schemes else {}
-    for name, entry in config.schemes.items():
-        require_known(name, [*known], source, f"schemes.{name}")
-        require_settings(source, known[name].embed, entry.settings, f"schemes.{name}.")
-    extractions = sorted({extraction for name in config.schemes for extraction in known[name].extractions})
-    for extraction in config.extractions or ():
-        require_known(extraction, extractions, source, "extractions")
 
 
 def _training(asset: AssetConfig) -> Training:
