@@ -129,6 +129,7 @@ use rule base_step as draw_model with:
             "figures",
             model=get_public_model,
             settings=lambda wildcards: get_model(wildcards).method.settings,
+            scheme=get_scheme,
             owner=get_revealing_owner,
         ),
     message:

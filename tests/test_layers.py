@@ -21,6 +21,7 @@ LAYERS = (
         "errors",
         "constants",
         "settings",
+        "codec",
         "text",
         "grouping",
         "progress",

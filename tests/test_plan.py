@@ -287,8 +287,8 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
     }
     plan = changed(assets=None, decisions=decisions, variants=variants)
     assert plan.sweeps == {
-        "gspure": ("gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"),
-        "gspure leaf": ("leaf", "gentle_leaf"),
+        "gspure": ("gentle", "gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB"),
+        "gspure leaf": ("gentle_leaf", "leaf"),
         "random_pruning": ("half", "random_pruning"),
     }
     assert plan.attacks == {**plan.sweeps, "unattacked": ("unattacked",), "plain_weight": ("plain_weight",)}

@@ -33,7 +33,7 @@ def plan_of(config: Config, source: str) -> Plan:
     """Return the plan of a configuration, or raise `InputError` for the first entry that no job could use."""
     if not config.assets and not (config.pairs and config.schemes):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
-    variants = read_variants(config, source)
+    variants = dict(sorted(read_variants(config, source).items()))  # tables list them by name
     check_detectors(config, source)
     check_schemes(config, source)
     pairs = {name: read_pair(name, pair, source) for name, pair in config.pairs.items()}
