@@ -88,15 +88,22 @@ def schema(kind: Any) -> dict[str, Any]:
         Union: _union_schema,
         UnionType: _union_schema,
         Literal: lambda choices: {"enum": [*choices]},
-        tuple: lambda items: {"type": "array", "items": schema(items[0])},
+        tuple: _tuple_schema,
         Mapping: _mapping_schema,
     }
-    if isinstance(kind, type) and is_dataclass(kind):
+    if is_dataclass(kind) or hasattr(kind, "_fields"):
         return _object_schema(kind)
     if get_origin(kind) in writers:
         return writers[get_origin(kind)](get_args(kind))
     names: dict[Any, str] = {str: "string", Path: "string", int: "integer", float: "number", bool: "boolean"}
     return {"type": names.get(kind, "null")}
+
+
+def _tuple_schema(items: tuple[Any, ...]) -> dict[str, Any]:
+    content: dict[str, Any] = {"type": "array", "items": schema(items[0])}
+    if Ellipsis not in items:
+        content |= {"minItems": len(items), "maxItems": len(items)}
+    return content
 
 
 def _mapping_schema(arguments: tuple[Any, ...]) -> dict[str, Any]:
@@ -178,11 +185,21 @@ def _read_union(kind: Any, value: Any, source: str | Path, place: str) -> Any:
         return None
     classes: dict[str, Any] = {member.__name__: member for member in _classes(kind)}
     if len(classes) > 1:
-        content = dict(value)
-        return read(classes[content.pop(KIND)], content, source, place)
+        return _read_named_class(classes, value, source, place)
     candidates = [member for member in kinds if member is not NoneType]
     fitting = [member for member in candidates if _takes(member, value)]
     return read((fitting or candidates)[0], value, source, place)
+
+
+def _read_named_class(classes: Mapping[str, Any], value: Any, source: str | Path, place: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise InputError(source, place or "content", expected="a mapping", found=shown(value))
+    name = value.get(KIND)
+    if not isinstance(name, str) or name not in classes:
+        inner = f"{place}.{KIND}" if place else KIND
+        raise InputError(source, inner, expected=f"one of {', '.join(classes)}", found=shown(name))
+    content = {key: item for key, item in value.items() if key != KIND}
+    return read(classes[name], content, source, place)
 
 
 def _takes(kind: Any, value: object) -> bool:
