@@ -72,7 +72,7 @@ class GeneratedViews:
     count: Annotated[int, GENERATED_VIEWS, "Number of views."] = 24
     width: Annotated[int, SIDE, "Width in pixels."] = 640
     height: Annotated[int, SIDE, "Height in pixels."] = 480
-    fov: Annotated[float, FIELD_OF_VIEW, "Horizontal field of view in degrees."] = 50
+    fov: Annotated[float, FIELD_OF_VIEW, "Horizontal field of view in degrees."] = 50.0
     up: Annotated[
         tuple[Annotated[float, COORDINATE], Annotated[float, COORDINATE], Annotated[float, COORDINATE]] | None,
         "Up direction of the model's world: 0 -1 0 for models from COLMAP, often 0 0 1 for others. null: guessed from "
@@ -179,7 +179,7 @@ class DetectorConfig:
     message: Annotated[
         str, BITS_TEXT, "The embedded bits, such as 0110, in quotes; empty if the command returns scores."
     ] = ""
-    timeout: Annotated[float, SECONDS, "Seconds to wait for an answer."] = 600
+    timeout: Annotated[float, SECONDS, "Seconds to wait for an answer."] = 600.0
 
 
 @dataclass(frozen=True)
