@@ -6,7 +6,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from gspure.images import png_files, read_back, read_image, write_image
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.model import Gaussians
 from gspure.model.ply import write_point_ply
-from gspure.public_model import Lesson, PublicModel, Rows
+from gspure.public_model import Columns, Lesson, PublicModel, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.scheme import Key, Scheme
 from tests.models import blobs, tilted_camera
@@ -39,7 +39,9 @@ ARRAYS = {"means": (np.float32, (None, 3)), "colour": (np.float32, (3,)), "bits"
 class LanternModel(PublicModel):
     """Gaussians whose opacity no attack may change."""
 
-    attributes = {name: columns for name, columns in PublicModel.attributes.items() if name != "opacity"}
+    attributes: ClassVar[Columns] = {
+        name: columns for name, columns in PublicModel.attributes.items() if name != "opacity"
+    }
 
 
 @dataclass(frozen=True, eq=False)
