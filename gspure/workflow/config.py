@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import yaml
 
@@ -299,9 +299,8 @@ def read_config(files: Iterable[Path], overrides: Mapping[str, object], source: 
     """
     content: dict[str, object] = {}
     for file in files:
-        _lay_over(content, load_yaml(file))
-    _lay_over(content, overrides)
-    return config_of(content, source)
+        content = _laid_over(content, load_yaml(file))
+    return config_of(_laid_over(content, overrides), source)
 
 
 def config_of(content: Mapping[str, object], source: str) -> Config:
@@ -351,8 +350,8 @@ def _require_complete(asset: AssetConfig, source: str, place: str) -> None:
 
 def load_yaml(file: Path) -> dict[str, object]:
     """Read a YAML file whose keys are texts, such as ``no`` or ``2024_05``, each of them once."""
-    with reading(file, "a configuration, as YAML"):
-        content = yaml.load(file.read_text(encoding="utf-8-sig"), _TextKeys)  # noqa: S506 - a SafeLoader
+    with reading(file, "a configuration, as YAML"), file.open(encoding="utf-8-sig") as stream:
+        content = yaml.load(stream, _TextKeys)  # noqa: S506 - a SafeLoader
     if content is None:
         return {}
     if not isinstance(content, dict):
@@ -363,8 +362,12 @@ def load_yaml(file: Path) -> dict[str, object]:
 class _TextKeys(yaml.SafeLoader):
     """A safe loader that keeps keys as they are written, and refuses those that are written twice."""
 
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        self._require_distinct(node)  # here, since `<<` repeats keys later
+        return node
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:  # noqa: FBT001, FBT002
-        self._require_distinct(node)
         self.flatten_mapping(node)  # lays the entries of `<<` below the node's own
         return {
             self._key(key_node): self.construct_object(value_node, deep=deep) for key_node, value_node in node.value
@@ -386,14 +389,18 @@ class _TextKeys(yaml.SafeLoader):
             known.add(key)
 
 
-def _lay_over(content: dict[str, object], changes: Mapping[str, object]) -> None:
-    """Replace entries by those of `changes`, below common mappings one by one, as Snakemake does."""
-    for name, value in changes.items():
-        below = content.get(name)
-        if isinstance(value, Mapping) and isinstance(below, dict):
-            _lay_over(below, value)
-        else:
-            content[name] = value
+def _laid_over(content: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """Return content with the entries of `changes`, below common mappings one by one, as Snakemake does.
+
+    Neither is changed: with an alias, a YAML file has the same mapping in several places.
+    """
+    merged = {**content, **changes}
+    for name in content.keys() & changes.keys():
+        below = content[name]
+        above = changes[name]
+        if isinstance(below, Mapping) and isinstance(above, Mapping):
+            merged[name] = _laid_over(below, above)
+    return merged
 
 
 def _inherited(content: Mapping[str, object]) -> object:
