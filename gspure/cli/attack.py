@@ -1,6 +1,7 @@
 """``gspure attack``: one variant of a model."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -8,6 +9,7 @@ from gspure.arrays import save_array
 from gspure.attacks import BUILT_IN, find_attack
 from gspure.attacks.strength import Damage, Match, scene_damage
 from gspure.cameras import Camera
+from gspure.cameras.splits import views_of_split
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
@@ -58,48 +60,77 @@ def add_arguments(parser: Parser) -> None:
     options.add_device(parser)
 
 
+@dataclass(frozen=True)
+class AttackOptions:
+    """The arguments of the command."""
+
+    name: str
+    model: Path
+    out: Path
+    seed: int
+    set: Sequence[tuple[str, str]]
+    weights: Path | None
+    prune_mask: Path | None
+    opacities: Path | None
+    surface: Path | None
+    labels: Path | None
+    removed: Path | None
+    transform: Path | None
+    scheme: str | None
+    damage: float | None
+    cameras: Path | str | None
+    up: Sequence[float] | None
+    split: str
+    photographs: Path | None
+    device: str | None
+
+
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows and transform."""
-    require_writable(args.out)
-    spec = _spec(args)
-    public = read_public_model(args.model, args.scheme).drawable(args.model)
-    attack_result = attacked(public, spec, _context(args, spec))
-    if attack_result.match:
-        _mention(attack_result, attack_result.match, args.damage, is_estimated=not args.photographs)
-    attack_result.public.write(args.out)
-    if args.removed:
-        save_array(args.removed, attack_result.attacked.prune_mask)
-    if args.transform:
-        save_array(args.transform, attack_result.transform)
-    options.record_command(args, args.out.parent, resolved={"set": attack_result.settings})
+    wanted = options.typed(args, AttackOptions)
+    require_writable(wanted.out)
+    spec = _spec(wanted)
+    public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
+    attack_result = attacked(public, spec, _context(wanted, spec))
+    if attack_result.match and wanted.damage is not None:
+        _mention(attack_result, attack_result.match, wanted.damage, is_estimated=not wanted.photographs)
+    attack_result.public.write(wanted.out)
+    if wanted.removed:
+        save_array(wanted.removed, attack_result.attacked.prune_mask)
+    if wanted.transform:
+        save_array(wanted.transform, attack_result.transform)
+    options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
     print(attack_result.sentence)
 
 
-def _spec(args: Arguments) -> AttackSpec:
+def _spec(wanted: AttackOptions) -> AttackSpec:
     """Return the attack that the arguments name, or raise `InputError` for a setting that it does not take."""
-    attack = find_attack(args.name)
+    attack = find_attack(wanted.name)
     if attack.of_renders:
         hint = "variants of the workflow apply it"
         source = f"attack {attack.name}"
         raise InputError(source, "name", expected="an attack on models", found="one on renders", hint=hint)
-    settings = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
-    files = {name: getattr(args, name) for name in sorted(attack.needs & _MEASUREMENTS.keys())}
+    settings = parsed_settings(f"attack {attack.name}", attack.function, dict(wanted.set))
+    files: dict[str, Path | None] = {
+        name: getattr(wanted, name) for name in sorted(attack.needs & _MEASUREMENTS.keys())
+    }
     measured = {name: file for name, file in files.items() if file}
-    return AttackSpec(attack.name, settings=settings, seed=args.seed, damage=args.damage, measured=measured)
+    return AttackSpec(attack.name, settings=settings, seed=wanted.seed, damage=wanted.damage, measured=measured)
 
 
-def _context(args: Arguments, spec: AttackSpec) -> Context:
+def _context(wanted: AttackOptions, spec: AttackSpec) -> Context:
     """Return the views and the device of attacks that train and of ``--damage``; nothing for others."""
     trains = learns(find_attack(spec.name))
     searches = spec.damage is not None
     if not trains and not searches:
         return Context()
-    if not args.cameras:
+    if not wanted.cameras:
         raise InputError("attack", "--cameras", expected="public views, which the attack renders", found="none")
-    device = options.read_device(args)
-    views = options.read_views(args, "train") if trains else []
-    rendered = options.read_views(args, args.split) if searches else []
-    return Context(views, device, partial(_damage, rendered, args.photographs, device))
+    device = options.selected_device(wanted.device)
+    cameras = options.read_source(wanted.cameras, wanted.model, up=wanted.up)
+    views = views_of_split(cameras, "train", wanted.cameras) if trains else []
+    rendered = views_of_split(cameras, wanted.split, wanted.cameras) if searches else []
+    return Context(views, device, partial(_damage, rendered, wanted.photographs, device))
 
 
 def _damage(views: Sequence[Camera], folder: Path | None, device: Device, public: PublicModel) -> Damage:
