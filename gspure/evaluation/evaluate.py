@@ -71,9 +71,9 @@ def evaluate(job: Job) -> Evaluation:
     Raise `InputError` if the model, a view, the key or a setting is invalid. An attack that cannot apply is an outcome.
     """
     renders = job.folder / "renders"
-    shutil.rmtree(renders, ignore_errors=True)
-    renders.mkdir(parents=True)
-    (job.folder / DETECTIONS).mkdir(exist_ok=True)
+    for folder in (renders, job.folder / DETECTIONS):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
     views = read_views(job)
     attack: Applied | Refused | None = None
     if isinstance(job.case, AttackSpec):
