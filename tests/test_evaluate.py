@@ -21,7 +21,7 @@ from gspure.images import read_image, write_image
 from gspure.method.purify import purify
 from gspure.method.settings import MethodSettings
 from gspure.metrics.comparison import ViewMetrics, read_metrics
-from gspure.metrics.csv_tables import read_table
+from gspure.metrics.csv_tables import read_table, write_table
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, nominal_drop, psnr
 from gspure.metrics.readings import Reading
 from gspure.metrics.retrieval import Retrieved
@@ -350,11 +350,13 @@ def test_an_attack_on_renders_affects_hidden_bits() -> None:
     assert evaluation.attack.affects == {"bits": True}
 
 
-def test_images_of_an_earlier_run_are_gone() -> None:
+def test_images_and_readings_of_an_earlier_run_are_gone() -> None:
     planned = attack_job("again", "unattacked", targets=(SCENE,))
     write_image(planned.folder / "renders" / MESSAGE / "view_0.png", cases.green())
+    write_table(planned.folder / "detections" / "mark.csv", Reading, [])
     run(planned)
     assert not (planned.folder / "renders" / MESSAGE).exists()
+    assert [*(planned.folder / "detections").iterdir()] == []
 
 
 def test_decoys_are_candidates_of_the_retrieval() -> None:
