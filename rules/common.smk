@@ -42,14 +42,15 @@ except InputError as error:
 MODELS = [*PLAN.by_name]
 VARIANTS = [job.variant for job in PLAN.models[0].variants]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
+# Decisions by their folder below that of their model, which is the model's own for the decision of the method.
+DECISIONS = {"": METHOD, **{f"/decisions/{name}": name for name in CONFIG.decisions}}
 
 
 wildcard_constraints:
     scheme="|".join(dict.fromkeys(model.id.scheme for model in PLAN.models)),
     scene="|".join(dict.fromkeys([*PLAN.pairs, *(model.id.folder_name for model in PLAN.models)])),
     variant="|".join(VARIANTS),
-    # The folder of a decision below that of its model; empty for the decision of the method.
-    decision=f"(?:|/decisions/(?:{'|'.join(CONFIG.decisions) or 'none'}))",
+    decision="|".join(DECISIONS),
 
 
 scattergather:
@@ -177,7 +178,7 @@ def get_scheme(wildcards):
 
 
 def get_decision(wildcards):
-    return get_model(wildcards).decisions[wildcards.decision.rpartition("/")[2] or METHOD]
+    return get_model(wildcards).decisions[DECISIONS[wildcards.decision]]
 
 
 def get_artifact(name):

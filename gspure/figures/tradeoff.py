@@ -91,13 +91,13 @@ def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
         _label(axes, [*front, *(place for place in listed if place not in front)])
-    left_out = dict.fromkeys(o.variant for o in outcomes if not o.is_control and o.variant not in shown)
+    left_out = {o.variant: o.title for o in outcomes if not o.is_control and o.variant not in shown}
     caption = (
         "PSNR of the message and drop of the scene's PSNR after every variant, mean over the scenes. Attacks to the "
         "lower left are stronger. Vertical lines: drops at which attacks are compared."
     )
     if left_out:
-        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(map(display_name, left_out))}."
+        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(left_out.values())}."
     if floor is not None:
         caption += " Dashed line: the highest PSNR of a control without the message."
     return caption

@@ -63,8 +63,8 @@ def condition_tables(
     condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
 ) -> dict[str, list[Table]]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
-    names = {row.variant: row.name for row in survivals if row.condition == condition}
     titles = {row.variant: row.title for row in survivals}
+    names = titles | {row.variant: row.name for row in survivals if row.condition == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
         (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
