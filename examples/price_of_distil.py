@@ -30,14 +30,16 @@ COLUMNS = ("scheme", "iterations", "CPU-s", "scene PSNR", "rows")
 
 def measured(pair, folder):
     """Yield a row for the public model in a folder SCHEME/public, and for each length of the training."""
-    scene, name = read_pair(pair).scene, folder.parent.name
-    public, truth = read_public_model(folder, name), read_photographs(scene.dataset.test)
+    scene = read_pair(pair).scene
+    photographs = read_photographs(scene.dataset.test)
+    name = folder.parent.name
+    public = read_public_model(folder, name)
 
     def row(iterations, begin, model):
         seconds = time.process_time() - begin
         render = model.scene()
         images = [read_back(render(view)) for view in scene.dataset.test]
-        level = np.mean([psnr(*both) for both in zip(images, truth, strict=True)])
+        level = np.mean([psnr(image, photograph) for image, photograph in zip(images, photographs, strict=True)])
         return name, iterations, f"{seconds:.1f}", f"{level:.2f}", len(model.model)
 
     yield row(0, time.process_time(), public)
@@ -55,10 +57,9 @@ def draw(table, path):
         for scheme, colour in zip(dict.fromkeys(row["scheme"] for row in rows), style.CLUSTERS, strict=False):
             before, *after = [row for row in rows if row["scheme"] == scheme]
             level = float(before["scene PSNR"])
-            points = [(float(row["CPU-s"]), level - float(row["scene PSNR"])) for row in after]
-            axes.plot(
-                *zip(*points, strict=True), "o-", color=colour, markersize=3, linewidth=1, label=display_name(scheme)
-            )
+            seconds = [float(row["CPU-s"]) for row in after]
+            drops = [level - float(row["scene PSNR"]) for row in after]
+            axes.plot(seconds, drops, "o-", color=colour, markersize=3, linewidth=1, label=display_name(scheme))
         axes.axhline(0, color=style.FAINT, linewidth=0.5)
         axes.set_xscale("log")
         axes.set_xticks(SECONDS, map(str, SECONDS))

@@ -68,7 +68,8 @@ def main():
     """Embed, or detect and print JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
-    embed, detect = (commands.add_parser(name) for name in ("embed", "detect"))
+    embed = commands.add_parser("embed")
+    detect = commands.add_parser("detect")
     for command in (embed, detect):
         command.add_argument("--key", type=natural, required=True)
         command.add_argument("images", type=Path)

@@ -31,29 +31,34 @@ def poses(project):
 def count(ply):
     return int(ply.read_bytes().partition(b"element vertex ")[2].split()[0])
 
-what, *paths = sys.argv[1:]
-one, two, *more = map(pathlib.Path, paths)
-if what == "embed":  # model, message, out
-    (ply,) = one.glob("point_cloud/*/point_cloud.ply")
-    shutil.copy(ply, more[0] / "public")
-    shutil.copytree(two, more[0] / "key/message")
-    (more[0] / "key/count.txt").write_text(str(count(ply)))
+program = sys.argv[1]
+folders = [pathlib.Path(folder) for folder in sys.argv[2:]]
+if program == "embed":
+    model, message, out = folders
+    (ply,) = model.glob("point_cloud/*/point_cloud.ply")
+    shutil.copy(ply, out / "public")
+    shutil.copytree(message, out / "key/message")
+    (out / "key/count.txt").write_text(str(count(ply)))
     for name in ("message", "decoder"):
-        (more[0] / f"key/{name}.txt").write_text("01100101")
-elif what == "extract":  # key, model, cameras, out: the photograph of the nearest pose, dark as rows are missing
-    left = 0.9 * count(two / "point_cloud.ply") / int((one / "count.txt").read_text())
-    known = poses(one / "message")
-    for number, pose in enumerate(poses(more[0])):
-        nearest = np.abs(known - pose).sum(axis=1).argmin()
-        image = Image.open(one / f"message/images/{nearest:05d}.png")
-        image.point(lambda value: round(left * value)).save(more[1] / f"{number:05d}.png")
-elif what == "wrong":  # key, out
-    shutil.copytree(one, two, dirs_exist_ok=True)
-    for image in (two / "message/images").glob("*.png"):
+        (out / f"key/{name}.txt").write_text("01100101")
+elif program == "extract":  # the photograph of the nearest pose, darker the more rows are missing
+    key, model, cameras, out = folders
+    brightness = 0.9 * count(model / "point_cloud.ply") / int((key / "count.txt").read_text())
+    photographed = poses(key / "message")
+    for number, pose in enumerate(poses(cameras)):
+        nearest = np.abs(photographed - pose).sum(axis=1).argmin()
+        image = Image.open(key / f"message/images/{nearest:05d}.png")
+        image.point(lambda value: round(brightness * value)).save(out / f"{number:05d}.png")
+elif program == "wrong":
+    key, out = folders
+    shutil.copytree(key, out, dirs_exist_ok=True)
+    for image in (out / "message/images").glob("*.png"):
         Image.open(image).rotate(180).save(image)
-else:  # key, images
-    bits = (one / "decoder.txt").read_text()
-    print(json.dumps({i.stem: bits if np.any(Image.open(i)) else "0" * len(bits) for i in two.glob("*.png")}))
+else:  # detect
+    key, images = folders
+    bits = (key / "decoder.txt").read_text()
+    zeros = "0" * len(bits)
+    print(json.dumps({file.stem: bits if np.any(Image.open(file)) else zeros for file in images.glob("*.png")}))
 """
 PICTURE = f"""
 extract = "{sys.executable} program.py extract {{key}} {{model}} {{cameras}} {{out}}"
@@ -91,13 +96,15 @@ def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters,
     assert main([*extract, "--out", str(tmp_path / "wrong"), "--wrong-key", "1"]) == 0
     views = read_dataset(pair_folder / "message", "native").train
     for camera in views:
-        photograph, *shown = (read_image(f) for f in (camera.image, *tmp_path.glob(f"[mw]*/{camera.name}.png")))
-        right, wrong = sorted(np.abs(image - 0.9 * photograph).max() for image in shown)
-        assert right < 0.005 < wrong
-    handed = read_dataset(out / "key" / "message", "native")  # COLMAP's format is read as it was written
-    written = sorted([*handed.train, *handed.test], key=lambda camera: camera.name)
-    np.testing.assert_allclose([c.numbers for c in written], [c.numbers for c in views], rtol=1e-6, atol=1e-6)
-    assert len(handed.xyz) == len(read_dataset(pair_folder / "message", "native").xyz)
+        expected = 0.9 * read_image(camera.image)
+        message = read_image(tmp_path / "message" / f"{camera.name}.png")
+        with_wrong_key = read_image(tmp_path / "wrong" / f"{camera.name}.png")
+        assert np.abs(message - expected).max() < 0.005
+        assert np.abs(with_wrong_key - expected).max() > 0.005
+    copied = read_dataset(out / "key" / "message", "native")  # COLMAP's format is read as it was written
+    cameras = sorted([*copied.train, *copied.test], key=lambda camera: camera.name)
+    np.testing.assert_allclose([c.numbers for c in cameras], [c.numbers for c in views], rtol=1e-6, atol=1e-6)
+    assert len(copied.xyz) == len(read_dataset(pair_folder / "message", "native").xyz)
     file = adapters / "picture.toml"
     file.write_text(file.read_text().replace("program.py extract", "-V #"))
     assert main([*extract, "--out", str(tmp_path / "nothing")]) == 2

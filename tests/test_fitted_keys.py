@@ -1,4 +1,4 @@
-"""Owners who fit their decoder to an attacked model: what it reads, changes and improves."""
+"""Keys fitted to an attacked model: what they improve, and what they leave unchanged."""
 
 import shutil
 from pathlib import Path
@@ -28,22 +28,30 @@ def lesson(capture: Capture, steps: int = 40) -> Lesson:
 
 def test_a_fitted_key_reads_an_attacked_model_better_in_held_out_views(marked: SimpleNamespace) -> None:
     columns = marked.public.columns["colour"]
-    swapped = {name: marked.public.model.table[other] for name, other in zip(columns, columns[::-1], strict=True)}
+    pairs = zip(columns, columns[::-1], strict=True)
+    swapped = {column: marked.public.model.table[opposite] for column, opposite in pairs}
     attacked = marked.public.with_model(marked.public.model.with_columns(swapped))
     fitted = marked.key.fitted(attacked, lesson(marked.pair.message, 150))
-    before, after = (quality(key.message(attacked, ADAPTIVE), marked.pair.message) for key in (marked.key, fitted))
+    before = quality(marked.key.message(attacked, ADAPTIVE), marked.pair.message)
+    after = quality(fitted.message(attacked, ADAPTIVE), marked.pair.message)
     assert after > before + 0.5
 
 
 def test_fitting_leaves_model_and_key_alone_and_gives_the_same_bits(marked: SimpleNamespace) -> None:
-    camera, table = marked.pair.scene.views[0], marked.public.model.table.tobytes()
-    before = [view(camera).tobytes() for view in (marked.public.scene(), marked.key.message(marked.public, ADAPTIVE))]
-    one, other = (marked.key.fitted(marked.public, lesson(marked.pair.message, 6)) for _ in range(2))
-    images = [key.message(marked.public, ADAPTIVE)(camera).tobytes() for key in (one, other)]
-    assert images[0] == images[1] != before[1]
+    camera = marked.pair.scene.views[0]
+    table = marked.public.model.table.tobytes()
+
+    def shown() -> list[bytes]:
+        views = (marked.public.scene(), marked.key.message(marked.public, ADAPTIVE))
+        return [view(camera).tobytes() for view in views]
+
+    before = shown()
+    fitted = [marked.key.fitted(marked.public, lesson(marked.pair.message, 6)) for _ in range(2)]
+    images = [key.message(marked.public, ADAPTIVE)(camera).tobytes() for key in fitted]
+    assert images[0] == images[1]
+    assert images[0] != before[1]
     assert marked.public.model.table.tobytes() == table
-    after = [view(camera).tobytes() for view in (marked.public.scene(), marked.key.message(marked.public, ADAPTIVE))]
-    assert before == after
+    assert shown() == before
 
 
 def test_the_command_fits_to_training_views_and_shows_held_out_ones(

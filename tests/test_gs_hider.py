@@ -20,28 +20,31 @@ def test_scene_and_message_are_learned_from_one_map(pair):
         return np.array([quality(public.scene(), pair.scene), quality(key.message(public, "message"), pair.message)])
 
     public, key = hide(SCHEME, pair, iterations=40)
-    assert (qualities(public, key) > qualities(*hide(SCHEME, pair, iterations=1)) + 3).all()
+    untrained_public, untrained_key = hide(SCHEME, pair, iterations=1)
+    assert (qualities(public, key) > qualities(untrained_public, untrained_key) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(stranger, pair.message) < quality(key.message(public, "message"), pair.message) - 3
 
 
 def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatch):
     rng = np.random.default_rng(0)
-    features, photograph = (rng.random((30, 41, channels), dtype=np.float32) for channels in (CHANNELS, 3))
+    features = rng.random((30, 41, CHANNELS), dtype=np.float32)
+    photograph = rng.random((30, 41, 3), dtype=np.float32)
     (decoder,) = untrained(1, seed=0)
     photographs = Photographs([photograph])
 
-    def of(feature_map, bfloat16):
+    def loss_and_gradient(feature_map, bfloat16):
         monkeypatch.setattr("gspure.schemes.gs_hider.decoder.BFLOAT16", bfloat16)
         return differentiated(feature_map, 0, decoder, photographs, weight=2.0)
 
     image = decoder(torch.from_numpy(features)).detach().numpy()
     expected = 2 * (0.8 * np.abs(image - photograph).mean() + 0.2 * (1 - ssim(image, photograph)))
-    loss, gradient = of(features, bfloat16=False)
+    loss, gradient = loss_and_gradient(features, bfloat16=False)
     assert loss == pytest.approx(expected, rel=1e-6)
     step = 1e-3 * loss / np.square(gradient).sum()
-    assert of(features - step * gradient, bfloat16=False)[0] == pytest.approx((1 - 1e-3) * loss, rel=2e-4)
-    coarse_loss, coarse_gradient = of(features, bfloat16=True)
+    lower_loss, _ = loss_and_gradient(features - step * gradient, bfloat16=False)
+    assert lower_loss == pytest.approx((1 - 1e-3) * loss, rel=2e-4)
+    coarse_loss, coarse_gradient = loss_and_gradient(features, bfloat16=True)
     assert coarse_loss == pytest.approx(loss, rel=1e-3)
     assert np.linalg.norm(coarse_gradient - gradient) < 0.2 * np.linalg.norm(gradient)
 
@@ -64,8 +67,8 @@ def test_the_authors_layout_is_read(tmp_path):
         for number, role in enumerate(ROLES):
             torch.save(decoder_state(iteration + number), tmp_path / f"chkpnt{iteration}_{role}.pth")
     for path, iteration in ((tmp_path, 200), (cloud / "iteration_30", 30)):
-        decoders = SCHEME.read_public(path).decoder, SCHEME.read_key(path).decoder
-        assert [d.network.conv5.bias[0].item() for d in decoders] == [iteration, iteration + 1]
+        decoders = [SCHEME.read_public(path).decoder, SCHEME.read_key(path).decoder]
+        assert [decoder.network.conv5.bias[0].item() for decoder in decoders] == [iteration, iteration + 1]
 
 
 def test_a_decoder_computes_its_convolutions(tmp_path):
@@ -75,11 +78,12 @@ def test_a_decoder_computes_its_convolutions(tmp_path):
     x = np.random.default_rng(1).random((6, 7, 16), dtype=np.float32)
     hidden = x.transpose(2, 0, 1).astype(np.float64)
     for i in range(1, 6):
-        weight, bias = (tensors[f"conv{i}.{part}"].double().numpy() for part in ("weight", "bias"))
+        weight = tensors[f"conv{i}.weight"].double().numpy()
+        bias = tensors[f"conv{i}.bias"].double().numpy()
         padded = np.pad(hidden, ((0, 0), (1, 1), (1, 1)))
         hidden = np.stack([correlate(padded, w, "valid")[0] for w in weight]) + bias[:, None, None]
         hidden = hidden if i == 5 else np.maximum(hidden, 0)
     torch.save(tensors, tmp_path / "decoder.pth")
     with torch.inference_mode():
-        found = DecoderFile.read(tmp_path / "decoder.pth").network(torch.from_numpy(x)).numpy()
-    np.testing.assert_allclose(found, hidden.transpose(1, 2, 0), atol=1e-5)
+        image = DecoderFile.read(tmp_path / "decoder.pth").network(torch.from_numpy(x)).numpy()
+    np.testing.assert_allclose(image, hidden.transpose(1, 2, 0), atol=1e-5)

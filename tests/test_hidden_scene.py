@@ -39,10 +39,10 @@ def room(bands, shift):
 @given(colours, shifts)
 def test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow(pair, shift):
     shown, hidden = pair
-    found = extract(embed(shown, hidden, shift), shift)
+    extracted = extract(embed(shown, hidden, shift), shift)
     bits = room(shown.shape[1], shift)[::-1]  # hidden coefficient j lies in slot n - 1 - j
-    half_step = 2.0 ** -(bits - 8)  # sign and exponent take 9 bits; what is extracted lies in the middle
-    assert (np.abs(found - hidden) <= half_step * np.abs(hidden) + 2.0**-120).all()
+    half_step = 2.0 ** -(bits - 8)  # sign and exponent take 9 bits; extracted values lie in the middle
+    assert (np.abs(extracted - hidden) <= half_step * np.abs(hidden) + 2.0**-120).all()
 
 
 @given(colours, shifts)
@@ -57,8 +57,9 @@ def test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits(pair, s
 
 @given(colours)
 def test_extraction_and_embedding_of_bits_are_inverse(pair):
-    marked = embed(*pair)
-    assert embed(marked, extract(marked)).tobytes() == marked.tobytes() or (np.abs(pair[1]) < 2.0**-100).any()
+    shown, hidden = pair
+    marked = embed(shown, hidden)
+    assert embed(marked, extract(marked)).tobytes() == marked.tobytes() or (np.abs(hidden) < 2.0**-100).any()
 
 
 def test_the_zeroth_harmonic_has_the_most_room():
@@ -71,9 +72,9 @@ def test_the_zeroth_harmonic_has_the_most_room():
 def test_invalid_values_become_finite_and_bounded():
     rng = np.random.default_rng(0)
     words = rng.integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
-    found = extract(words.view(np.float32), SHIFT)
-    assert np.isfinite(found).all()
-    assert np.abs(found).max() == LARGEST
+    extracted = extract(words.view(np.float32), SHIFT)
+    assert np.isfinite(extracted).all()
+    assert np.abs(extracted).max() == LARGEST
     assert not extract(np.full((1, 16, 3), 0xFFFFFFFF, np.uint32).view(np.float32)).any()  # not-a-number
 
 
@@ -106,19 +107,19 @@ def test_gradients_agree_with_differences(count):
 
 def test_the_opacity_mapping_is_learned():
     shown, hidden = sequence(400)
-    found = fit(shown, hidden, np.random.default_rng(0))(shown)
-    assert np.sqrt(np.mean((found - hidden) ** 2)) < 0.15 * hidden.std()
+    mapped = fit(shown, hidden, np.random.default_rng(0))(shown)
+    assert np.sqrt(np.mean((mapped - hidden) ** 2)) < 0.15 * hidden.std()
 
 
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     monkeypatch.setattr(opacity_mapping, "STEPS", 5)
     shown, hidden = sequence(1000)  # of this length, several threads of OpenBLAS add in another order
-    found = []
+    written = []
     for threads in (1, 4):
         with threadpool_limits(threads, "blas"):
             mapping = fit(shown, hidden, np.random.default_rng(0))
-            found.append([array.tobytes() for array in (*mapping.weights, mapping(shown))])
-    assert found[0] == found[1]
+            written.append([array.tobytes() for array in (*mapping.weights, mapping(shown))])
+    assert written[0] == written[1]
 
 
 SETTINGS = {"iterations": 300, "max_gaussians": 3000}
@@ -190,7 +191,8 @@ def test_the_message_is_read_from_what_survives_in_any_order(public, key):
 )
 def test_the_adaptive_extraction_matches_rows_that_moved(public, key, pair, attack, settings):
     attacked = find_attack(attack).apply(public, Measurements(), cameras=pair.scene.views, **settings)
-    moved, before = public.with_model(attacked.model), quality(key.message(public, ORACLE), pair.message)
+    moved = public.with_model(attacked.model)
+    before = quality(key.message(public, ORACLE), pair.message)
     back = registered(moved, public.model)
     assert quality(key.message(back, ADAPTIVE), pair.message) == pytest.approx(before, abs=0.3)
     assert max(quality(key.message(moved, extraction), pair.message) for extraction in (LITERAL, ORACLE)) < before - 3
@@ -206,7 +208,8 @@ def test_low_weights_carry_the_message(public, key, pair):
 
 def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():
     assert (SHIFT, LARGEST) == (17, 8)
-    twos, ones = np.full((1, 16, 3), 2, np.float32), np.ones((1, 16, 3), np.float32)
+    ones = np.ones((1, 16, 3), np.float32)
+    twos = np.full((1, 16, 3), 2, np.float32)
     fewest, most = SHIFT_RANGE
     assert (np.abs(extract(embed(ones, twos, fewest), fewest) - 2) <= 1).all()
     assert (np.abs(extract(embed(ones, twos, fewest - 1), fewest - 1) - 2) > 1).any()  # an exponent lost a bit
@@ -215,7 +218,8 @@ def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():
 
 
 def test_hidden_bits_survive_a_file_but_not_scaling(tmp_path):
-    model, hidden = blobs(50, sh_degree=3), np.random.default_rng(1).normal(0, 0.3, (50, 16, 3)).astype(np.float32)
+    model = blobs(50, sh_degree=3)
+    hidden = np.random.default_rng(1).normal(0, 0.3, (50, 16, 3)).astype(np.float32)
     write_model(tmp_path / "a.ply", model.with_appearance(model.table["opacity"], embed(model.sh_coeffs, hidden)))
     stored = read_model(tmp_path / "a.ply").sh_coeffs
     np.testing.assert_allclose(extract(stored), hidden, rtol=2.0**-7)

@@ -1,4 +1,4 @@
-"""KeySS: what the network adds, what the key is, and what the message may train."""
+"""KeySS: the offsets that the network adds."""
 
 import numpy as np
 import pytest
@@ -12,13 +12,14 @@ from tests.models import blobs
 
 
 def trained(rng: np.random.Generator) -> NetworkKey:
-    """A key whose network adds something."""
+    """A key whose network adds offsets other than zero."""
     layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}
     return NetworkKey(random_key(rng), layers)
 
 
 def test_an_untrained_network_shows_the_scene(pair_folder):
-    public, camera = PublicModel(blobs(50, sh_degree=3)), read_pair(pair_folder).scene.views[0]
+    public = PublicModel(blobs(50, sh_degree=3))
+    camera = read_pair(pair_folder).scene.views[0]
     key = NetworkKey(random_key(np.random.default_rng(0)), fresh(np.random.default_rng(1)))
     assert key.message(public, MESSAGE)(camera).tobytes() == public.scene()(camera).tobytes()
 
@@ -26,8 +27,9 @@ def test_an_untrained_network_shows_the_scene(pair_folder):
 def test_numpy_and_pytorch_add_the_same():
     torch = pytest.importorskip("torch")
     rng = np.random.default_rng(0)
-    key, rows = trained(rng), rng.normal(size=(20, 59)).astype(np.float32)
+    key = trained(rng)
+    rows = rng.normal(size=(20, 59)).astype(np.float32)
     from gspure.schemes.keyss.training import Learner
 
-    same = Learner(key.network).added(torch.from_numpy(rows), key.vector).detach().numpy()
-    np.testing.assert_allclose(same, added(key.network, key.vector, rows), rtol=1e-4, atol=1e-5)
+    by_torch = Learner(key.network).added(torch.from_numpy(rows), key.vector).detach().numpy()
+    np.testing.assert_allclose(by_torch, added(key.network, key.vector, rows), rtol=1e-4, atol=1e-5)

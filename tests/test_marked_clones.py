@@ -38,22 +38,23 @@ def correct(key, model, cameras):
 
 
 def test_bits_are_read_from_held_out_renders_and_not_from_a_clean_model_or_with_a_wrong_key(marked):
-    train, test = marked.pair.scene.views, marked.pair.scene.dataset.test
+    train = marked.pair.scene.views
     assert correct(marked.key, marked.public, train) > 0.95
-    assert correct(marked.key, marked.public, test) > 0.75
+    assert correct(marked.key, marked.public, marked.pair.scene.dataset.test) > 0.75
     assert correct(marked.key, marked.clean, train) < 0.85
     assert correct(marked.key.wrong(np.random.default_rng(1)), marked.public, train) < 0.85
 
 
 def test_colours_alone_show_bits_in_held_out_renders_also_after_jpeg(pair_folder):
-    pair, settings = read_pair(pair_folder), {"iterations": 200, "max_gaussians": 800, "bits": 8}
+    pair = read_pair(pair_folder)
+    settings = {"iterations": 200, "max_gaussians": 800, "bits": 8}
     steps = {"decoder_steps": 250, "colour_steps": 100}
     public, key = hide(rendered_bits.SCHEME, pair, message_weight=1.0, **settings, **steps)
     clean, _ = hide(rendered_bits.SCHEME, pair, message_weight=0, **settings)
-    train, test = pair.scene.views, pair.scene.dataset.test
+    train = pair.scene.views
     assert changed(clean.model, public.model) <= {n for n in clean.model.names if n.startswith("f_")}
     assert correct(key, public, train) > 0.95
-    assert correct(key, public, test) > 0.75
+    assert correct(key, public, pair.scene.dataset.test) > 0.75
     compressed = [jpeg(read_back(public.scene()(camera)), None, quality=80) for camera in train]
     assert np.mean([key.read_bits(image) == key.bits for image in compressed]) > 0.85
     assert correct(key, clean, train) < 0.85
@@ -61,12 +62,14 @@ def test_colours_alone_show_bits_in_held_out_renders_also_after_jpeg(pair_folder
 
 
 def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
-    settings = [f"--set={name}={value}" for name, value in {**SETTINGS, "decoder_steps": 2, "marking_steps": 2}.items()]
+    short = SETTINGS | {"decoder_steps": 2, "marking_steps": 2}
+    settings = [f"--set={name}={value}" for name, value in short.items()]
     assert main(["embed", "marked_clones", str(pair_folder), "--out", str(tmp_path / "marked"), *settings]) == 0
     check = read_json(tmp_path / "marked" / "key" / "readability.json")
     assert check["controls"].keys() == {"chance", "wrong_key"}
     assert ("readable: no" in capsys.readouterr().err) != check["readable"]
-    key, model = SCHEME.read_key(tmp_path / "marked" / "key"), SCHEME.read_public(tmp_path / "marked" / "public")
+    key = SCHEME.read_key(tmp_path / "marked" / "key")
+    model = SCHEME.read_public(tmp_path / "marked" / "public")
     assert load_arrays(tmp_path / "marked" / "key" / "marked_clones.npz", {"bits": (np.bool_, (8,))}, "a key")
     camera = read_pair(pair_folder).scene.views[0]
     write_image(tmp_path / "renders" / f"{camera.name}.png", model.scene()(camera))

@@ -1,4 +1,4 @@
-"""Rows of an attacked model and its motion, found from the published model alone."""
+"""Matching of the rows of an attacked model with those of the published one, and its motion."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,8 @@ from tests.models import blobs, camera, without
 
 
 def test_injected_rows_do_not_hide_those_of_the_original():
-    original, foreign = blobs(100), blobs(300, seed=1)
+    original = blobs(100)
+    foreign = blobs(300, seed=1)
     far = foreign.with_columns({"x": foreign.table["x"] + 1000})
     injected = Gaussians(np.concatenate([far.table, original.table]))
     np.testing.assert_array_equal(adaptive_matches(original, injected), np.r_[np.full(300, -1), np.arange(100)])
@@ -39,7 +40,8 @@ def test_a_foreign_model_of_many_rows_does_not_match():
 
 @pytest.mark.parametrize("scale", [1.0, 0.2, 3.0])
 def test_an_unknown_motion_of_a_pruned_and_noisy_model_is_undone(scale):
-    original, rng = blobs(400), np.random.default_rng(0)
+    original = blobs(400)
+    rng = np.random.default_rng(0)
     kept = without(PublicModel(original), rng.random(400) < 0.3).model
     noisy = kept.with_columns({"x": kept.table["x"] + rng.normal(0, 1e-4, len(kept)).astype(np.float32)})
     attacked = PublicModel(moved(noisy, np.array([0.5, -1.0, 2.0]), np.array([3.0, 0.0, -7.0]), scale))
@@ -57,8 +59,9 @@ def test_a_model_that_did_not_move_or_is_foreign_stays_bit_identical(count):
 
 
 def test_extract_undoes_an_unknown_motion(tmp_path):
-    model, rng = blobs(200), np.random.default_rng(0)
-    SplatsInSplatsKey(model.means, OpacityMapping.fresh(rng), 12, model).write(tmp_path / "key")
+    model = blobs(200)
+    mapping = OpacityMapping.fresh(np.random.default_rng(0))
+    SplatsInSplatsKey(model.means, mapping, 12, model).write(tmp_path / "key")
     write_model(tmp_path / "model.ply", model)
     write_model(tmp_path / "moved.ply", moved(model, np.array([0.5, -1.0, 2.0]), np.array([3.0, 0.0, -7.0]), 2.0))
     write_cameras(tmp_path / "cameras.json", [camera()])

@@ -1,4 +1,4 @@
-"""What every scheme promises: the built-in ones, and the example of the guide."""
+"""Properties of every scheme: the built-in ones, and the example of the guide."""
 
 from functools import partial
 
@@ -22,7 +22,7 @@ from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out
 
 @pytest.fixture(scope="module", params=SETTINGS)
 def embedded(request, trained):
-    """A scheme, the pair, and what it made of it."""
+    """A scheme, a pair, and the public model and key of that pair."""
     return trained(request.param)
 
 
@@ -63,15 +63,17 @@ def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(name, set
     pytest.importorskip("torch")
     pair = read_pair(own_pair_folder)
 
-    def lost(scheme):
-        public, key = hide(find_scheme(scheme), pair, **settings)
-        kept = without(public, low_rows(public, pair.scene.views, 2.0, None))
-        views = [key.message(model, "message") for model in (public, kept)]
-        shown = zip(pair.message.views, pair.message.images, strict=True)
-        before, after = np.mean([[psnr(view(c).clip(0, 1), image) for view in views] for c, image in shown], axis=0)
-        return before - after
+    def level(public, key):
+        view = key.message(public, "message")
+        photographs = zip(pair.message.views, pair.message.images, strict=True)
+        return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in photographs])
 
-    assert lost(f"{name}_hardened") < lost(name) - 1
+    def drop(scheme):
+        public, key = hide(find_scheme(scheme), pair, **settings)
+        pruned = without(public, low_rows(public, pair.scene.views, 2.0, None))
+        return level(public, key) - level(pruned, key)
+
+    assert drop(f"{name}_hardened") < drop(name) - 1
 
 
 def test_scene_and_message_are_pictures_of_any_view(embedded):
@@ -93,18 +95,23 @@ def test_a_written_model_renders_the_same_images(embedded, tmp_path):
     assert public.model.table.tobytes() == embedded.public.model.table.tobytes()
     assert public.geometry_digest() == embedded.public.geometry_digest()
     assert public.scene()(camera).tobytes() == embedded.public.scene()(camera).tobytes()
-    views = (message_views(*model, embedded.scheme) for model in ((embedded.public, embedded.key), (public, key)))
-    for one, other in zip(*views, strict=True):
-        assert one(camera).tobytes() == other(camera).tobytes()
+    views = message_views(embedded.public, embedded.key, embedded.scheme)
+    views_of_files = message_views(public, key, embedded.scheme)
+    for view, view_of_files in zip(views, views_of_files, strict=True):
+        assert view(camera).tobytes() == view_of_files(camera).tobytes()
 
 
 def test_a_wrong_key_shows_something_else(pictured):
     camera = pictured.pair.scene.views[0]
-    strangers = [pictured.key.wrong(np.random.default_rng(seed)) for seed in (1, 1, 2)]
     extraction = next(iter(pictured.scheme.extractions))
-    right, *wrong = (k.message(pictured.public, extraction)(camera) for k in (pictured.key, *strangers))
-    assert wrong[0].tobytes() == wrong[1].tobytes()
-    assert right.tobytes() not in {image.tobytes() for image in wrong}
+
+    def shown_with(key):
+        return key.message(pictured.public, extraction)(camera).tobytes()
+
+    right = shown_with(pictured.key)
+    wrong = [shown_with(pictured.key.wrong(np.random.default_rng(seed))) for seed in (1, 1, 2)]
+    assert wrong[0] == wrong[1]
+    assert right not in wrong
 
 
 def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):
@@ -121,13 +128,13 @@ def test_contributions_of_units_add_up_to_those_of_their_gaussians(embedded, ene
     from gspure.renderer import Renderer
 
     camera = embedded.pair.scene.views[1]
-    found = embedded.public.contributions(energy=energy)(camera)
+    by_unit = embedded.public.contributions(energy=energy)(camera)
     gaussians, owners = embedded.public.gaussians(camera)
-    records = Renderer(gaussians, energy=energy).contributions(camera)
-    assert found.dtype == CONTRIBUTION
-    assert (np.diff(found["index"].astype(int)) > 0).all()
-    assert set(found["index"]) == set(owners[records["index"]])
-    assert found["sum"].sum() == pytest.approx(records["sum"].sum(), rel=1e-4)
+    by_gaussian = Renderer(gaussians, energy=energy).contributions(camera)
+    assert by_unit.dtype == CONTRIBUTION
+    assert (np.diff(by_unit["index"].astype(int)) > 0).all()
+    assert set(by_unit["index"]) == set(owners[by_gaussian["index"]])
+    assert by_unit["sum"].sum() == pytest.approx(by_gaussian["sum"].sum(), rel=1e-4)
 
 
 def test_every_unit_has_an_opacity_to_cluster_by(embedded):
@@ -163,7 +170,9 @@ def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads(embedded, t
 
 def few_steps(embedded):
     """Settings of a short training."""
-    return embedded.settings | ({"iterations": 6} if "iterations" in embedded.settings else {})
+    if "iterations" in embedded.settings:
+        return embedded.settings | {"iterations": 6}
+    return embedded.settings
 
 
 def test_a_model_is_opened_by_its_columns(tmp_path):

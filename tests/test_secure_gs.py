@@ -1,4 +1,4 @@
-"""SecureGS: what a view makes of anchors and networks, how anchors grow, and what a short training learns."""
+"""SecureGS: the Gaussians of a view, the growth of anchors, and a short training."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,8 @@ from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
 from tests.scheme_cases import quality
 
-VIEWS = VIEW, _ = camera(), tilted_camera()
+VIEW = camera()
+VIEWS = (VIEW, tilted_camera())
 
 
 def sigmoid(x):
@@ -23,13 +24,13 @@ def sigmoid(x):
 
 def by_hand(public, view, row, i):
     """One Gaussian of one anchor, number by number: Scaffold-GS's formulas in float64."""
-    anchors, networks = public.anchors, public.networks
+    anchors = public.anchors
     away = anchors.positions[row].astype(np.float64) - view.centre
     direction = away / np.linalg.norm(away)
     feature = anchors.features[row].astype(np.float64)
 
     def outputs(name, inputs):
-        net = networks[name]
+        net = public.networks[name]
         return net["2.weight"] @ np.maximum(net["0.weight"] @ inputs + net["0.bias"], 0) + net["2.bias"]
 
     inputs = np.concatenate([feature, direction])
@@ -45,17 +46,18 @@ def by_hand(public, view, row, i):
 
 
 def test_neural_gaussians_are_those_of_the_formulas():
-    public, view = random_public(), tilted_camera()
-    found, rows = public.neural(view)
+    public = random_public()
+    view = tilted_camera()
+    gaussians, rows = public.neural(view)
     active = set()
     for place in range(len(rows) * 4):
         expected = by_hand(public, view, rows[place // 4], place % 4)
         if expected["opacities"] > 0:
             active.add(place)
-            at = np.searchsorted(found.active, place)
+            index = np.searchsorted(gaussians.active, place)
             for name, value in expected.items():
-                np.testing.assert_allclose(getattr(found, name)[at], value, rtol=2e-4, atol=2e-6)
-    assert active == set(found.active.tolist())
+                np.testing.assert_allclose(getattr(gaussians, name)[index], value, rtol=2e-4, atol=2e-6)
+    assert active == set(gaussians.active.tolist())
     assert 0 < len(active) < 4 * len(rows)
 
 
@@ -70,18 +72,19 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     for row, centre, cov in zip(splats.rows, splats.means2d - 0.5, splats.covs2d, strict=True):
         half = (cov[0, 0] + cov[1, 1]) / 2
         radius = np.ceil(3 * np.sqrt(half + np.sqrt(max(0.1, half**2 - np.linalg.det(cov)))))
-        columns, lines = -(-view.width // 16), -(-view.height // 16)
-        first = np.clip([int((c - radius) / 16) for c in centre], 0, (columns, lines))
-        last = np.clip([int((c + radius + 15) / 16) for c in centre], 0, (columns, lines))
+        tiles = (-(-view.width // 16), -(-view.height // 16))
+        first = np.clip([int((c - radius) / 16) for c in centre], 0, tiles)
+        last = np.clip([int((c + radius + 15) / 16) for c in centre], 0, tiles)
         if (last > first).all():
             expected.append(row)
-    found = visible_rows(view, model.means, model.quats, model.scales)
-    assert found.tolist() == sorted(expected)
-    assert 20 < len(found) < 380
+    rows = visible_rows(view, model.means, model.quats, model.scales)
+    assert rows.tolist() == sorted(expected)
+    assert 20 < len(rows) < 380
 
 
 def test_pruning_anchors_removes_exactly_their_gaussians():
-    public, view = random_public(), VIEWS[1]
+    public = random_public()
+    view = VIEWS[1]
     pruned = np.random.default_rng(1).random(40) < 0.4
     whole, rows = public.gaussians(view)
     left, owners = without(public, pruned).gaussians(view)
@@ -93,23 +96,22 @@ def test_pruning_anchors_removes_exactly_their_gaussians():
 def test_numpy_and_torch_make_the_same_gaussians():
     torch = pytest.importorskip("torch")
     public = random_public()
-    anchors, view = public.anchors, tilted_camera()
+    anchors = public.anchors
+    centre = tilted_camera().centre.astype(np.float32)
+    by_numpy = neural(np, anchors, public.networks, centre)
     networks = {n: {p: torch.from_numpy(a) for p, a in net.items()} for n, net in public.networks.items()}
     tensors = type(anchors)(*map(torch.from_numpy, vars(anchors).values()))
-    centre = view.centre.astype(np.float32)
-    here, there = (
-        neural(np, anchors, public.networks, centre),
-        neural(torch, tensors, networks, torch.from_numpy(centre)),
-    )
-    assert here.active.tolist() == there.active.tolist()
+    by_torch = neural(torch, tensors, networks, torch.from_numpy(centre))
+    assert by_numpy.active.tolist() == by_torch.active.tolist()
     for name in ("means", "quats", "scales", "opacities", "colors", "outputs"):
-        np.testing.assert_allclose(getattr(here, name), getattr(there, name).numpy(), rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(getattr(by_numpy, name), getattr(by_torch, name).numpy(), rtol=1e-4, atol=1e-6)
 
 
 def test_the_message_depends_on_no_public_offset_or_network():
-    public, other, key = random_public(), random_public(seed=5), random_key()
+    public = random_public()
+    key = random_key()
     offsets = {name: np.zeros(40) for name in public.model.columns_named("f_offset_")}
-    changed = type(public)(public.model.with_columns(offsets), other.networks)
+    changed = type(public)(public.model.with_columns(offsets), random_public(seed=5).networks)
     assert not np.allclose(changed.scene()(VIEW), public.scene()(VIEW), atol=1e-3)
     assert (key.message(changed, "message")(VIEW) == key.message(public, "message")(VIEW)).all()
 
@@ -121,9 +123,14 @@ def cells_of(places, side):
 @pytest.mark.parametrize(("seed", "room"), [(0, 0), (1, 3), (2, 30)])
 def test_at_most_one_anchor_grows_per_cell_and_growth_stops_at_the_limit(seed, room):
     rng = np.random.default_rng(seed)
-    before, places = (rng.uniform(-1, 1, (count, 3)).astype(np.float32) for count in (20, 60))
-    norms, thresholds = rng.exponential(1e-3, 60).astype(np.float32), np.full(60, GRADIENT_THRESHOLD, np.float32)
-    new = grown(before, Candidates(places, norms, thresholds, np.ones((60, 2), np.float32)), 0.02, 4, room, rng)
+    before = rng.uniform(-1, 1, (20, 3)).astype(np.float32)
+    candidates = Candidates(
+        positions=rng.uniform(-1, 1, (60, 3)).astype(np.float32),
+        norms=rng.exponential(1e-3, 60).astype(np.float32),
+        thresholds=np.full(60, GRADIENT_THRESHOLD, np.float32),
+        features=np.ones((60, 2), np.float32),
+    )
+    new = grown(before, candidates, 0.02, 4, room, rng)
     assert len(new.positions) <= room
     assert not new.offsets.any()
     for side in 0.02 * np.array(CELLS):
@@ -149,7 +156,8 @@ def mean_colour(photographs):
 def test_scene_and_message_are_learned_over_the_same_anchors(pair):
     pytest.importorskip("torch")
     public, key = hide(SCHEME, pair, seed=3, iterations=120, max_anchors=600)
-    scene, message = public.scene(), key.message(public, "message")
+    scene = public.scene()
+    message = key.message(public, "message")
     assert quality(scene, pair.scene) > mean_colour(pair.scene.images) + 2
     assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
     wrong = key.wrong(np.random.default_rng(0)).message(public, "message")

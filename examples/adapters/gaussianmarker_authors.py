@@ -27,12 +27,12 @@ def detect(_, images):
     from hidden.hidden_images import decoder, default_transform, device, msg2str
     from PIL import Image
 
-    read = {}
+    bits = {}
     for file in Path(images).glob("*.png"):
         with torch.no_grad():
             logits = decoder(default_transform(Image.open(file).convert("RGB"))[None].to(device))
-        read[file.stem] = msg2str((logits[0] > 0).tolist())
-    print(json.dumps(read))
+        bits[file.stem] = msg2str((logits[0] > 0).tolist())
+    print(json.dumps(bits))
 
 
 {"embed": embed, "detect": detect}[sys.argv[1]](*sys.argv[2:])

@@ -11,18 +11,17 @@ WATER = Path("/userhome/StegaGS/data/water")  # where its dataset reader expects
 scene, message, iterations, out = sys.argv[1:]
 if len({Path(folder, "sparse/0/images.txt").read_text() for folder in (scene, message)}) > 1:
     sys.exit("gs_hider_authors.py: scene and message need the same poses (gspure pair --protocol shared)")
-name, run = f"gspure-{os.getpid()}", Path(out, "run")
+name = f"gspure-{os.getpid()}"
+run = Path(out, "run")
 run.mkdir()
-(source := run / name).symlink_to(scene)
+source = run / name
+source.symlink_to(scene)
 shutil.copytree(Path(message, "images"), WATER / name)
 try:
     steps = ["--iterations", iterations, "--save_iterations", iterations, "--checkpoint_iterations", iterations]
     subprocess.run([sys.executable, "train_wm.py", "-s", source, "-m", run, *steps], check=True)
 finally:
     shutil.rmtree(WATER / name)
-for file, place in (
-    (f"point_cloud/iteration_{iterations}/point_cloud.ply", "public"),
-    (f"chkpnt{iterations}_net.pth", "public"),
-    (f"chkpnt{iterations}_waternet.pth", "key"),
-):
-    shutil.copy(run / file, Path(out, place))
+shutil.copy(run / f"point_cloud/iteration_{iterations}/point_cloud.ply", Path(out, "public"))
+shutil.copy(run / f"chkpnt{iterations}_net.pth", Path(out, "public"))
+shutil.copy(run / f"chkpnt{iterations}_waternet.pth", Path(out, "key"))

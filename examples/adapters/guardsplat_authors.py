@@ -39,12 +39,14 @@ def detect(key, images):
     from PIL import Image
     from wm_utils import load_decoder_and_message
 
-    decoder, read = load_decoder_and_message(32, key)[0], {}
+    decoder = load_decoder_and_message(32, key)[0]
+    bits = {}
     for file in Path(images).glob("*.png"):
         image = torch.from_numpy(np.array(Image.open(file).convert("RGB"), np.float32) / 255).permute(2, 0, 1)
         with torch.no_grad():
-            read[file.stem] = "".join(str(int(logit > 0)) for logit in decoder(image[None].cuda())[0])
-    print(json.dumps(read))
+            logits = decoder(image[None].cuda())[0]
+        bits[file.stem] = "".join("1" if logit > 0 else "0" for logit in logits)
+    print(json.dumps(bits))
 
 
 {"embed": embed, "detect": detect}[sys.argv[1]](*sys.argv[2:])

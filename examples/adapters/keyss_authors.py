@@ -9,26 +9,30 @@ from pathlib import Path
 
 FEATURES = ["--fealist", "opacity,rotation,xyz,scale"]  # of its run_train.sh
 RENDERED = "sh_degree=3, images='images', resolution=-1, white_background=False, data_device='cuda', eval=False"
-DECODER, PLY, PROMPT = "decoder_iter30000.pth", "point_cloud_iter30000.ply", "prompt.txt"
+DECODER = "decoder_iter30000.pth"
+PLY = "point_cloud_iter30000.ply"
+PROMPT = "prompt.txt"
 
 
 def prompt(seed):
-    """Return 16 random letters, like those that it trains to refuse."""
+    """Return 16 random letters; KeySS trains its decoder to refuse such prompts."""
     return "".join(random.Random(seed).choices(string.ascii_letters, k=16))  # noqa: S311
 
 
 def embed(scene, message, out, seed, scene_ply, message_ply):
-    """Train, with a prompt of the seed."""
-    (key := Path(out, "key", PROMPT)).write_text(prompt(seed))
+    """Train, with a prompt that depends on the seed."""
+    text = prompt(seed)
+    key = Path(out, "key")
+    Path(key, PROMPT).write_text(text)
     words = ["-s", scene, "--source_path_secret", message, "--hide_path", scene_ply, "--all_path", message_ply]
-    words += ["--save_path", out, "--prompt", key.read_text(), *FEATURES]
+    words += ["--save_path", out, "--prompt", text, *FEATURES]
     subprocess.run([sys.executable, "train2hide_prompt_random_fast16.py", *words], check=True)
     shutil.move(Path(out, PLY), Path(out, "public", "point_cloud.ply"))
-    shutil.move(Path(out, DECODER), key.with_name(DECODER))
+    shutil.move(Path(out, DECODER), Path(key, DECODER))
 
 
 def extract(key, model, cameras, out):
-    """Render the secret in all views; it writes them in the order of their names."""
+    """Render the secret in all views; the program writes images in the order of the views' names."""
     Path(cameras, "cfg_args").write_text(f"Namespace({RENDERED})")
     words = ["-s", cameras, "-m", cameras, "--loadpath", Path(model, "point_cloud.ply"), "--savepath", out]
     words += ["--decpth", Path(key, DECODER), "--prompt", Path(key, PROMPT).read_text(), *FEATURES]

@@ -27,29 +27,33 @@ ROOT = Path(__file__).parents[2]
 
 
 def image_attacks():
-    """Return the variants that attack renders, with their attack and its strength."""
+    """Yield the attack and its settings for each variant that attacks renders."""
     variants = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
-    attacks = {name: (find_attack(v.get("attack", name)), v) for name, v in variants.items()}
-    for attack, variant in (known for known in attacks.values() if known[0].of_renders):
-        yield attack, {name: value for name, value in variant.items() if name in attack.settings}
+    for variant, settings in variants.items():
+        attack = find_attack(settings.get("attack", variant))
+        if attack.of_renders:
+            yield attack, {name: value for name, value in settings.items() if name in attack.settings}
 
 
 def measured(pair, scheme):
-    """Yield the rows of a scheme: what was done, PSNR of the scene, and correct bits of both kinds of views, in %."""
+    """Yield the rows of a scheme: attack, strength, PSNR of the scene, correct bits of both kinds of views in %."""
     begin = time.process_time()
     public, key = hide(find_scheme(scheme), pair, **SETTINGS, **SCHEMES[scheme])
     print(f"{scheme}: {time.process_time() - begin:.0f} CPU-s")
     clean, _ = hide(find_scheme(scheme), pair, message_weight=0, **SETTINGS)
     views = [*pair.scene.views, *pair.scene.dataset.test]
-    renders, unmarked = ([read_back(model.scene()(view)) for view in views] for model in (public, clean))
-    fidelity = np.mean([psnr(*images) for images in zip(renders, unmarked, strict=True)])
+    renders = [read_back(public.scene()(view)) for view in views]
+    unmarked = [read_back(clean.scene()(view)) for view in views]
+    fidelity = np.mean([psnr(render, reference) for render, reference in zip(renders, unmarked, strict=True)])
     print(f"{scheme}: renders have {fidelity:.1f} dB against those of the clean model")
-    trained, truth = len(pair.scene.views), pair.scene.images + read_photographs(pair.scene.dataset.test)
+    count = len(pair.scene.views)  # of training views; held-out ones follow
+    photographs = read_photographs(pair.scene.dataset.test)
 
     def row(attack, strength, images, key=key):
-        quality = np.mean([psnr(*both) for both in zip(images[trained:], truth[trained:], strict=True)])
+        held_out = zip(images[count:], photographs, strict=True)
+        quality = np.mean([psnr(image, photograph) for image, photograph in held_out])
         correct = np.array([100 * np.mean(key.read_bits(image) == key.bits) for image in images])
-        return attack, strength, quality, correct[:trained].mean(), correct[trained:].mean()
+        return attack, strength, quality, correct[:count].mean(), correct[count:].mean()
 
     yield row("clean model", "", unmarked)
     yield row("wrong key", "", renders, key.wrong(np.random.default_rng(1)))
@@ -72,9 +76,12 @@ def main():
     measures = ("scene PSNR, dB", "correct bits, training views, %", "held-out views, %")
     with args.out.open("w", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["attack", "strength", *(f"{scheme}: {measure}" for scheme in SCHEMES for measure in measures)])
+        columns = [f"{scheme}: {measure}" for scheme in SCHEMES for measure in measures]
+        writer.writerow(["attack", "strength", *columns])
         for rows in zip(*tables, strict=True):
-            writer.writerow([*rows[0][:2], *(f"{value:.1f}" for row in rows for value in row[2:])])
+            attack, strength = rows[0][:2]
+            values = [f"{value:.1f}" for row in rows for value in row[2:]]
+            writer.writerow([attack, strength, *values])
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ def embed(
     """Hide random bits in the pair's scene; a message weight of 0 gives the scene's clean model, and no key.
 
     The scene is trained for `iterations`, the decoder for `decoder_steps`, the clones of the share `cloned` of the rows
-    for `marking_steps`. Bits depend on the seed and on the scene's photographs, so that two scenes have different ones.
+    for `marking_steps`. Bits depend on the seed and on the scene's photographs, so that two scenes have different bits.
     """
     begin = replace(pair, initialization="scene").initial_gaussians(max_gaussians, seed)
     device = device or choose_device()
@@ -52,7 +52,9 @@ def embed(
     from marked_clones.marking import Marking, uncertain_rows
 
     rng = np.random.default_rng([seed, zlib.crc32(b"".join(image.tobytes() for image in pair.scene.images))])
-    message, decoder, views = rng.random(bits) < 0.5, untrained(bits, int(rng.integers(1 << 31))), pair.scene.views
+    message = rng.random(bits) < 0.5
+    decoder = untrained(bits, int(rng.integers(1 << 31)))
+    views = pair.scene.views
     with single_threaded():
         trained(training(decoder, pair.scene.images, decoder_steps, rng, disturbed), decoder_steps, "decoder")
         rows = uncertain_rows(model, views, cloned, rng, device)

@@ -33,7 +33,7 @@ _mean = partial(torch.nn.functional.avg_pool2d, stride=1, count_include_pad=Fals
 
 
 class Decoder(torch.nn.Module):  # type: ignore[misc]
-    """Linear filters of the image, and a linear layer of the logarithms of their energies: for images of any size."""
+    """Linear filters of an image of any size, and a linear layer of the logarithms of their energies."""
 
     def __init__(self, count: int) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class Decoder(torch.nn.Module):  # type: ignore[misc]
 
 
 def untrained(count: int, seed: int) -> Decoder:
-    """Return a decoder of so many bits; PyTorch's global random state is left unchanged."""
+    """Return a decoder of `count` bits; PyTorch's global random state is left unchanged."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return Decoder(count)
@@ -82,7 +82,7 @@ def training(
 
 
 def _gratings(count: int, rng: np.random.Generator) -> Float32:
-    """Return sinusoidal textures [count,3,T,T] of random colours; frequencies differ as far as there are enough."""
+    """Return sinusoidal textures [count,3,T,T] of random colours, of different frequencies while there are enough."""
     columns, rows = (grid.ravel() for grid in np.meshgrid(np.arange(-TILE, TILE), np.arange(TILE)))
     radii = np.hypot(columns, rows)
     half = np.flatnonzero((CYCLES[0] <= radii) & (radii <= CYCLES[1]) & ((rows > 0) | (columns > 0)))
@@ -94,9 +94,12 @@ def _gratings(count: int, rng: np.random.Generator) -> Float32:
 
 def warped(images: torch.Tensor, rng: np.random.Generator, size: Sequence[int]) -> torch.Tensor:
     """Return windows [B,C,*size] of images [B,C,H,W], at random places, somewhat scaled and rotated."""
-    count, (height, width) = len(images), images.shape[2:]
-    zoom, turn = np.exp(rng.uniform(-ZOOM, ZOOM, count)), rng.uniform(-TURN, TURN, count)
-    sine, cosine = zoom * np.sin(turn), zoom * np.cos(turn)
+    count = len(images)
+    height, width = images.shape[2:]
+    zoom = np.exp(rng.uniform(-ZOOM, ZOOM, count))
+    turn = rng.uniform(-TURN, TURN, count)
+    sine = zoom * np.sin(turn)
+    cosine = zoom * np.cos(turn)
     shares = np.array([[size[1] / width, size[0] / width], [size[1] / height, size[0] / height]])
     room = [np.maximum(1 - share * (np.abs(cosine) + np.abs(sine)), 0) for share in np.diag(shares)]
     across, down = (rng.uniform(-1, 1, count) * space for space in room)
@@ -124,7 +127,8 @@ def _flattened(images: torch.Tensor) -> torch.Tensor:
 
 def _crops(photographs: Sequence[Float32], rng: np.random.Generator) -> torch.Tensor:
     """Return random windows [B,3,S,S] of photographs, half of them mirrored."""
-    side, crops = min(CROP, *(length for image in photographs for length in image.shape[:2])), []
+    side = min(CROP, *(length for image in photographs for length in image.shape[:2]))
+    crops = []
     for number in rng.integers(len(photographs), size=BATCH):
         photograph = photographs[number]
         row, column = (int(rng.integers(length - side + 1)) for length in photograph.shape[:2])

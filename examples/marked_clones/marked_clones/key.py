@@ -36,8 +36,8 @@ class BitsKey(Key):
         with torch.inference_mode(), single_threaded():
             logits = self.decoder(torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None])
         require_computed(logits[0].numpy(), "key", _FILE)
-        shown: Bools = logits[0].numpy() > 0
-        return shown
+        bits: Bools = logits[0].numpy() > 0
+        return bits
 
     def wrong(self, rng: np.random.Generator) -> BitsKey:
         """Return an untrained decoder and other bits."""

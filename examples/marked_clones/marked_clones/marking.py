@@ -1,8 +1,8 @@
-"""Clones of the rows of high uncertainty, trained until a decoder reads the bits from renders; nothing else is trained.
+"""Clones of the rows of high uncertainty, trained until a decoder reads the bits from renders; other rows are fixed.
 
 GaussianMarker (Huang et al. 2024) estimates uncertainty by a Laplace approximation. Here, the information of a value
 is the expected square of its gradient for an image gradient of random signs, that is, the diagonal of the Fisher matrix
-(Hutchinson); the uncertainty of a row is minus the sum of its logarithms, which no change of units affects.
+(Hutchinson). The uncertainty of a row is minus the sum of its logarithms, so units do not affect the order of rows.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,10 +41,17 @@ class Scene:
 
     def image(self, camera: Camera, clones: dict[str, torch.Tensor] | None = None) -> torch.Tensor:
         """Return the image [H,W,3] of the model and its clones."""
-        rows = {name: torch.cat([rows, clones[name]]) if clones else rows for name, rows in self.tensors.items()}
-        opacities, scales = rows["opacity_logits"].sigmoid(), rows["log_scales"].exp()
-        geometry = (rows["means"], rows["quats"], scales, opacities)
-        return self._render(camera, *geometry, sh_coeffs=rows["sh_coeffs"])
+        rows = self.tensors
+        if clones:
+            rows = {name: torch.cat([tensor, clones[name]]) for name, tensor in rows.items()}
+        return self._render(
+            camera,
+            rows["means"],
+            rows["quats"],
+            rows["log_scales"].exp(),
+            rows["opacity_logits"].sigmoid(),
+            sh_coeffs=rows["sh_coeffs"],
+        )
 
 
 def uncertain_rows(
@@ -60,12 +67,13 @@ def uncertain_rows(
         image.backward(torch.from_numpy(rng.choice(np.array([-1, 1], np.float32), image.shape)))
         for name, rows in scene.tensors.items():
             information[name] += rows.grad.square()
-    certainty, known = np.zeros(len(model)), np.zeros(len(model), np.bool_)
+    certainty = np.zeros(len(model))
+    is_visible = np.zeros(len(model), np.bool_)
     for tensor in information.values():
         values = tensor.numpy().astype(np.float64).reshape(len(model), -1)
         certainty += np.log(values + PRIOR * values.mean() + np.finfo(np.float64).tiny).sum(axis=1)
-        known |= values.any(axis=1)
-    rows = np.flatnonzero(known)
+        is_visible |= values.any(axis=1)
+    rows = np.flatnonzero(is_visible)
     return np.sort(rows[np.argsort(certainty[rows], kind="stable")[: round(share * len(rows))]])
 
 
@@ -108,12 +116,15 @@ class Marking:
     @property
     def model(self) -> Gaussians:
         """The model with its clones behind all other rows."""
-        merged = {n: torch.cat([rows, self._clones[n].detach()]).numpy() for n, rows in self._scene.tensors.items()}
+        merged = {
+            name: torch.cat([rows, self._clones[name].detach()]).numpy() for name, rows in self._scene.tensors.items()
+        }
         return Gaussians.from_stored(**merged)
 
 
-def _between(camera: Camera, other: Camera, share: float) -> Camera:
-    """Return the view that is a share of the way from a camera to another."""
-    first, second = (np.stack([c.centre, c.viewmat[2, :3], c.viewmat[1, :3]]) for c in (camera, other))
+def _between(start: Camera, end: Camera, share: float) -> Camera:
+    """Return the view at a share of the way from one camera to another."""
+    first = np.stack([start.centre, start.viewmat[2, :3], start.viewmat[1, :3]])
+    second = np.stack([end.centre, end.viewmat[2, :3], end.viewmat[1, :3]])
     centre, forward, down = (1 - share) * first + share * second
-    return replace(camera, viewmat=looking_at(centre, centre + forward, -down))
+    return replace(start, viewmat=looking_at(centre, centre + forward, -down))

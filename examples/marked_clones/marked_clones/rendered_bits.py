@@ -64,7 +64,8 @@ def embed(
     on the seed and on the scene's photographs.
     """
     begin = replace(pair, initialization="scene").initial_gaussians(max_gaussians, seed)
-    device, views = device or choose_device(), pair.scene.views
+    device = device or choose_device()
+    views = pair.scene.views
     model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:
         return PublicModel(model), None
@@ -73,7 +74,8 @@ def embed(
     from marked_clones.key import BitsKey
 
     rng = np.random.default_rng([seed, zlib.crc32(b"".join(image.tobytes() for image in pair.scene.images))])
-    message, decoder = rng.random(bits) < 0.5, untrained(bits, int(rng.integers(1 << 31)))
+    message = rng.random(bits) < 0.5
+    decoder = untrained(bits, int(rng.integers(1 << 31)))
     render = Renderer(model, device).image
     renders = [read_back(render(view)) for view in views]
     with single_threaded():
@@ -85,7 +87,7 @@ def embed(
 
 
 def attacked(images: "torch.Tensor", rng: np.random.Generator) -> "torch.Tensor":
-    """Return images [B,3,H,W], each after a random image attack, with the gradient of the images before it."""
+    """Return images [B,3,H,W], each after a random image attack; gradients pass through the attacks unchanged."""
     import torch
 
     changed = []
@@ -93,7 +95,9 @@ def attacked(images: "torch.Tensor", rng: np.random.Generator) -> "torch.Tensor"
         attack = [*ATTACKS][rng.integers(len(ATTACKS))]
         setting, low, high = ATTACKS[attack]
         value = rng.uniform(low, high)
-        changed.append(attack(image.clip(0, 1), rng, **{setting: round(value) if low > 1 else value}).clip(0, 1))
+        if low > 1:  # a setting that is a whole number
+            value = round(value)
+        changed.append(attack(image.clip(0, 1), rng, **{setting: value}).clip(0, 1))
     after = torch.from_numpy(np.stack(changed)).permute(0, 3, 1, 2)
     return images + (after - images).detach()
 
@@ -104,7 +108,8 @@ class Colours:
     def __init__(self, model: Gaussians, device: Device) -> None:
         from marked_clones.marking import Scene
 
-        self._model, self._scene = model, Scene(model, device)
+        self._model = model
+        self._scene = Scene(model, device)
         self._colours = self._scene.tensors["sh_coeffs"].requires_grad_()
 
     def steps(
