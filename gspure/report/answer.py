@@ -3,11 +3,12 @@
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
-from typing import Any, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from gspure.codec import plain
 from gspure.evaluation.outcomes import Outcome, mean_of
 from gspure.evaluation.survival import Survival
+from gspure.files import Json
 from gspure.metrics.image_metrics import MARGIN
 from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
 from gspure.metrics.statistics import LEVEL, Interval
@@ -153,7 +154,7 @@ class Answer:
             table.append(cells)
         return table
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Json:
         """Return all of it for JSON; unknown and infinite numbers are null."""
         facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "lost")}
         facts |= {"attacks": self.attacks, "controls": self.controls}

@@ -19,7 +19,7 @@ from gspure.figures.gallery import CAPTIONS, PLATES
 from gspure.figures.panels import draw_attacks, shown_variants
 from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
-from gspure.files import read_json, write_text
+from gspure.files import Json, read_json, write_text
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
@@ -141,7 +141,7 @@ def _photographs(results: Path, model: ModelPlan) -> Path | None:
     return None if model.photographs is None else results / model.photographs.relative_to(RESULTS)
 
 
-def _parts(file: Path) -> dict[str, Any]:
+def _parts(file: Path) -> Json:
     """Return the entries of a JSON file; none if it does not exist."""
     return dict(read_json(file)) if file.is_file() else {}
 

@@ -4,13 +4,13 @@
 """
 
 import json
-from typing import Any
 
 from gspure import codec
+from gspure.files import Json
 from gspure.workflow.config import Config
 
 
-def config_schema() -> dict[str, Any]:
+def config_schema() -> Json:
     """Return the JSON schema of a configuration."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "gspure", "description": Config.__doc__}
     return head | codec.schema(Config)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from gspure.cameras import GENERATED, Camera, read_cameras, scaled, write_cameras
 from gspure.cameras.worlds import in_world_of
@@ -23,8 +22,7 @@ def prepare(
 def views(model: Path, source: CameraSource) -> list[Camera]:
     """Return the views of a source, at its resolution."""
     if source.source in GENERATED:
-        settings: dict[str, Any] = dict(source.generated)
-        generated = GENERATED[source.source](read_model(model), **settings)
+        generated = GENERATED[source.source](read_model(model), **source.generated)
         return scaled(generated, source.resolution)
     cameras = in_world_of(model, read_cameras(source.source), Path(source.source))
     return scaled(cameras, source.resolution)
