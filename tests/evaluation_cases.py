@@ -3,12 +3,14 @@
 *Lantern* shows the rows at centres that its owner keeps, in a colour that nobody sees in the public model.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import pytest
 
 from gspure.arrays import Bools, Float32, load_arrays, save_arrays
 from gspure.attacks import Attack, Attacked
@@ -29,6 +31,7 @@ from tests.plugin_path import write_info
 
 ROWS = 60
 MESSAGE_ROWS = slice(0, 20)
+PLAIN = 15  # of these, the rows that the first extraction shows
 NEAR = 1e-4  # distance of a row from the centre that it had
 WIDTH, HEIGHT = 32, 24
 TESTED = ("view_0", "view_8")  # of nine views, those that are held out
@@ -53,7 +56,8 @@ class LanternKey(Key):
     bits: Bools = field(default_factory=EMBEDDED.copy)
 
     def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        distances = np.linalg.norm(public.model.means[:, None] - self.means, axis=2)
+        known = self.means if extraction == ADAPTIVE else self.means[:PLAIN]
+        distances = np.linalg.norm(public.model.means[:, None] - known, axis=2)
         rows = np.flatnonzero(distances.min(axis=1) < NEAR)
         sh_coeffs = np.zeros_like(public.model.sh_coeffs[rows])
         sh_coeffs[:, 0] = self.colour
@@ -124,11 +128,6 @@ def lantern_key() -> LanternKey:
     return LanternKey(public_rows().means[MESSAGE_ROWS], np.array([1.5, -1.0, 0.5], np.float32))
 
 
-def install(folder: Path) -> None:
-    """Put the plug-in into a folder of the import path, as pip does."""
-    write_info(PLUGIN, folder)
-
-
 PUBLIC = Path("public/point_cloud.ply")
 CLEAN = Path("clean/point_cloud.ply")  # other rows
 KEY = Path("key")
@@ -136,6 +135,17 @@ CAMERAS = Path("cameras.json")
 PHOTOGRAPHED = Path("photographs/cameras.json")  # the same views, with photographs that are near the renders
 MESSAGE_CAMERAS = Path("message/cameras.json")  # the same views of a message that is green all over
 UNATTACKED = Path("results/lantern/room/unattacked/renders")
+
+
+@contextmanager
+def project(folder: Path) -> Iterator[Path]:
+    """Install the plug-in, and make a folder with models, key and cameras the current one."""
+    with pytest.MonkeyPatch.context() as patch:
+        write_info(PLUGIN, folder / "installed")
+        patch.syspath_prepend(str(folder / "installed"))
+        patch.chdir(folder)
+        prepare()
+        yield folder
 
 
 def prepare() -> None:

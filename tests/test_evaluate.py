@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -34,14 +35,9 @@ METHOD = MethodSettings(min_samples=3, min_cluster_size=5, tau_c=2.0, tau_n=2.0)
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """A folder in which the unattacked model has been evaluated."""
-    folder = tmp_path_factory.mktemp("project")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.syspath_prepend(str(folder))
-        cases.install(folder)
-        cases.prepare()
+    with cases.project(tmp_path_factory.mktemp("project")) as folder:
         run(attack_job("unattacked", "unattacked", targets=(SCENE, MESSAGE, ADAPTIVE)))
         yield folder
 

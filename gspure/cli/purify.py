@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,7 +143,7 @@ def _settings(args: Arguments, public: PublicModel) -> MethodSettings:
     from gspure.schemes.registry import recognized
 
     scheme = recognized(public.model)
-    settings = MethodSettings(energy=args.energy, **{name: getattr(args, name) for name in _SETTINGS})
+    settings = MethodSettings(**{name: getattr(args, name) for name in ("energy", *_SETTINGS)})
     return replace(
         settings,
         tau_c=settings.tau_c or (scheme.tau_c if scheme else TAU_C),
