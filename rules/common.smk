@@ -14,7 +14,7 @@ from gspure.files import write_json
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
-from gspure.workflow.config import read_config
+from gspure.workflow.config_reading import read_config
 from gspure.workflow.planning import VANILLA, plan_of
 from gspure.workflow.sources import code_digest, files_digest
 

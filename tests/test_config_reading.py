@@ -9,7 +9,8 @@ import yaml
 
 from gspure.errors import InputError, MissingFileError
 from gspure.method.settings import MethodSettings
-from gspure.workflow.config import DEFAULT_VARIANTS, Config, VariantConfig, load_yaml, read_config
+from gspure.workflow.config import DEFAULT_VARIANTS, Config, VariantConfig
+from gspure.workflow.config_reading import load_yaml, read_config
 from tests.workflow_cases import ROOT, configuration
 
 SHIPPED = sorted((ROOT / "config").glob("*.yaml"))

@@ -16,7 +16,8 @@ from gspure.cameras import write_cameras
 from gspure.evaluation.plan import Plan
 from gspure.model import write_model
 from gspure.workflow import planning
-from gspure.workflow.config import Config, config_of
+from gspure.workflow.config import Config
+from gspure.workflow.config_reading import config_of
 from tests.models import blobs, tilted_camera
 
 ROOT = Path(__file__).parents[1]
