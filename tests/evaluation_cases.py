@@ -31,7 +31,8 @@ from tests.plugin_path import write_info
 
 ROWS = 60
 MESSAGE_ROWS = slice(0, 20)
-PLAIN = 15  # of these, the rows that the first extraction shows
+ORACLE = "message_oracle"
+SHOWN = {MESSAGE: 15, ADAPTIVE: 18, ORACLE: 20}  # number of these rows that each extraction shows
 NEAR = 1e-4  # distance of a row from the centre that it had
 WIDTH, HEIGHT = 32, 24
 TESTED = ("view_0", "view_8")  # of nine views, those that are held out
@@ -56,7 +57,7 @@ class LanternKey(Key):
     bits: Bools = field(default_factory=EMBEDDED.copy)
 
     def revealed(self, public: PublicModel, extraction: str) -> tuple[Gaussians, Rows]:
-        known = self.means if extraction == ADAPTIVE else self.means[:PLAIN]
+        known = self.means[: SHOWN[extraction]]
         distances = np.linalg.norm(public.model.means[:, None] - known, axis=2)
         rows = np.flatnonzero(distances.min(axis=1) < NEAR)
         sh_coeffs = np.zeros_like(public.model.sh_coeffs[rows])
@@ -104,7 +105,7 @@ LANTERN = Scheme(
     embed,
     LanternModel.read,
     LanternKey.read,
-    {MESSAGE: ("x", "y", "z", "scale_*", "rot_*"), ADAPTIVE: ("f_dc_*",)},
+    {MESSAGE: ("x", "y", "z", "scale_*", "rot_*"), ADAPTIVE: ("f_dc_*",), ORACLE: ("f_rest_*",)},
     fits=True,
 )
 BLINKER = replace(LANTERN, name="blinker", extractions={BITS: ("f_dc_*",)}, fits=False)

@@ -31,6 +31,7 @@ from gspure.model import Gaussians, read_model
 from tests import evaluation_cases as cases
 from tests.evaluation_cases import TESTED, attack_job, drawn, job, renders, run
 
+UNAFFECTED = dict.fromkeys((MESSAGE, ADAPTIVE, cases.ORACLE), False)
 METHOD = MethodSettings(min_samples=3, min_cluster_size=5, tau_c=2.0, tau_n=2.0)
 
 
@@ -88,7 +89,7 @@ def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     assert read_metrics(planned.folder / "metrics.csv") == [*evaluation.metrics]
     assert [(row.variant, row.target, row.retrieval.views) for row in evaluation.retrieval] == [("pruned", MESSAGE, 2)]
     assert read_table(planned.folder / "retrieval.csv", Retrieved) == [*evaluation.retrieval]
-    affected = {MESSAGE: True, ADAPTIVE: True}
+    affected = dict.fromkeys((MESSAGE, ADAPTIVE, cases.ORACLE), True)
     assert verdict(planned) == evaluation.attack == Applied(Strength("fraction", 0.25), None, affects=affected)
 
 
@@ -103,7 +104,9 @@ def test_metrics_compare_with_the_unattacked_renders_of_the_same_view() -> None:
 
 def test_an_attack_affects_the_extractions_that_read_what_it_changes() -> None:
     evaluation = run(attack_job("noisy", "gaussian_noise"))
-    assert evaluation.attack == Applied(Strength("sigma", 0.1), None, {MESSAGE: False, ADAPTIVE: True})
+    assert evaluation.attack == Applied(
+        Strength("sigma", 0.1), None, {MESSAGE: False, ADAPTIVE: True, cases.ORACLE: True}
+    )
 
 
 def test_the_unattacked_model_is_the_public_one() -> None:
@@ -111,7 +114,7 @@ def test_the_unattacked_model_is_the_public_one() -> None:
     evaluation = run(planned)
     assert attacked_model(planned).table.tobytes() == cases.public_rows().table.tobytes()
     assert {row.psnr for row in evaluation.metrics} == {inf}
-    assert evaluation.attack == Applied(affects={MESSAGE: False, ADAPTIVE: False})
+    assert evaluation.attack == Applied(affects=UNAFFECTED)
 
 
 def test_the_seed_of_an_attack_is_that_of_the_plan() -> None:
@@ -177,7 +180,7 @@ def test_an_attack_that_leaves_no_row_is_refused() -> None:
 def test_of_a_removed_format_only_the_scene_is_shown() -> None:
     planned = attack_job("converted", "convert", targets=(SCENE, MESSAGE, ADAPTIVE))
     evaluation = run(planned)
-    assert verdict(planned) == Applied(None, None, {MESSAGE: False, ADAPTIVE: False}, "no key reads this format")
+    assert verdict(planned) == Applied(None, None, UNAFFECTED, "no key reads this format")
     assert {row.target for row in evaluation.metrics} == {SCENE}
     assert evaluation.retrieval == ()
     assert [folder.name for folder in (planned.folder / "renders").iterdir()] == [SCENE]
@@ -232,7 +235,7 @@ def test_an_attack_on_renders_changes_the_scene_alone() -> None:
     evaluation = run(planned)
     assert differ(renders(planned, SCENE), unattacked(SCENE))
     assert_same(renders(planned, MESSAGE), unattacked(MESSAGE))
-    assert evaluation.attack == Applied(Strength("quality", 5), None, {MESSAGE: False, ADAPTIVE: False})
+    assert evaluation.attack == Applied(Strength("quality", 5), None, UNAFFECTED)
     assert not prune_mask(planned).any()
 
 

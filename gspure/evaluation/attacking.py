@@ -80,16 +80,16 @@ def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackR
         known |= {"cameras": context.views, "device": context.device}
     settings: dict[str, Any] = dict(spec.settings)
     match = None
+    comment = ""
     if spec.damage is not None and context.measure_damage is not None:
         damage_of = context.measure_damage(public)
         match = attack.matching(public, measurements, spec.damage, damage_of, **known, **settings)
         settings[match.setting] = match.value
+        comment = match.comment(spec.damage)
     outcome = attack.apply(public, measurements, **known, **settings)
     if not len(outcome.model):
         raise NotApplicable(attack.name, f"none of {outcome.count} rows would remain")
-    comment = match.comment(spec.damage) if match and spec.damage is not None else ""
-    published = outcome.published(public, comment)
-    return AttackResult(attack, {**attack.settings, **settings}, match, outcome, published)
+    return AttackResult(attack, {**attack.settings, **settings}, match, outcome, outcome.published(public, comment))
 
 
 def learns(attack: Attack) -> bool:
