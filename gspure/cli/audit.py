@@ -1,16 +1,7 @@
 """``gspure audit``: the workflow on the user's models, from a checkout or an installed package, and its answer."""
 
-import fcntl
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
-from collections import deque
-from collections.abc import Sequence
-from datetime import timedelta
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
@@ -20,27 +11,36 @@ from typing import Any, Final
 from gspure.cli.options import QUIET, add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError, reading
-from gspure.files import read_json
-from gspure.progress import say, tell
+from gspure.files import digest, read_json
+from gspure.progress import say
 from gspure.settings import CORES
+from gspure.workflow.running import run as run_workflow
+from gspure.workflow.running import unlock
 
 EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
   gspure audit marked/public --key marked/key               # and what is left of the message, as its owner sees it
-  gspure audit marked/public --key marked/key --fail-under 1dB      # status 1 if the message is lost below 1 dB
+  gspure audit marked/public --key marked/key --fail-under 1dB      # status 3 if the message is lost below 1 dB
   gspure audit marked/public --key marked/key --everyday    # does the mark survive formats, crops, levels of detail?
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
 
+SUCCESS: Final = 0
+FAILED: Final = 2
+LOST: Final = 3
+_STATUSES = """
+exit status:
+  0      success
+  1      whoever reads the output has gone
+  2      bad input, or failed jobs (the answer is that for the other variants)
+  3      an attack removes the message with less damage than --fail-under
+  130    interrupted, by Ctrl-C or SIGINT; 143 by SIGTERM, 129 by SIGHUP; the next run goes on from there
+"""
 _RESULTS = Path("results")
 _CONFIGURATION = _RESULTS / "audit.yaml"
-_STATE = Path(".snakemake")
-_JOB = re.compile(r"Job \d+: (.+)")
-_DONE = re.compile(r"(\d+) of (\d+) steps")
+_LINKS = Path(".snakemake") / "gspure-links"
 _SEARCHED: Final = {"gspure_scaled": {"damage": [1, 2]}}  # tested beside the default attacks, for a verdict
-_ENDING = 2.0  # seconds that a killed Snakemake may take to end
-_SHOWN = 20  # lines of Snakemake's, if it fails without a reason
 
 
 def add_arguments(parser: Parser) -> None:
@@ -58,13 +58,14 @@ def add_arguments(parser: Parser) -> None:
 def add_run_options(parser: Parser) -> None:
     """Add the options of `audited`."""
     parser.flag("--json", "print the answer as JSON")
-    meaning = "exit with status 1 if an attack removes the message with less damage to the scene, in dB of PSNR"
+    meaning = "exit with status 3 if an attack removes the message with less damage to the scene, in dB of PSNR"
     parser.text("--fail-under", "DB", meaning, type=decibels)
     parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
     parser.number("-c --cores", "N", "number of cores (default: all)", CORES)
     parser.flag(*QUIET)
-    parser.flag("-v", "--verbose", "print Snakemake's output instead of one line per job; implied by options after --")
+    parser.flag("-v", "--verbose", "print Snakemake's output instead of progress; implied by options after --")
     parser.set_defaults(passed_on=[])  # what follows `--`
+    parser.epilog = f"{parser.epilog}{_STATUSES}"
 
 
 def run(args: Arguments) -> int:
@@ -76,21 +77,24 @@ def run(args: Arguments) -> int:
 
 
 def audited(args: Arguments, configuration: Path) -> int:
-    """Run Snakemake, then print the answer; options after ``--`` leave all output to Snakemake."""
-    if args.dry_run:
-        return subprocess.call(_command(args, configuration, "--dry-run"))
-    if args.passed_on:
-        return os.execv(sys.executable, _command(args, configuration))  # noqa: S606
-    if any(_STATE.glob("locks/*.lock")):
-        _require_no_other_run()
-        subprocess.run(_command(args, configuration, "--unlock"), check=True, capture_output=True)
+    """Run Snakemake, then print the answer, and return the exit status.
+
+    With options after ``--``, all output is Snakemake's. Jobs that failed leave the answer for the other variants.
+    """
+    options = _options(args, configuration)
+    if args.dry_run or args.passed_on:
+        return SUCCESS if run_workflow(options) else FAILED
+    if unlock(options):
         say("an earlier run was killed: what it left undone is done now")
     page = _RESULTS / "report.html"
     earlier = page.stat().st_mtime_ns if page.is_file() else 0
-    status = (subprocess.call if args.verbose else _shown)(_command(args, configuration))
-    if status and not (page.is_file() and page.stat().st_mtime_ns > earlier):
-        return status
-    return _answer(args) or status
+    succeeded = run_workflow(options, silent=not args.verbose)
+    if not succeeded and not (page.is_file() and page.stat().st_mtime_ns > earlier):
+        return FAILED
+    is_lost = bool(_answer(args)) and args.fail_under is not None
+    if not succeeded:
+        return FAILED
+    return LOST if is_lost else SUCCESS
 
 
 def _answer(args: Arguments) -> int:
@@ -115,11 +119,13 @@ def _answer(args: Arguments) -> int:
     return int(any(answer.audit.damage < (args.fail_under or 0) for answer in found))
 
 
-def _command(args: Arguments, configuration: Path, *words: str) -> list[str]:
-    """Return the command line of Snakemake, which finds its default profile beside the workflow."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(snakefile()), *words]
-    command += ["--cores", str(args.cores)] if args.cores else []
-    return [*command, "--configfile", str(configuration), *args.passed_on]
+def _options(args: Arguments, configuration: Path) -> list[str]:
+    """Return the options of Snakemake: the workflow with its own profile, and those of the user."""
+    folder = snakefile().parent
+    options = ["--snakefile", str(snakefile()), "--workflow-profile", str(folder / "profiles" / "default")]
+    options += ["--dry-run"] if args.dry_run else []
+    options += ["--cores", str(args.cores)] if args.cores else []
+    return [*options, "--configfile", str(configuration), *args.passed_on]
 
 
 def snakefile() -> Path:
@@ -127,42 +133,6 @@ def snakefile() -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / "workflow" / "Snakefile"
     return installed if installed.is_file() else package.parent / "Snakefile"
-
-
-def _require_no_other_run() -> None:
-    """Wait until a killed Snakemake has ended, or refuse to run beside one that lives."""
-    with (_STATE / "gspure.lock").open("a") as alive:  # which every Snakemake holds (rules/common.smk)
-        deadline = time.monotonic() + _ENDING
-        while True:
-            try:
-                return fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise InputError(_STATE, "lock", expected="no other run here", found="one that runs") from None
-            time.sleep(0.05)
-
-
-def _shown(command: Sequence[str]) -> int:
-    """Run Snakemake, and show a line for each job, and reasons of failures, in place of its output."""
-    began, done, total = time.monotonic(), 0, 0
-    last: deque[str] = deque(maxlen=_SHOWN)
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, errors="replace") as process:
-        signal.signal(signal.SIGTERM, lambda *_: process.terminate())
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal interrupts Snakemake, too
-        for line in process.stderr or ():
-            if progress := _DONE.match(line):
-                done, total = int(progress[1]), int(progress[2])
-            elif (job := _JOB.match(line)) and not job[1].startswith("Done"):
-                place = f"{done} of {total} jobs done, " if total else ""
-                say(f"{place}{timedelta(seconds=round(time.monotonic() - began))}: {job[1]}")
-            elif line.startswith(("gspure", "warning:", "Nothing to be done")):
-                tell(line.rstrip())
-                last.clear()
-            else:
-                last.append(line.rstrip())
-    if process.returncode:
-        tell("\n".join(last))
-    return process.returncode
 
 
 def _configuration(args: Arguments, target: Path) -> Path:
@@ -182,7 +152,9 @@ def _configuration(args: Arguments, target: Path) -> Path:
         if args.cameras or args.up or args.key or args.everyday:
             raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views or a key")
         return source
-    rows, asset = read_model(source), _asset(args, model := model_file(source))
+    rows = read_model(source)
+    model = model_file(source)
+    asset = _asset(args, model)
     if asset["cameras"] not in GENERATED:
         mention_unseen(rows, read_source(Path(asset["cameras"]), model))
     elif (public := read_public_model(source).drawable(source)).visible and not args.dry_run:
@@ -221,8 +193,21 @@ def _asset(args: Arguments, model: Path) -> dict[str, Any]:
     owned = f", key {args.key}, message {message or 'as before the attacks'}" if args.key else ""
     say(f"{model}: views {cameras}{owned}")
     paths = {"model": model, "cameras": cameras, "key": args.key, "message": message}
-    asset: dict[str, Any] = {name: str(path) for name, path in paths.items() if path}
+    asset: dict[str, Any] = {name: str(_without_braces(Path(path))) for name, path in paths.items() if path}
     return asset | {"generated": {"up": args.up}} if args.up else asset
+
+
+def _without_braces(path: Path) -> Path:
+    """Return the path, or one through a link to its last part with braces, which Snakemake takes for wildcards."""
+    marked = next((part for part in (path, *path.parents) if {*"{}"} & {*part.name}), None)
+    if marked is None:
+        return path
+    target = marked.absolute()
+    link = _LINKS / digest(str(target)) / re.sub("[{}]", "_", target.name)
+    if not link.is_symlink():  # a new link would count as a new model
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(target)
+    return link / path.relative_to(marked)
 
 
 def decibels(text: str) -> float:
