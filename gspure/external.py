@@ -1,7 +1,7 @@
 """Programs of others: how adapters and detectors run them. They are processes of their own and exchange files.
 
-A *command* is a text, a program and its options as in a shell; its *words* are what the process gets. `source` and
-`field` name the origin of the command in errors.
+A *command* is a text, a program and its options as in a shell; its *words* are the program and the arguments of the
+process. In errors, `source` and `field` name the origin of the command.
 """
 
 from __future__ import annotations

@@ -89,7 +89,8 @@ def logged(program):
     # A job of small images also takes a core that others leave idle: a second thread costs no processor time.
     least = 1 if CONFIG.threads else 2
     threads = f"$(({{threads}} > {least} ? {{threads}} : {least}))"
-    return f"POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
+    job = "GSPURE_JOB={log:q}"  # by which `gspure audit` knows the job that reports its progress
+    return f"{job} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
 
 
 def step(name, version=None, **settings):

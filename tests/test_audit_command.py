@@ -1,10 +1,8 @@
 """``gspure audit``: the workflow on a model or a configuration, in the current folder."""
 
-import fcntl
 import os
 import re
-import subprocess
-import sys
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -33,11 +31,10 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def words(monkeypatch):
-    """The command line of Snakemake, which is not started."""
+    """The options of Snakemake, which is not started."""
     started = []
-    monkeypatch.setattr(os, "execv", lambda program, command: started.extend(command) or 0)
-    monkeypatch.setattr(audit, "_shown", lambda command: started.extend(command) or 0)
-    monkeypatch.setattr(audit, "_answer", lambda _: 0)
+    monkeypatch.setattr(audit, "run_workflow", lambda options, **_: not started.extend(options))
+    monkeypatch.setattr(audit, "_answer", lambda **_: inf)
     return started
 
 
@@ -76,9 +73,9 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
     assert re.findall("views (.+)", capsys.readouterr().err) == ["orbit", "."]
 
 
-@pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 1)])
+@pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 3)])
 def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
-    monkeypatch.setattr(audit, "_shown", lambda _: 0)
+    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
     plan = Plan((write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)}),))
     write_json(Path("results/plan.json"), plain(plan))
     write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plan.models)))
@@ -86,15 +83,23 @@ def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, mon
     assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
 
 
-def test_a_failed_variant_leaves_the_answer_but_an_older_report_does_not(folder, words, monkeypatch):
+@pytest.mark.parametrize("is_lost", [False, True])
+def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monkeypatch, is_lost):
     answered = []
-    monkeypatch.setattr(audit, "_answer", lambda _: answered.append(True) or 0)
-    monkeypatch.setattr(audit, "_shown", lambda _: 1)
+    monkeypatch.setattr(audit, "_answer", lambda _: answered.append(True) or int(is_lost))
+    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: False)
     write_json(Path("results/report.html"), "of an earlier run")
     os.utime("results/report.html", (0, 0))
-    assert (main(["audit", "my model.ply"]), answered) == (1, [])
-    monkeypatch.setattr(audit, "_shown", lambda _: Path("results/report.html").touch() or 1)
-    assert (main(["audit", "my model.ply"]), answered) == (1, [True])
+    command = ["audit", "my model.ply", "--fail-under", "1dB"]
+    assert (main(command), answered) == (2, [])
+    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: Path("results/report.html").touch())
+    assert (main(command), answered) == (2, [True])
+
+
+def test_without_a_limit_a_lost_message_is_no_failure(folder, monkeypatch):
+    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
+    monkeypatch.setattr(audit, "_answer", lambda **_: 0.1)
+    assert main(["audit", "my model.ply"]) == 0
 
 
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):
@@ -103,24 +108,3 @@ def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(fo
     assert "mine.yaml: --cameras: expected nothing beside a configuration" in capsys.readouterr().err
     assert main(["audit", "mine.yaml", "--", "--forcerun", "all"]) == 0
     assert words[words.index("--configfile") + 1 :] == ["mine.yaml", "--forcerun", "all"]
-
-
-def test_a_lock_is_removed_unless_a_run_holds_it(folder, words, monkeypatch, capsys):
-    Path(".snakemake/locks").mkdir(parents=True)
-    Path(".snakemake/locks/0.input.lock").touch()
-    unlocked = []
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: unlocked.append("--unlock" in command))
-    with Path(".snakemake/gspure.lock").open("w") as alive:
-        fcntl.flock(alive, fcntl.LOCK_SH)
-        assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 2
-    assert "expected no other run here" in capsys.readouterr().err
-    assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
-    assert unlocked == [True]
-
-
-def test_jobs_and_reasons_take_the_place_of_snakemake_s_lines(capfd):
-    lines = ["Building DAG", "Job 3: Attacking", "1 of 4 steps (25%) done", "Job 2: Evaluating", "gspure: broken"]
-    program = f"import sys; print(*{lines}, sep='\\n', file=sys.stderr); sys.exit(3)"
-    assert audit._shown([sys.executable, "-c", program]) == 3
-    shown = capfd.readouterr().err.splitlines()
-    assert shown == ["0:00:00: Attacking", "1 of 4 jobs done, 0:00:00: Evaluating", "gspure: broken", ""]

@@ -105,6 +105,20 @@ def test_results_are_written_before_anything_is_printed(asset):
     assert Path("out.ply").is_file()
 
 
+def test_a_closed_output_is_refused_in_one_line_and_closed_errors_are_discarded(asset):
+    def closed(number):
+        command = f"{sys.executable} -m gspure info model.ply {number}>&-"
+        return subprocess.run(command, shell=True, capture_output=True, text=True, check=False)  # noqa: S602
+
+    refused = closed(1)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "standard output is closed" in refused.stderr
+    accepted = closed(2)
+    assert accepted.returncode == 0
+    assert "30" in accepted.stdout
+
+
 def test_a_shell_completes_commands_options_and_files(asset, capsys):
     pytest.importorskip("shtab", reason="gspure[completion] is not installed")
     assert main(["completion", "bash"]) == 0

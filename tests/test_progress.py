@@ -1,7 +1,9 @@
 """What people read: numbers as text, facts about results, progress on a terminal."""
 
 import io
+import json
 import math
+import os
 import re
 import sys
 
@@ -10,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gspure import progress
 from gspure.attacks import find_attack
 from gspure.method.diagnosis import diagnose
 from gspure.method.purify import Purification
-from gspure.progress import track
+from gspure.progress import EVENTS, JOB, reported, track
 from gspure.text import decimal, percent, signed, significant
 from gspure.training.trainer import watched
 from tests.models import blobs, camera
@@ -35,6 +38,23 @@ def test_labels_and_states_are_text_not_markup(monkeypatch, run):
         patched.setenv("COLUMNS", "200")
         list(run())
     assert MARKUP in terminal.getvalue()
+
+
+def test_a_job_reports_the_share_that_is_done_and_the_time_left(tmp_path, monkeypatch):
+    pipe = tmp_path / "events"
+    os.mkfifo(pipe)
+    monkeypatch.setenv(EVENTS, str(pipe))
+    monkeypatch.setenv(JOB, "a.log")
+    monkeypatch.setattr(progress, "_SECONDS_BETWEEN_EVENTS", 0.9)
+    clock = iter(range(99))
+    monkeypatch.setattr("time.monotonic", lambda: float(next(clock)))  # a second passes for each item
+    assert list(reported("cd", "train", 4, done=2)) == ["c", "d"]  # nobody reads
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    assert list(reported("cdef", "train", 6, done=2)) == ["c", "d", "e", "f"]
+    events = [json.loads(line) for line in os.read(reader, 9999).splitlines()]
+    assert {(event["event"], event["log"], event["part"]) for event in events} == {("part", "a.log", "train")}
+    assert [event["share"] for event in events] == pytest.approx([3 / 6, 4 / 6, 5 / 6, 1])
+    assert [event["left"] for event in events] == pytest.approx([3, 2, 1, 0])
 
 
 @given(st.floats(0, 1), st.integers(0, 4))

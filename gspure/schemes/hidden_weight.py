@@ -1,4 +1,4 @@
-"""The weight of rows in views of the message: its share on rows of low public weight predicts what pruning removes."""
+"""The weight of rows in views of the message. Pruning removes the part of it that lies on rows of low public weight."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -16,7 +16,7 @@ from gspure.training.trainer import densified
 ENDS: Final = (3, 7, 10, 11)
 """Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
 
-CACHED: Final = 1500  # rows that fit a CPU's cache, with what is computed of them
+CACHED: Final = 1500  # number of rows that fit a CPU's cache, with their moments and gradients
 
 
 class TrainedRows:

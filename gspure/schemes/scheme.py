@@ -97,7 +97,7 @@ class Scheme:
     beside: tuple[str, ...] = ()  # patterns of the names of public files beside the .ply, such as networks
     packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
     reveals: bool = True  # whether keys return the Gaussians that show the message (`Key.gaussians`)
-    sources: tuple[Path, ...] = ()  # files beside its module that decide what it does
+    sources: tuple[Path, ...] = ()  # files besides its module on which its results depend
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property

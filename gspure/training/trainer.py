@@ -12,7 +12,7 @@ from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainableModel, TrainState
-from gspure.progress import bar, say, shows_bars
+from gspure.progress import bar, reported, say, shows_bars
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import Snapshot, as_gaussians
 from gspure.training.schedule import Schedule
@@ -152,6 +152,7 @@ def watched(losses: Iterable[float], iterations: int, state: Callable[[], str], 
     """
     if shows_bars():
         losses = bar(losses, "train", iterations - done)
+    losses = reported(losses, "train", iterations, done)
     recent: list[float] = []
     last = time.monotonic()
     for iteration, loss in enumerate(losses, done + 1):

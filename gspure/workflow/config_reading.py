@@ -9,6 +9,7 @@ import yaml
 from gspure.codec import read
 from gspure.errors import InputError, reading
 from gspure.evaluation.plan import METHOD
+from gspure.files import Json
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.metrics.targets import MESSAGE
 from gspure.workflow.config import AssetConfig, Config
@@ -70,7 +71,7 @@ def _require_complete(asset: AssetConfig, source: str, place: str) -> None:
         raise InputError(source, f"{place}.generated.up", expected="a direction", found="0 0 0")
 
 
-def load_yaml(file: Path) -> dict[str, object]:
+def load_yaml(file: Path) -> Json:
     """Read a YAML file whose keys are texts, such as ``no`` or ``2024_05``, each of them once."""
     with reading(file, "a configuration, as YAML"), file.open(encoding="utf-8-sig") as stream:
         content = yaml.load(stream, _TextKeys)  # noqa: S506 - a SafeLoader

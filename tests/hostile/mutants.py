@@ -1,4 +1,6 @@
-"""Mutation testing of the numerical core, and of plans, jobs and outcomes: one small change to the source at a time, which some test must notice.
+"""Mutation testing: one small change to the source at a time, which some test must notice.
+
+It covers the numerical core, and plans, jobs and outcomes.
 
 A process has numpy, pytest and the like imported; for every mutant it forks, and the child imports the changed module
 in place of the file and runs the tests of that module up to the first failure.
@@ -124,6 +126,7 @@ JOBS = {
     "gspure.evaluation.verdict": ("test_evaluate.py", "test_collecting.py"),
     "gspure.workflow.assets": ("test_configuration.py", "test_plan.py"),
     "gspure.workflow.config": ("test_config_reading.py", *_PLANS),
+    "gspure.workflow.config_reading": ("test_config_reading.py",),
     "gspure.workflow.decisions": _PLANS,
     "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
     "gspure.workflow.jobs": _PLANS,
@@ -184,9 +187,11 @@ def _walk(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _left_alone(node: ast.AST) -> bool:
-    """Whether changes would show in texts only, or not at all, as in sizes of device buffers."""
+    """Whether changes would show in texts or scripts only, or not at all, as in sizes of device buffers."""
     match node:
         case ast.Raise() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+            return True
+        case ast.If(test=ast.Compare(left=ast.Name(id="__name__"))):
             return True
         case ast.Call(func=ast.Attribute(attr="sized" | "allocate")):
             return True

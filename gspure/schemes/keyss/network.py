@@ -21,22 +21,29 @@ ROW: Final = GEOMETRY_ATTRIBUTES + 48  # numbers of a vanilla row of degree 3, i
 KEY: Final = 768  # length of the key; the authors' keys are embeddings of CLIP
 
 SIZES: Final = (ROW + KEY, 64, 128, ROW)
-SHAPES: Final = {
-    name: shape
-    for layer, (inputs, outputs) in enumerate(pairwise(SIZES))
-    for name, shape in ((f"weight_{layer}", (outputs, inputs)), (f"bias_{layer}", (outputs,)))
-}
+
+
+def _shapes() -> dict[str, tuple[int, ...]]:
+    shapes: dict[str, tuple[int, ...]] = {}
+    for layer, (inputs, outputs) in enumerate(pairwise(SIZES)):
+        shapes[f"weight_{layer}"] = (outputs, inputs)
+        shapes[f"bias_{layer}"] = (outputs,)
+    return shapes
+
+
+SHAPES: Final = _shapes()
 _LAST: Final = len(SIZES) - 2
 RATE: Final = 2e-3  # initial learning rate; ours, for a few thousand iterations; the authors' is 5e-5
 
 
 def fresh(rng: np.random.Generator) -> dict[str, Float32]:
     """Return layers with PyTorch's default initialization, and heads of zero: the initial message is the scene."""
-    bounds = [inputs**-0.5 for inputs in SIZES[:_LAST]] + [0.0]
-    return {
-        name: rng.uniform(-1, 1, shape).astype(np.float32) * np.float32(bounds[int(name[-1])])
-        for name, shape in SHAPES.items()
-    }
+    layers: dict[str, Float32] = {}
+    for layer, inputs in enumerate(SIZES[:-1]):
+        bound = np.float32(0.0 if layer == _LAST else inputs**-0.5)
+        for name in (f"weight_{layer}", f"bias_{layer}"):
+            layers[name] = rng.uniform(-1, 1, SHAPES[name]).astype(np.float32) * bound
+    return layers
 
 
 def random_key(rng: np.random.Generator) -> Float32:
@@ -48,7 +55,8 @@ def random_key(rng: np.random.Generator) -> Float32:
 def added(network: Network, key: Float32, rows: Float32) -> Any:
     """Return the offsets [K,59] from public rows to those of the message."""
     weight = network["weight_0"]
-    values = rows @ weight[:, :ROW].T + (weight[:, ROW:] @ key + network["bias_0"])  # the key is the same in all rows
+    bias = weight[:, ROW:] @ key + network["bias_0"]  # the key is the same for all rows
+    values = rows @ weight[:, :ROW].T + bias
     for layer in range(1, _LAST + 1):
         values = values.clip(0) @ network[f"weight_{layer}"].T + network[f"bias_{layer}"]
     return values

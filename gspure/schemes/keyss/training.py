@@ -18,7 +18,7 @@ from gspure.training.pytorch import BFLOAT16, DEVICE, on_device, on_host, single
 from gspure.training.torch_bridge import TorchRenderer
 
 WRONG_WEIGHT: Final = 0.02  # of the loss with a wrong key: the authors' 0.01 / 0.5, since the scene's weight is 1
-WRONG_EVERY: Final = 16  # a step measures the wrong key's offsets of one row of so many; ours, for speed
+WRONG_EVERY: Final = 16  # a step measures the wrong key's offsets of every 16th row; ours, for speed
 
 _SIZES: Final = (3, 4, 3, 1, 3, 45)  # of a row's position, quaternion, log-scale, logit, base colour, higher harmonics
 

@@ -1,4 +1,4 @@
-"""Training: both scenes learn together, then the opacity mapping and the hidden colours; what is published."""
+"""Training: both scenes learn together, then the opacity mapping and the hidden colours; publication."""
 
 from __future__ import annotations
 

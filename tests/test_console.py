@@ -1,0 +1,120 @@
+"""What people see of a run: one live line on a terminal, else plain lines."""
+
+import io
+import json
+import sys
+
+import pytest
+
+from gspure import progress
+from gspure.progress import say
+from gspure.workflow import console
+from gspure.workflow.console import Console, clock
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def now(monkeypatch):
+    """The time, as a list of one number."""
+    time = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: time[0])
+    return time
+
+
+def terminal_for(monkeypatch):
+    """A terminal of 60 columns in place of standard error; not a fixture, since pytest replaces that before a test."""
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "_shown", "")
+    return sys.stderr
+
+
+def send(shown, *events):
+    for event in events:
+        shown.read_event(json.dumps(event))
+    shown.refresh()
+
+
+def part(share, left):
+    return {"event": "part", "log": "a.log", "part": "train", "share": share, "left": left}
+
+
+PLANNED = {"event": "planned", "jobs": 9}
+STARTED = {"event": "started", "job": 4, "text": "Embedding", "log": "a.log"}
+LATER = {"event": "started", "job": 5, "text": "Drawing", "log": "b.log"}
+WHOLE = {"event": "started", "job": 6, "text": "All", "log": ""}
+
+
+def test_a_terminal_has_one_live_line(now, monkeypatch):
+    terminal = terminal_for(monkeypatch)
+    shown = Console()
+    send(shown)
+    send(shown, PLANNED, STARTED, LATER)
+    send(shown, part(0.41, 48.2))
+    now[0] = 40.0
+    shown.refresh()
+    say("a warning")
+    send(shown, part(1.0, 0.0))
+    send(shown, {"event": "finished", "job": 4})
+    send(shown, {"event": "finished", "job": 5}, WHOLE, {"event": "finished", "job": 6})
+    shown.end(0)
+    assert terminal.getvalue().split("\r\x1b[2K") == [
+        "planning: 0:00 so far",
+        "[0/9] Embedding",
+        "[0/9] Embedding: train 41%, 0:48 left",
+        "[0/9] Embedding: train 41%, 0:08 left",
+        "a warning\n[0/9] Embedding: 0:40 so far",
+        "[1/9] Drawing: 0:40 so far",
+        "[3/9] Drawing: 0:40 so far",
+        "3 jobs done in 0:40\n",
+    ]
+
+
+def test_a_line_that_is_too_long_loses_its_middle(now, monkeypatch):
+    terminal = terminal_for(monkeypatch)
+    shown = Console()
+    send(shown, PLANNED, STARTED | {"text": "a" * 99}, part(0.41, 48.2))
+    assert terminal.getvalue().startswith("[0/9] aaaa")
+    assert terminal.getvalue().endswith("aaa: train 41%, 0:48 left")
+    assert len(terminal.getvalue()) == 59
+
+
+def test_without_a_terminal_there_is_a_line_per_job_and_no_long_silence(now, capsys):
+    shown = Console()
+    send(shown, PLANNED, STARTED)
+    for second in range(30):
+        now[0] = float(second)
+        send(shown, part(second / 30, 30.0 - second))
+    assert capsys.readouterr().err.splitlines() == [
+        "[0/9] Embedding",
+        "[0/9] Embedding: train 30%, 0:21 left",
+        "[0/9] Embedding: train 60%, 0:12 left",
+        "[0/9] Embedding: train 90%, 0:03 left",
+    ]
+
+
+def test_quiet_prints_reasons_only(now, monkeypatch, capsys):
+    monkeypatch.setattr(progress, "quiet", True)
+    shown = Console()
+    send(shown, PLANNED, STARTED)
+    now[0] = 99.0
+    send(shown, {"event": "failed", "job": 4})
+    shown.end(1)
+    assert capsys.readouterr().err == "Embedding failed: see a.log\n"
+
+
+def test_a_full_disk_is_the_reason_of_an_empty_log(now, monkeypatch, capsys):
+    monkeypatch.setattr(console, "_LITTLE", float("inf"))
+    shown = Console()
+    send(shown, PLANNED, STARTED, {"event": "failed", "job": 4})
+    assert "Embedding failed: no space left on the disk" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(-3, "0:00"), (59.4, "0:59"), (59.6, "1:00"), (3723, "1:02:03")])
+def test_a_duration_is_shown_as_by_a_clock(seconds, text):
+    assert clock(seconds) == text
