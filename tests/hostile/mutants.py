@@ -106,7 +106,7 @@ CORE = {
 }
 
 _OUTCOMES = ("test_contest.py", "test_survival.py", "test_answer.py", "test_detection.py", "test_collecting.py")
-_PLANS = ("test_plan.py", "test_configuration.py", "test_codec.py")
+_PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py", "test_codec.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_config_reading.py"),
     "gspure.evaluation.attacking": ("test_evaluate.py",),
