@@ -232,6 +232,16 @@ def test_generated_views_are_those_of_their_settings() -> None:
     assert only_model(plan_of({"assets": {"a": up}})).cameras[SCENE].generated["up"] == [0.0, 0.0, 1.0]
 
 
+def test_the_files_of_a_training_run_are_read_with_its_model() -> None:
+    file = Path("runs/bot/point_cloud/iteration_7/point_cloud.ply")
+    model_file(str(file))
+    for folder in ("runs", "runs/bot", "runs/bot/point_cloud"):
+        Path(folder, "cfg_args").touch()
+    model = only_model(plan_of({"assets": {"bot": {"model": "runs/bot", "cameras": "orbit"}}}))
+    assert model.users_files == (file, Path("runs/bot/cfg_args"))
+    assert {*model.users_files} <= {*model.by_variant["gspure"].users_files}
+
+
 def views_with_photographs(file: str, *, are_there: bool = True) -> str:
     place = Path(file)
     image = place.with_name("v.png").absolute()
