@@ -50,7 +50,7 @@ wildcard_constraints:
     scheme="|".join(dict.fromkeys(model.id.scheme for model in PLAN.models)),
     scene="|".join(dict.fromkeys([*PLAN.pairs, *(model.id.folder_name for model in PLAN.models)])),
     variant="|".join(VARIANTS),
-    decision="|".join(DECISIONS),
+    decision=f"(?:{'|'.join(DECISIONS)})",
 
 
 scattergather:

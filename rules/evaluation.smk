@@ -84,7 +84,7 @@ rule write_report:
     params:
         code=code_of("report"),
         templates=files_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
-        plan=codec.text(PLAN),
+        plan=lambda wildcards: codec.text(PLAN),  # a plain text with braces would be taken for wildcards
     message:
         "Writing tables, figures and the report"
     shell:
