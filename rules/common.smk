@@ -1,5 +1,6 @@
 import fcntl
 import os
+import re
 import shlex
 import sys
 from contextlib import suppress
@@ -8,15 +9,16 @@ import gspure
 from gspure import codec
 from gspure.attacks import find_attack
 from gspure.errors import InputError
-from gspure.evaluation.plan import CONFIGURATION, METHOD
+from gspure.evaluation.plan import CONFIGURATION
 from gspure.evaluation.plan import PLAN as PLAN_FILE
 from gspure.files import write_json
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
+from gspure.workflow.decisions import decision_folders
 from gspure.workflow.planning import VANILLA, plan_of
-from gspure.workflow.sources import code_digest, files_digest
+from gspure.workflow.sources import code_digest, file_states_digest
 
 
 def refuse(reason):
@@ -42,14 +44,13 @@ except InputError as error:
 MODELS = [*PLAN.by_name]
 VARIANTS = [job.variant for job in PLAN.models[0].variants]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
-# Decisions by their folder below that of their model, which is the model's own for the decision of the method.
-DECISIONS = {"": METHOD, **{f"/decisions/{name}": name for name in CONFIG.decisions}}
+DECISIONS = decision_folders(CONFIG.decisions)
 
 
 wildcard_constraints:
     scheme="|".join(dict.fromkeys(model.id.scheme for model in PLAN.models)),
     scene="|".join(dict.fromkeys([*PLAN.pairs, *(model.id.folder_name for model in PLAN.models)])),
-    variant="|".join(VARIANTS),
+    variant="|".join(map(re.escape, VARIANTS)),
     decision=f"(?:{'|'.join(DECISIONS)})",
 
 
@@ -103,12 +104,12 @@ def step(name, version=None, **settings):
 
     def version_of(wildcards):
         model = get_model(wildcards)
-        return f"{code_of(name, model.module)} {files_digest(model.users_files)}"
+        return f"{code_of(name, model.module)} {file_states_digest(model.users_files)}"
 
     def text_of(wildcards):
         return codec.text({key: value(wildcards) if callable(value) else value for key, value in settings.items()})
 
-    return {"step": name, "version": version or version_of, "settings": text_of}
+    return {"step": name, "version": version or version_of, "arguments": text_of}
 
 
 def job_parameters(get_jobs):
@@ -117,7 +118,7 @@ def job_parameters(get_jobs):
     def version(wildcards):
         modules = {module for job in get_jobs(wildcards) for module in job.modules}
         users_files = dict.fromkeys(file for job in get_jobs(wildcards) for file in job.users_files)
-        return f"{code_of('evaluate', *sorted(modules))} {files_digest(users_files)}"
+        return f"{code_of('evaluate', *sorted(modules))} {file_states_digest(users_files)}"
 
     return step("evaluate", version=version, jobs=get_jobs)
 

@@ -11,7 +11,7 @@ from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
 from gspure.evaluation.survival import Survival
-from gspure.evaluation.verdict import VERDICT, Applied, Strength, Verdict
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
 from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
@@ -99,8 +99,8 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
             black = [compare(pair, TRUTH, "black") for pair in pair_images(truth, folder / "renders")[0]]
             write_metrics(results / name / "black" / "metrics.csv", black)
         if variant in attacks:
-            attack = Applied(Strength("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
-            write_json(folder / VERDICT, plain(Verdict(attack)))
+            attack = Applied(StrengthValue("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
+            write_json(folder / VERDICT, plain(AttackRecord(attack)))
     return model_plan(name, ("unattacked", *attacks), ("clean", "black"))
 
 

@@ -17,7 +17,7 @@ from gspure.evaluation.plan import Control, ModelPlan
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import specificity
 from gspure.evaluation.survival import survival
-from gspure.evaluation.verdict import VERDICT, Applied, Verdict
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord
 from gspure.files import write_json, write_text
 from gspure.metrics.comparison import read_metrics, write_metrics
 from tests.contest_cases import write_model
@@ -67,7 +67,7 @@ def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -
 
 
 def test_a_table_is_read_back_into_outcomes_with_the_same_drops_and_survival(tmp_path, plan) -> None:
-    verdict = Verdict(Applied(affects={"message": True}, removed="no such format"))
+    verdict = AttackRecord(Applied(affects={"message": True}, removed="no such format"))
     write_json(tmp_path / MODEL / "gspure" / VERDICT, plain(verdict))
     rows = [row for row in read_metrics(tmp_path / MODEL / "gspure" / "metrics.csv") if row.target == "scene"]
     write_metrics(tmp_path / MODEL / "gspure" / "metrics.csv", rows)

@@ -16,7 +16,7 @@ from gspure.codec import read
 from gspure.errors import InputError
 from gspure.evaluation.evaluate import evaluate
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
-from gspure.evaluation.verdict import VERDICT, Applied, Refused, Strength, Verdict
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused, StrengthValue
 from gspure.files import read_json
 from gspure.images import read_image, write_image
 from gspure.method.purify import purify
@@ -49,7 +49,7 @@ def in_project(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def verdict(planned: Job) -> Applied | Refused:
-    content: Verdict = read(Verdict, read_json(planned.folder / VERDICT), "verdict")
+    content: AttackRecord = read(AttackRecord, read_json(planned.folder / VERDICT), "verdict")
     return content.attack
 
 
@@ -90,7 +90,7 @@ def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     assert [(row.variant, row.target, row.retrieval.views) for row in evaluation.retrieval] == [("pruned", MESSAGE, 2)]
     assert read_table(planned.folder / "retrieval.csv", Retrieved) == [*evaluation.retrieval]
     affected = dict.fromkeys((MESSAGE, ADAPTIVE, cases.ORACLE), True)
-    assert verdict(planned) == evaluation.attack == Applied(Strength("fraction", 0.25), None, affects=affected)
+    assert verdict(planned) == evaluation.attack == Applied(StrengthValue("fraction", 0.25), None, affects=affected)
 
 
 def test_metrics_compare_with_the_unattacked_renders_of_the_same_view() -> None:
@@ -105,7 +105,7 @@ def test_metrics_compare_with_the_unattacked_renders_of_the_same_view() -> None:
 def test_an_attack_affects_the_extractions_that_read_what_it_changes() -> None:
     evaluation = run(attack_job("noisy", "gaussian_noise"))
     assert evaluation.attack == Applied(
-        Strength("sigma", 0.1), None, {MESSAGE: False, ADAPTIVE: True, cases.ORACLE: True}
+        StrengthValue("sigma", 0.1), None, {MESSAGE: False, ADAPTIVE: True, cases.ORACLE: True}
     )
 
 
@@ -235,7 +235,7 @@ def test_an_attack_on_renders_changes_the_scene_alone() -> None:
     evaluation = run(planned)
     assert differ(renders(planned, SCENE), unattacked(SCENE))
     assert_same(renders(planned, MESSAGE), unattacked(MESSAGE))
-    assert evaluation.attack == Applied(Strength("quality", 5), None, UNAFFECTED)
+    assert evaluation.attack == Applied(StrengthValue("quality", 5), None, UNAFFECTED)
     assert not prune_mask(planned).any()
 
 

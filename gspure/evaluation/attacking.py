@@ -11,7 +11,7 @@ from gspure.attacks import Attack, Attacked, Measurements, NotApplicable, affect
 from gspure.attacks.strength import Damage, Match
 from gspure.cameras import Camera
 from gspure.evaluation.plan import AttackSpec
-from gspure.evaluation.verdict import Applied, Strength
+from gspure.evaluation.verdict import Applied, StrengthValue
 from gspure.metrics.targets import is_picture
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
@@ -44,12 +44,12 @@ class AttackResult:
         return np.eye(4) if self.attacked.transform is None else self.attacked.transform
 
     @property
-    def strength(self) -> Strength | None:
+    def strength(self) -> StrengthValue | None:
         """The strength of the attack, if it has one."""
         if self.attack.strength is None:
             return None
         setting = self.attack.strength.setting
-        return Strength(setting, float(self.settings[setting]))
+        return StrengthValue(setting, float(self.settings[setting]))
 
     @property
     def sentence(self) -> str:

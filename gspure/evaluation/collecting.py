@@ -15,7 +15,7 @@ from gspure.codec import read
 from gspure.errors import InputError, printable
 from gspure.evaluation.outcomes import Outcome, by_model, with_references
 from gspure.evaluation.plan import AttackSpec, Job, ModelPlan
-from gspure.evaluation.verdict import VERDICT, Applied, Refused, Verdict
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import read_json
 from gspure.grouping import grouped
 from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
@@ -83,10 +83,10 @@ def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
     metrics = _without_identical_views({name: read_metrics(place / name / "metrics.csv") for name in measured})
     detections = read_detections(place)
     for job in jobs:
-        outcome = _outcome(model, job, files[job.variant], detections.get(job.variant, {}))
+        outcome = _unmeasured_outcome(model, job, files[job.variant], detections.get(job.variant, {}))
         if job.variant in metrics:
             rows_file = None if job.control else place / "key" / MESSAGE_ROWS
-            outcome = replace(outcome, **_measured(place / job.variant, metrics[job.variant], rows_file))
+            outcome = replace(outcome, **_metric_fields(place / job.variant, metrics[job.variant], rows_file))
         yield outcome
 
 
@@ -94,7 +94,7 @@ def _files(results: Path, folder: Path, job: Job) -> _Files:
     """Return the state of a job's files; an attack that cannot apply has none."""
     attack = None
     if (folder / VERDICT).is_file():
-        verdict: Verdict = read(Verdict, read_json(folder / VERDICT), folder / VERDICT)
+        verdict: AttackRecord = read(AttackRecord, read_json(folder / VERDICT), folder / VERDICT)
         attack = verdict.attack
     if isinstance(attack, Refused):
         return _Files(folder, attack, dict.fromkeys(expected_files(job), f"not applicable: {attack.reason}"))
@@ -103,7 +103,7 @@ def _files(results: Path, folder: Path, job: Job) -> _Files:
     return _Files(folder, attack, dict.fromkeys(absent, reason))
 
 
-def _outcome(model: ModelPlan, job: Job, files: _Files, detections: Mapping[str, Detection]) -> Outcome:
+def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: Mapping[str, Detection]) -> Outcome:
     """Return what is known of a job without its metrics."""
     errors = {Path(file).stem: reason for file, reason in files.missing.items() if file != "metrics.csv"}
     outcome = Outcome(
@@ -134,7 +134,7 @@ def _outcome(model: ModelPlan, job: Job, files: _Files, detections: Mapping[str,
     )
 
 
-def _measured(folder: Path, rows: Sequence[ViewMetrics], rows_file: Path | None) -> dict[str, Any]:
+def _metric_fields(folder: Path, rows: Sequence[ViewMetrics], rows_file: Path | None) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
     targets = {mean.target: mean for mean in means(rows)}
     same = identical(rows)

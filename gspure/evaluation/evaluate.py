@@ -18,7 +18,7 @@ from gspure.cameras.splits import read_split
 from gspure.codec import plain
 from gspure.evaluation.attacking import AttackResult, Context, attacked
 from gspure.evaluation.plan import AttackSpec, Detector, Job, kind_of
-from gspure.evaluation.verdict import VERDICT, Applied, Refused, Verdict
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import write_json
 from gspure.images import read_back, write_image
 from gspure.method.purify import purify
@@ -99,7 +99,7 @@ def write(job: Job, evaluation: Evaluation) -> None:
     """Write the tables of an evaluation beside the images of its job."""
     folder = job.folder
     if evaluation.attack is not None:
-        write_json(folder / VERDICT, plain(Verdict(evaluation.attack)))
+        write_json(folder / VERDICT, plain(AttackRecord(evaluation.attack)))
     is_empty = isinstance(evaluation.attack, Refused)
     if evaluation.metrics or is_empty:
         write_metrics(folder / "metrics.csv", evaluation.metrics)
@@ -140,7 +140,7 @@ def run_attack(
     context = Context(
         views=read_split(job.views.cameras, "train"),
         device=device,
-        measure_damage=damage_measure(views[SCENE], device, is_photographed=SCENE in job.views.photographed),
+        measure_damage=measure_for_views(views[SCENE], device, is_photographed=SCENE in job.views.photographed),
     )
     try:
         attack_result = attacked(before, spec, context)
@@ -156,7 +156,7 @@ def run_attack(
     return attack_result.applied(before, scheme), attacked_exhibit(job, attack_result, place)
 
 
-def damage_measure(
+def measure_for_views(
     views: Sequence[Camera],
     device: Device,
     *,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from gspure.evaluation.identity import Condition, ModelId
-from gspure.evaluation.verdict import Strength
+from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
 from gspure.metrics.comparison import ViewMetrics
 from gspure.metrics.detection import Detection
@@ -36,7 +36,7 @@ class Outcome:
     recall: float = math.nan
     entry: str = ""  # the variant's entry in the configuration, which several damages share; empty for `variant`
     wanted: float = math.nan  # drop of the scene's PSNR for which the strength was searched, dB
-    strength: Strength | None = None  # of the attack, if it has one
+    strength: StrengthValue | None = None  # of the attack, if it has one
     search_damage: float = math.nan  # drop at which the search for the strength ended, dB
     affects: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
     failure: str = ""  # why there are no metrics; empty if there are

@@ -158,7 +158,7 @@ class Embedding:
 
 @dataclass(frozen=True)
 class ModelPlan:
-    """A model: its files, its views, its decisions and its jobs, the unattacked variant first."""
+    """A model: its files, its views, its decisions and its jobs, in the order of tables."""
 
     id: ModelId
     public: Path
@@ -200,7 +200,7 @@ class ModelPlan:
 
 
 @dataclass(frozen=True)
-class Training:
+class Preparation:
     """A command that makes a pair, or trains a model: its sources, its options, and the user's files it reads."""
 
     sources: tuple[str, ...]
@@ -220,9 +220,9 @@ class Plan:
     """
 
     models: tuple[ModelPlan, ...]
-    pairs: Mapping[str, Training] = field(default_factory=dict)
-    messages: Mapping[str, Training] = field(default_factory=dict)
-    trained: Mapping[str, Training] = field(default_factory=dict)  # models of the user's photographs, by scene
+    pairs: Mapping[str, Preparation] = field(default_factory=dict)
+    messages: Mapping[str, Preparation] = field(default_factory=dict)
+    trained: Mapping[str, Preparation] = field(default_factory=dict)  # models of the user's photographs, by scene
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     attacks: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     factors: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)

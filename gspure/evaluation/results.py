@@ -8,7 +8,7 @@ from typing import Final, Literal, NamedTuple
 
 from gspure.evaluation.identity import OfCondition
 from gspure.evaluation.outcomes import Outcome, ordered, with_references
-from gspure.evaluation.verdict import Strength
+from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
 from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics
 from gspure.metrics.csv_tables import Drops, Values, read_table, write_table
@@ -39,7 +39,7 @@ class Result(NamedTuple):
     pruned_share: float = math.nan
     precision: float = math.nan
     recall: float = math.nan
-    strength: Strength | None = None
+    strength: StrengthValue | None = None
     search_damage: float = math.nan
     failure: str = ""
     retrieval: Retrieval | None = None

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 VERDICT: Final = "verdict.json"  # file of a variant
 
 
-class Strength(NamedTuple):
+class StrengthValue(NamedTuple):
     """The value of the setting that makes an attack stronger."""
 
     setting: str
@@ -26,7 +26,7 @@ class Applied:
     empty if one can.
     """
 
-    strength: Strength | None = None
+    strength: StrengthValue | None = None
     search_damage: float | None = None
     affects: Mapping[str, bool] = field(default_factory=dict)
     removed: str = ""
@@ -40,7 +40,7 @@ class Refused:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class AttackRecord:
     """The content of `VERDICT`."""
 
     attack: Applied | Refused

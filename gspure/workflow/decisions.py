@@ -1,6 +1,6 @@
 """Decisions of GSPure: what their steps depend on, which of them share a step, and the sweeps among variants."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
@@ -12,7 +12,7 @@ from gspure.method.settings import MethodSettings
 from gspure.metrics.names import GSPURE
 from gspure.workflow.variants import VariantSpec
 
-Settings = Mapping[str, MethodSettings]  # of every decision by name, that of the method first
+SettingsByDecision = Mapping[str, MethodSettings]  # of every decision by name, that of the method first
 Factors = Mapping[str, tuple[float, float]]
 
 ARTIFACTS: Final[Mapping[str, Sequence[str]]] = {
@@ -27,7 +27,7 @@ ARTIFACTS: Final[Mapping[str, Sequence[str]]] = {
 """The files of a decision in the order of their steps, and the settings that each depends on besides those before."""
 
 
-def suited(settings: Settings, tau_c: float, tau_n: float) -> Settings:
+def suited(settings: SettingsByDecision, tau_c: float, tau_n: float) -> SettingsByDecision:
     """Return decisions in which factors that are None are those that suit a scheme."""
     return {
         name: replace(
@@ -39,7 +39,7 @@ def suited(settings: Settings, tau_c: float, tau_n: float) -> Settings:
     }
 
 
-def sharing_decision(settings: Settings, name: str, artifact: str) -> str:
+def sharing_decision(settings: SettingsByDecision, name: str, artifact: str) -> str:
     """Return the decision whose `artifact` decision `name` can share: the first with the same settings up to it."""
     steps = [*takewhile(lambda step: step != artifact, ARTIFACTS), artifact]
     relevant = [setting for step in steps for setting in ARTIFACTS[step]]
@@ -50,7 +50,7 @@ def sharing_decision(settings: Settings, name: str, artifact: str) -> str:
     return next(decision for decision in settings if values(decision) == values(name))
 
 
-def decisions_of(settings: Settings, folder: Path) -> dict[str, Decision]:
+def decisions_of(settings: SettingsByDecision, folder: Path) -> dict[str, Decision]:
     """Return the decisions of a model with their files below its folder, those of the method in the folder itself."""
 
     def file(name: str, artifact: str) -> Path:
@@ -64,13 +64,18 @@ def decisions_of(settings: Settings, folder: Path) -> dict[str, Decision]:
     }
 
 
-def attack_groups(variants: Mapping[str, VariantSpec], settings: Settings) -> dict[str, tuple[str, ...]]:
+def decision_folders(names: Iterable[str]) -> dict[str, str]:
+    """Return decisions by the end of their folder's path below that of the model; empty for the method's own."""
+    return {"": METHOD, **{f"/decisions/{name}": name for name in names}}
+
+
+def attack_groups(variants: Mapping[str, VariantSpec], settings: SettingsByDecision) -> dict[str, tuple[str, ...]]:
     """Return the variants of each attack, by its name and those of its settings that are no strength."""
     groups = grouped(variants, lambda variant: " ".join(_group(variants[variant], settings)))
     return {name: tuple(members) for name, members in groups.items()}
 
 
-def sweeps(variants: Mapping[str, VariantSpec], settings: Settings) -> dict[str, tuple[str, ...]]:
+def sweeps(variants: Mapping[str, VariantSpec], settings: SettingsByDecision) -> dict[str, tuple[str, ...]]:
     """Return the variants of each sweep, that is, of one attack at several strengths, by its name.
 
     A strength is a number: a setting of the attack, or a pruning factor of its decision. Variants that differ in
@@ -84,7 +89,7 @@ def sweeps(variants: Mapping[str, VariantSpec], settings: Settings) -> dict[str,
     return swept
 
 
-def factors_of(variants: Mapping[str, VariantSpec], settings: Settings) -> Factors:
+def factors_of(variants: Mapping[str, VariantSpec], settings: SettingsByDecision) -> Factors:
     """Return tau_n and tau_c of every variant that differs from GSPure in these alone, those with its factors first.
 
     There are none if no variant differs from GSPure in one factor alone.
@@ -106,7 +111,7 @@ def _factors(decision: MethodSettings) -> tuple[float, float]:
     return decision.tau_n or 0.0, decision.tau_c or 0.0
 
 
-def _group(variant: VariantSpec, settings: Settings) -> tuple[str, ...]:
+def _group(variant: VariantSpec, settings: SettingsByDecision) -> tuple[str, ...]:
     """Return what the variants of one sweep share: the attack, and all settings but its strength."""
     attack = variant.attack
     group = attack.kind({**variant.settings, "seed": variant.seed})

@@ -59,7 +59,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
         settings=_settings(subject.decisions[variant.decision], variant),
         seed=variant.seed + subject.id.seed,
         damage=variant.damage,
-        measured=_measured(subject, variant),
+        measured=_measurement_files(subject, variant),
     )
     inputs = (*subject.inputs, *spec.measured.values())
     needs_renders = subject.compares_with_renders and name != UNATTACKED
@@ -146,12 +146,11 @@ def _settings(decision: Decision, variant: VariantSpec) -> dict[str, float | int
     if attack in BUILT_IN:
         factors = {"tau_c": decision.settings.tau_c, "tau_n": decision.settings.tau_n, "tau": decision.settings.tau_n}
         values = {**{name: value for name, value in factors.items() if value is not None}, **values}
-    is_searched = variant.damage is not None and attack.strength is not None
-    searched = attack.strength.setting if is_searched and attack.strength else ""
+    searched = attack.strength.setting if attack.strength and variant.damage is not None else ""
     return {name: value for name, value in values.items() if name in attack.settings and name != searched}
 
 
-def _measured(subject: Subject, variant: VariantSpec) -> dict[str, Path]:
+def _measurement_files(subject: Subject, variant: VariantSpec) -> dict[str, Path]:
     """Return the files that an attack needs; weights, masks and labels are those of its decision."""
     decision = subject.decisions[variant.decision]
     needs = variant.attack.needs

@@ -9,7 +9,7 @@ from gspure.constants import TEST_EVERY
 from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.identity import RESULTS
-from gspure.evaluation.plan import Training
+from gspure.evaluation.plan import Preparation
 from gspure.files import digest
 from gspure.model import is_trained_model
 from gspure.scenes.procedural import DECOYS, NAMES, scene_builder
@@ -20,8 +20,8 @@ SMALL_IMAGE: Final = 256 * 256  # pixels: so few tiles give a second thread litt
 
 
 @dataclass(frozen=True)
-class Pair:
-    """A pair with its name; `photographs_of_message` tells whether a model of the message is trained first."""
+class PlannedPair:
+    """A pair with its name, ray-traced or made of photographs."""
 
     name: str
     config: PairConfig
@@ -64,7 +64,7 @@ class Pair:
         """The folder of the message's trained model, which pairs with the same message share."""
         return RESULTS / "messages" / self.message_name
 
-    def decoys(self, others: list["Pair"]) -> tuple[Path, ...]:
+    def decoys(self, others: list["PlannedPair"]) -> tuple[Path, ...]:
         """Return the folders of false candidates: the scene, other messages and, of a traced pair, random scenes."""
         folders = [self.folder / "scene", *(pair.folder / "message" for pair in others)]
         if self.is_traced:
@@ -75,7 +75,7 @@ class Pair:
         return tuple(folders)
 
 
-def read_pair(name: str, config: PairConfig, source: str) -> Pair:
+def planned_pair(name: str, config: PairConfig, source: str) -> PlannedPair:
     """Return a pair; raise `InputError` unless both scenes are ray-traced, or both are files that exist."""
     place = f"pairs.{name}"
     is_traced = [scene_builder(scene) is not None for scene in (config.scene, config.message)]
@@ -85,7 +85,7 @@ def read_pair(name: str, config: PairConfig, source: str) -> Pair:
     if not is_traced[0]:
         require_path(config.scene, source, f"{place}.scene")
         require_path(config.message, source, f"{place}.message")
-    return Pair(name, config, is_traced[0])
+    return PlannedPair(name, config, is_traced[0])
 
 
 def require_path(path: str, source: str, place: str) -> None:
@@ -96,14 +96,14 @@ def require_path(path: str, source: str, place: str) -> None:
         raise InputError(source, place, expected="an existing file or folder", found=path, hint=hint)
 
 
-def pair_training(pair: Pair) -> Training:
+def pair_training(pair: PlannedPair) -> Preparation:
     """Return how a pair is made."""
     config = pair.config
     message = str(pair.message_model) if pair.trains_message else config.message
     names = ["protocol", "placement", "views", "width", "height", "seed"]
     if not pair.is_traced:
         names = ["protocol", "resolution", "seed"]
-    return Training(
+    return Preparation(
         sources=(config.scene, message),
         options={name: getattr(config, name) for name in names},
         users_files=_pair_files(pair),
@@ -112,7 +112,7 @@ def pair_training(pair: Pair) -> Training:
     )
 
 
-def _pair_files(pair: Pair) -> tuple[Path, ...]:
+def _pair_files(pair: PlannedPair) -> tuple[Path, ...]:
     """Return the user's files that a pair is made from; none if it is ray-traced."""
     if pair.is_traced:
         return ()
@@ -125,9 +125,9 @@ def _pair_files(pair: Pair) -> tuple[Path, ...]:
     return (*scene, *model_files(message), *camera_files(message))
 
 
-def message_training(pair: Pair) -> tuple[str, Training] | None:
+def message_training(pair: PlannedPair) -> tuple[str, Preparation] | None:
     """Return the name of a pair's message and how its model is trained; None if it is not."""
     if not pair.trains_message:
         return None
     options = {name: getattr(pair.config, name) for name in ("iterations", "resolution", "seed")}
-    return pair.message_name, Training((pair.config.message,), options, capture_files(pair.config.message))
+    return pair.message_name, Preparation((pair.config.message,), options, capture_files(pair.config.message))

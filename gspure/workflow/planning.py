@@ -12,17 +12,17 @@ from gspure.codec import plain
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.evaluation.identity import Condition, ModelId
-from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Training, Views
+from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Preparation, Views
 from gspure.metrics.names import CLEAN, UNATTACKED
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.assets import Asset, Clean, read_assets
 from gspure.workflow.config import AssetConfig, Config
-from gspure.workflow.decisions import Settings, attack_groups, decisions_of, factors_of, suited, sweeps
+from gspure.workflow.decisions import SettingsByDecision, attack_groups, decisions_of, factors_of, suited, sweeps
 from gspure.workflow.inputs import camera_files, capture_files, distinct, model_files
 from gspure.workflow.jobs import Subject, control_job, controls_of, variant_job
-from gspure.workflow.pairs import Pair, message_training, pair_training, read_pair
+from gspure.workflow.pairs import PlannedPair, message_training, pair_training, planned_pair
 from gspure.workflow.variants import VariantSpec, check_detectors, check_schemes, read_variants
 
 VANILLA: Final = "vanilla"  # folder of the user's own models without a key
@@ -36,10 +36,12 @@ def plan_of(config: Config, source: str) -> Plan:
     variants = dict(sorted(read_variants(config, source).items()))  # tables list them by name
     check_detectors(config, source)
     check_schemes(config, source)
-    pairs = {name: read_pair(name, pair, source) for name, pair in config.pairs.items()}
+    pairs = {name: planned_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
-    settings = planner.settings(None)
-    factors = {name: factors_of(variants, planner.settings(scheme)) for name, scheme in planner.schemes.items()}
+    settings = planner.decision_settings(None)
+    factors = {
+        name: factors_of(variants, planner.decision_settings(scheme)) for name, scheme in planner.schemes.items()
+    }
     return Plan(
         models=tuple(planner.models()),
         pairs={name: pair_training(pair) for name, pair in pairs.items()},
@@ -62,7 +64,7 @@ class _Planner:
     """The models of a configuration."""
 
     def __init__(
-        self, config: Config, source: str, variants: Mapping[str, VariantSpec], pairs: Mapping[str, Pair]
+        self, config: Config, source: str, variants: Mapping[str, VariantSpec], pairs: Mapping[str, PlannedPair]
     ) -> None:
         self.config = config
         self.variants = variants
@@ -74,7 +76,7 @@ class _Planner:
             name: Detector(entry.command, entry.message, entry.timeout) for name, entry in config.detectors.items()
         }
 
-    def settings(self, scheme: Scheme | None) -> Settings:
+    def decision_settings(self, scheme: Scheme | None) -> SettingsByDecision:
         """Return the settings of every decision, that of the method first, with the factors that suit a scheme."""
         every = {METHOD: self.config.method, **self.config.decisions}
         return suited(every, scheme.tau_c, scheme.tau_n) if scheme else suited(every, TAU_C, TAU_N)
@@ -135,7 +137,7 @@ class _Planner:
             public=public,
             module=scheme.module if scheme else PLAIN_READER,
             cameras=cameras,
-            decisions=decisions_of(self.settings(scheme), identity.folder),
+            decisions=decisions_of(self.decision_settings(scheme), identity.folder),
             variants=(),
             owner=owner,
             condition=Condition(identity.scheme),
@@ -158,7 +160,7 @@ class _Planner:
         trained = ModelId(VANILLA, asset.config.clean).folder / "public" / "point_cloud.ply"
         return Clean(clean.model, model_files(clean.model)) if clean.model else Clean(trained)
 
-    def _of_pair(self, scheme: Scheme, pair: Pair, seed: int) -> ModelPlan:
+    def _of_pair(self, scheme: Scheme, pair: PlannedPair, seed: int) -> ModelPlan:
         """Return the plan of a scheme's model of a pair."""
         identity = ModelId(scheme.name, pair.name, seed)
         others = [known for known in self.pairs.values() if known.message_identity != pair.message_identity]
@@ -176,7 +178,7 @@ class _Planner:
                 SCENE: CameraSource(str(pair.folder / "cameras.json"), "native"),
                 MESSAGE: CameraSource(str(pair.folder / "message"), "native"),
             },
-            decisions=decisions_of(self.settings(scheme), identity.folder),
+            decisions=decisions_of(self.decision_settings(scheme), identity.folder),
             variants=(),
             owner=owner,
             embedding=Embedding(pair.folder, pair.config.initialization, entry.seed + seed, entry.settings, pair.files),
@@ -260,7 +262,7 @@ def users_camera_files(sources: Iterable[str]) -> tuple[Path, ...]:
     return distinct(file for source in sources if source not in GENERATED for file in camera_files(source))
 
 
-def _training(asset: AssetConfig) -> Training:
+def _training(asset: AssetConfig) -> Preparation:
     """Return how a model of the user's photographs is trained."""
     source = asset.train or ""
-    return Training((source,), plain(asset.training), capture_files(source))
+    return Preparation((source,), plain(asset.training), capture_files(source))

@@ -38,7 +38,11 @@ def read_variants(config: Config, source: str) -> dict[str, VariantSpec]:
             continue
         damages = entry.damage if isinstance(entry.damage, tuple) else (entry.damage,)
         for damage in damages:
-            variants[variant_at(name, damage)] = variant._replace(damage=damage)
+            variant_name = variant_at(name, damage)
+            if variant_name in variants:
+                place = f"variants.{name}.damage"
+                raise InputError(source, place, expected="damages that differ in six digits", found=f"{damage:g} twice")
+            variants[variant_name] = variant._replace(damage=damage)
     return variants
 
 
