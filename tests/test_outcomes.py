@@ -12,7 +12,7 @@ from gspure.evaluation.paper import Check, Claim, check_claims, read_rows
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import summarize
 from gspure.evaluation.survival import not_embedded
-from gspure.evaluation.verdict import Strength
+from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.detection import Detection, detection
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, MARGIN
 from gspure.metrics.readings import Reading
@@ -108,7 +108,7 @@ def test_what_is_not_declared_unaffected_is_not_contradicted(affected: bool | No
     assert o.reaches("message") is affected
 
 
-STRENGTH = Strength("sigma", 0.123456)
+STRENGTH = StrengthValue("sigma", 0.123456)
 
 
 @pytest.mark.parametrize(("ended", "text"), [(1.0, "sigma=0.1235"), (0.5, "sigma=0.1235, 0.50 dB reached")])
@@ -168,7 +168,7 @@ def table_rows() -> list[Outcome]:
         "pruned_share": 0.5,
         "precision": 0.25,
         "recall": 0.75,
-        "strength": Strength("sigma", 0.5),
+        "strength": StrengthValue("sigma", 0.5),
         "search_damage": 1.03,
         "affects": {"message": True, "mark": False},
         "identical": {"scene": 0, "message": 2},
@@ -264,8 +264,10 @@ CLAIM = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", "=", 1.0)
 
 @pytest.mark.parametrize(
     ("relation", "recomputed", "holds"),
-    [("=", 1.015, True), ("=", 0.985, True), ("=", 1.025, False), ("=", 0.975, False)]
-    + [("<", 0.5, True), ("<", 1.0, False), ("<", 1.5, False)],
+    [
+        *[("=", 1.015, True), ("=", 0.985, True), ("=", 1.025, False), ("=", 0.975, False)],
+        *[("<", 0.5, True), ("<", 1.0, False), ("<", 1.5, False)],
+    ],
 )
 def test_a_claim_holds_within_rounding_or_below_its_bound(relation: str, recomputed: float, holds: bool) -> None:
     assert Check(CLAIM._replace(relation=relation), recomputed).holds is holds

@@ -97,6 +97,12 @@ def test_a_missing_scene_of_a_publisher_is_refused_with_the_command_that_downloa
     assert refusal.value.hint == "gspure download bicycle"
 
 
+def test_a_command_that_is_no_command_is_refused_at_its_place() -> None:
+    with pytest.raises(InputError) as refusal:
+        planned(detectors={"mark": {"command": "read 'image"}})
+    assert refusal.value.source == "mine.yaml: detectors.mark"
+
+
 def test_only_an_asset_without_a_clean_model_is_the_clean_model_of_another() -> None:
     entry = {"model": model_file("a.ply"), "cameras": "orbit"}
     assets = {"a": {**entry, "clean": "b"}, "b": {**entry, "clean": "c"}, "c": entry}

@@ -1,9 +1,11 @@
 """Which edits of the package's code a stage notices."""
 
+import os
+
 import pytest
 
 from gspure.workflow import sources
-from gspure.workflow.sources import code_digest
+from gspure.workflow.sources import code_digest, file_states_digest
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -16,7 +18,10 @@ PLUGIN = {
     "__init__": "",
     "attack": "import numpy\nfrom gspure.unrelated import number\nfrom . import order\n",
     "order": "from .shares import share\n",
-    "shares": "share = 1\n",
+    "shares": "share = 1\nfrom murky.deep import depth\n",
+    "deep/__init__": "from .depth import depth\n",
+    "deep/depth": "from .floor import floor\nfrom ..order import share\ndepth = 1\n",
+    "deep/floor": "floor = 1\n",
 }
 
 
@@ -46,9 +51,40 @@ def test_an_edit_anywhere_below_a_stage_changes_its_digest(package, module):
     assert code_digest("gspure.stage") != before
 
 
-@pytest.mark.parametrize("module", ["attack", "order", "shares"])
+@pytest.mark.parametrize("module", ["attack", "order", "shares", "deep/__init__", "deep/depth", "deep/floor"])
 def test_an_edit_of_a_plug_in_changes_the_digest(package, module):
     before = code_digest("gspure.stage", "murky.attack")
     assert before != code_digest("gspure.stage")
     (package / "installed" / "murky" / f"{module}.py").write_text(PLUGIN[module] + "# edited\n")
     assert code_digest("gspure.stage", "murky.attack") != before
+
+
+def test_an_edit_of_the_packages_own_names_or_of_what_is_not_imported_changes_nothing(package):
+    before = code_digest("gspure.stage")
+    for module in ("__init__", "unrelated"):
+        (package / f"{module}.py").write_text(MODULES[module] + "# edited\n")
+    forget()
+    assert code_digest("gspure.stage") == before
+
+
+def test_a_script_counts_with_what_it_imports(package):
+    script = package / "script.py"
+    script.write_text("import gspure.middle.deep\n")
+    before = code_digest(script)
+    (package / "middle" / "deep.py").write_text("depth = 2\n")
+    edited = code_digest(script)
+    script.write_text("import gspure.middle.deep  # edited\n")
+    assert len({before, edited, code_digest(script)}) == 3
+
+
+def test_files_count_by_name_size_and_time(tmp_path):
+    file = tmp_path / "a.ply"
+    digests = [file_states_digest([file])]
+    for text, time in (("one", 1), ("two", 1), ("two", 2), ("three", 2)):
+        file.write_text(text)
+        os.utime(file, (time, time))
+        digests.append(file_states_digest([file]))
+    nothing, first, same_state, later, longer = digests
+    assert first == same_state
+    assert len({nothing, first, later, longer, file_states_digest([file, file])}) == 5
+    assert nothing == file_states_digest([]) == file_states_digest([tmp_path])

@@ -74,7 +74,7 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
 def check_detectors(config: Config, source: str) -> None:
     """Refuse commands that cannot be split, and names of targets."""
     for name, detector in config.detectors.items():
-        words_of(detector.command)
+        words_of(detector.command, f"{source}: detectors.{name}")
         if name in (SCENE, BITS) or is_picture(name):
             raise InputError(source, f"detectors.{name}", expected="a name of no target", found=name)
 

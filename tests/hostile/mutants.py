@@ -105,8 +105,8 @@ CORE = {
     ),
 }
 
-_OUTCOMES = ("test_contest.py", "test_survival.py", "test_answer.py", "test_detection.py", "test_collecting.py")
-_PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py", "test_codec.py")
+_OUTCOMES = ("test_outcomes.py", "test_contest.py", "test_survival.py", "test_collecting.py")
+_PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_config_reading.py"),
     "gspure.evaluation.attacking": ("test_evaluate.py",),
@@ -114,18 +114,18 @@ JOBS = {
     "gspure.evaluation.contest": ("test_contest.py",),
     "gspure.evaluation.diagnosing": ("test_revealing.py",),
     "gspure.evaluation.evaluate": ("test_evaluate.py",),
-    "gspure.evaluation.identity": ("test_plan.py", "test_report.py"),
+    "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.matched": ("test_contest.py",),
-    "gspure.evaluation.outcomes": _OUTCOMES,
-    "gspure.evaluation.paper": ("test_paper.py",),
-    "gspure.evaluation.plan": ("test_evaluate.py", *_PLANS),
-    "gspure.evaluation.results": ("test_collecting.py", "test_contest.py"),
+    "gspure.evaluation.outcomes": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
+    "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
+    "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
+    "gspure.evaluation.results": ("test_outcomes.py", "test_collecting.py"),
     "gspure.evaluation.revealing": ("test_revealing.py",),
-    "gspure.evaluation.summary": ("test_survival.py", "test_collecting.py", "test_paper.py"),
-    "gspure.evaluation.survival": _OUTCOMES,
+    "gspure.evaluation.summary": ("test_outcomes.py", "test_survival.py", "test_collecting.py"),
+    "gspure.evaluation.survival": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
     "gspure.evaluation.verdict": ("test_evaluate.py", "test_collecting.py"),
-    "gspure.workflow.assets": ("test_configuration.py", "test_plan.py"),
-    "gspure.workflow.config": ("test_config_reading.py", *_PLANS),
+    "gspure.workflow.assets": _PLANS,
+    "gspure.workflow.config": ("test_config_reading.py", "test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_config_reading.py",),
     "gspure.workflow.decisions": _PLANS,
     "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
