@@ -26,7 +26,7 @@ demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made h
 test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files at a time
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) ## all tests, with more hostile files, and mutants of the numerical core: hours
+test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) ## all tests, with more hostile files, and mutants: hours
 	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist loadfile
 	@$(BIN)/python -m tests.hostile.mutants
 

@@ -10,8 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from gspure.evaluation.collecting import read_results
 from gspure.evaluation.contest import Lead, leads
+from gspure.evaluation.results import read_results
 from gspure.evaluation.survival import Survival, survival
 from gspure.grouping import grouped
 from gspure.metrics.csv_tables import csv_text

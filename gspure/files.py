@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError, reading
 
+Json = dict[str, Any]  # the content of a JSON object
+
 _TEMPORARY: Final = ".gspure-"
 
 

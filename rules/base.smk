@@ -12,7 +12,7 @@ rule base_step:
     params:
         files=files,
     shell:
-        logged("python -P $GSPURE_STEPS/{params.step}.py {params.settings:q} {params.files:q}")
+        logged("python -P $GSPURE_STEPS/{params.step}.py {params.arguments:q} {params.files:q}")
 
 
 rule base_command:

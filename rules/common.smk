@@ -1,25 +1,24 @@
 import fcntl
-import json
 import os
+import re
 import shlex
 import sys
 from contextlib import suppress
 
-from snakemake.exceptions import WorkflowError
-from snakemake.utils import validate
-
 import gspure
+from gspure import codec
 from gspure.attacks import find_attack
-from gspure.errors import InputError, printable
+from gspure.errors import InputError
+from gspure.evaluation.plan import CONFIGURATION
+from gspure.evaluation.plan import PLAN as PLAN_FILE
 from gspure.files import write_json
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
-from gspure.workflow.configuration import resolve
-from gspure.workflow.decisions import METHOD
-from gspure.workflow.inputs import capture_files, is_small, message_model, pair_files, pair_of, pair_settings
-from gspure.workflow.plan import VANILLA, Model, Plan
-from gspure.workflow.sources import code_digest, files_digest
-from gspure.workflow.variants import Variant, evaluation, report_plan
+from gspure.schemes.registry import find_scheme
+from gspure.workflow.config_reading import read_config
+from gspure.workflow.decisions import decision_folders
+from gspure.workflow.planning import VANILLA, plan_of
+from gspure.workflow.sources import code_digest, file_states_digest
 
 
 def refuse(reason):
@@ -36,37 +35,34 @@ with suppress(OSError):
 
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"
 try:
-    validate(config, "../schemas/config.schema.yaml")
-    config = resolve(config, source)
+    # Read again from the files: Snakemake takes the keys `no` and `2024_05` for False and 202405.
+    CONFIG = read_config(map(Path, workflow.configfiles), workflow.config_settings.overwrite_config, source)
+    PLAN = plan_of(CONFIG, source)
 except InputError as error:
     refuse(error)
-except WorkflowError as error:
-    fault = error.__context__  # of jsonschema
-    refuse(f"{source}: {fault.json_path.removeprefix('$.')}: {printable(fault.message)}")
 
-PLAN = Plan(config)
-MODELS = [f"{model.scheme}/{model.scene}" for model in PLAN.models]
-VARIANTS = config["variants"]
+MODELS = [*PLAN.by_name]
+VARIANTS = [job.variant for job in PLAN.models[0].variants]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
+DECISIONS = decision_folders(CONFIG.decisions)
 
 
 wildcard_constraints:
-    scheme="|".join(PLAN.scenes),
-    scene="|".join(dict.fromkeys([*config["pairs"], *(model.scene for model in PLAN.models)])),
-    variant="|".join(VARIANTS),
-    # The folder of a decision below that of its model; empty for the decision of the method.
-    decision=f"(?:|/decisions/(?:{'|'.join(config['decisions']) or 'none'}))",
+    scheme="|".join(dict.fromkeys(model.id.scheme for model in PLAN.models)),
+    scene="|".join(dict.fromkeys([*PLAN.pairs, *(model.id.folder_name for model in PLAN.models)])),
+    variant="|".join(map(re.escape, VARIANTS)),
+    decision=f"(?:{'|'.join(DECISIONS)})",
 
 
 scattergather:
-    views=config["views"]["parts"],
+    views=CONFIG.views.parts,
 
 
 # Jobs use the Python of Snakemake, even if it is not on PATH, unless --sdm provides an environment.
 STEPS = Path(workflow.basedir) / "rules" / "steps"
 prefix = f"export GSPURE_STEPS={shlex.quote(str(STEPS))}; "
-if config["device"]:
-    prefix += f"export GSPURE_DEVICE={shlex.quote(config['device'])}; "
+if CONFIG.device:
+    prefix += f"export GSPURE_DEVICE={shlex.quote(CONFIG.device)}; "
 if workflow.deployment_settings.deployment_method:
     prefix += f"export PYTHONPATH={shlex.quote(os.path.dirname(os.path.dirname(gspure.__file__)))}; "
 else:
@@ -75,13 +71,14 @@ shell.prefix(prefix)
 
 
 def start():
-    """Write down the configuration, for the report, and refuse to start without the packages that jobs need."""
-    write_json(Path("results/configuration.json"), config)
+    """Write down configuration and plan, for the report, and refuse to start without the packages that jobs need."""
+    write_json(Path("results") / CONFIGURATION, codec.plain(CONFIG))
+    write_json(Path("results") / PLAN_FILE, codec.plain(PLAN))
     try:
-        for name, scheme in PLAN.schemes.items():
-            require_packages(scheme.packages, f"scheme {name}")
-        for settings in VARIANTS.values():
-            require_packages(find_attack(settings["attack"]).packages, f"attack {settings['attack']}")
+        for name in PLAN.schemes:
+            require_packages(find_scheme(name).packages, f"scheme {name}")
+        for job in PLAN.models[0].variants:
+            require_packages(find_attack(job.case.name).packages, f"attack {job.case.name}")
     except InputError as error:
         refuse(error)
 
@@ -91,36 +88,44 @@ def logged(program):
     killed = 'echo "killed by signal $((status - 128))" >> {log:q}'
     failed = f"{{{{ status=$?; [ $status -lt 128 ] || {killed}; exit $status; }}}}"
     # A job of small images also takes a core that others leave idle: a second thread costs no processor time.
-    least = 1 if config["threads"] else 2
+    least = 1 if CONFIG.threads else 2
     threads = f"$(({{threads}} > {least} ? {{threads}} : {least}))"
     job = "GSPURE_JOB={log:q}"  # by which `gspure audit` knows the job that reports its progress
     return f"{job} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
 
 
-def step(name, *groups, version=None, **single):
+def step(name, version=None, **settings):
     """Return the parameters of a rule that runs rules/steps/NAME.py, beside `files`.
 
-    `groups` and `single` are settings, or functions of wildcards. Snakemake runs a job again when they change, or the
-    version: a digest of the step, the scheme and the user's model, so that a replaced file counts even if it is older.
-    It ignores parameters that it derives from files, as `files` is.
+    Settings are values, or functions of wildcards. Snakemake runs a job again when they change, or the version: a digest
+    of the step, the scheme and the user's model, so that a replaced file counts even if it is older. It ignores parameters
+    that it derives from files, as `files` is.
     """
 
     def version_of(wildcards):
         model = get_model(wildcards)
-        return f"{code_of(name, model.module)} {files_digest(model.users_files)}"
+        return f"{code_of(name, model.module)} {file_states_digest(model.users_files)}"
 
-    def settings(wildcards):
-        chosen = {key: value(wildcards) if callable(value) else value for key, value in single.items()}
-        for group in groups:
-            chosen |= group(wildcards)
-        return json.dumps(chosen)
+    def text_of(wildcards):
+        return codec.text({key: value(wildcards) if callable(value) else value for key, value in settings.items()})
 
-    return {"step": name, "version": version or version_of, "settings": settings}
+    return {"step": name, "version": version or version_of, "arguments": text_of}
+
+
+def job_parameters(get_jobs):
+    """Return the parameters of a rule that evaluates jobs, beside `files`."""
+
+    def version(wildcards):
+        modules = {module for job in get_jobs(wildcards) for module in job.modules}
+        users_files = dict.fromkeys(file for job in get_jobs(wildcards) for file in job.users_files)
+        return f"{code_of('evaluate', *sorted(modules))} {file_states_digest(users_files)}"
+
+    return step("evaluate", version=version, jobs=get_jobs)
 
 
 def files(wildcards, input, output):
     """Return the named inputs and outputs of a step, as JSON."""
-    return json.dumps({**dict(input.items()), **dict(output.items())})
+    return codec.text({**dict(input.items()), **dict(output.items())})
 
 
 def command(name, *words, **options):
@@ -142,77 +147,86 @@ def code_of(name, *modules):
 
 def get_threads(wildcards):
     """Return the threads of a job on an OpenCL CPU; jobs of small images, with one each, run side by side."""
-    pair = None if wildcards.get("scheme") == VANILLA else config["pairs"].get(pair_of(wildcards.get("scene", "")))
-    return config["threads"] or (1 if pair and is_small(pair) else 16)
+    if CONFIG.threads:
+        return CONFIG.threads
+    if wildcards.get("scheme"):
+        subject = get_model(wildcards)
+    else:
+        subject = PLAN.pairs.get(wildcards.get("scene", ""))
+    return 1 if subject and subject.has_small_images else 16
 
 
 def get_turn(wildcards, threads):
     """Return whether a job waits until it has the OpenCL device for itself."""
-    return int(threads > 1 and not config["threads"])
+    return int(threads > 1 and not CONFIG.threads)
 
 
 def get_model(wildcards):
-    return Model(PLAN, wildcards.scheme, wildcards.scene)
-
-
-def get_variant(wildcards):
-    return Variant(get_model(wildcards), wildcards.variant)
+    return PLAN.by_name[f"{wildcards.scheme}/{wildcards.scene}"]
 
 
 def get_public_model(wildcards):
     return get_model(wildcards).public
 
 
+def get_made_model(wildcards):
+    """Return the public model if a job makes it; files of the user's count by their digest instead."""
+    return get_model(wildcards).inputs
+
+
 def get_scheme(wildcards):
-    return wildcards.scheme if get_model(wildcards).is_watermarked else None
+    owner = get_model(wildcards).owner
+    return owner.scheme if owner else None
 
 
 def get_decision(wildcards):
-    return wildcards.decision.rpartition("/")[2] or METHOD
+    return get_model(wildcards).decisions[DECISIONS[wildcards.decision]]
 
 
-def get_made(name):
-    """Return the input function of what is made for a decision: that of the first one with the same settings up to it."""
-    return lambda wildcards: get_model(wildcards).path(name, get_decision(wildcards))
+def get_artifact(name):
+    """Return the input function of a file of a decision: that of the first one with the same settings up to it."""
+    return lambda wildcards: get_decision(wildcards).files[name]
 
 
 def get_settings(*names):
-    """Return the function of some settings of a decision."""
-    return lambda wildcards: {name: get_model(wildcards).decision(get_decision(wildcards))[name] for name in names}
-
-
-def get_pair(wildcards):
-    return PLAN.config["pairs"][pair_of(wildcards.scene)]
-
-
-def get_message_files(wildcards):
-    pair = PLAN.messages[wildcards.message]
-    return capture_files(pair["message"], pair["message_photographs"])
-
-
-def get_training_files(wildcards):
-    asset = config["assets"][wildcards.scene]
-    return capture_files(asset["train"], asset["photographs"])
+    """Return a setting of a decision for each name, as functions of wildcards."""
+    return {name: lambda wildcards, name=name: getattr(get_decision(wildcards).settings, name) for name in names}
 
 
 def get_embedding(wildcards, out, **changes):
     """Return the command that trains a model with the scheme's settings and some changes."""
-    settings = dict(get_model(wildcards).embed_settings)
-    settings["set"] = {**settings["set"], **changes}
+    embedding = get_model(wildcards).embedding
     return command(
-        *("embed", wildcards.scheme, get_model(wildcards).pair, "--force"), out=out.format(**wildcards), **settings
+        *("embed", wildcards.scheme, embedding.pair, "--force"),
+        out=out.format(**wildcards),
+        seed=embedding.seed,
+        initialization=embedding.initialization,
+        set={**embedding.settings, **changes},
     )
 
 
-def get_evaluated_files(model, names):
-    """Return the files that the evaluation of variants or controls reads."""
-    variants = [Variant(model, name) for name in names]
-    files = [f"{model.folder}/cameras.json", *([] if model.is_users else model.decoys)]
-    files += [file for variant in variants for file in variant.users_files]
-    files += [file for v in variants for file in ([*v.measured.values()] if v.is_attacked else [v.public])]
-    files += [model.public, *(model.owned.values() if model.is_watermarked else ())]
-    if not model.is_users:
-        files += [f"{model.pair}/scene", f"{model.pair}/message"]
-    if "unattacked" not in names and (model.is_users or not variants[0].is_attacked):
-        files += [f"{model.folder}/unattacked/renders"]
-    return [*dict.fromkeys(files)]
+def get_job(wildcards):
+    return [get_model(wildcards).by_variant[wildcards.variant]]
+
+
+def get_controls(wildcards):
+    return [*get_model(wildcards).controls]
+
+
+def get_inputs(get_jobs):
+    """Return the input function of the files that other jobs make for some jobs."""
+    return lambda wildcards: [*dict.fromkeys(file for job in get_jobs(wildcards) for file in job.inputs)]
+
+
+def get_revealing_owner(wildcards):
+    """Return the owner if the key tells which rows show the message."""
+    owner = get_model(wildcards).owner
+    return owner if owner and owner.reveals else None
+
+
+def get_revealing_files(wildcards):
+    """Return the files of that owner which other jobs make."""
+    model = get_model(wildcards)
+    if get_revealing_owner(wildcards) is None:
+        return []
+    return [model.owner.message_cameras, *([model.owner.key] if model.embedding else [])]

@@ -4,7 +4,7 @@
 # An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.
 use rule base_step as evaluate_variant with:
     input:
-        lambda wildcards: get_evaluated_files(get_model(wildcards), [wildcards.variant]),
+        get_inputs(get_job),
     output:
         directory(expand("results/{{scheme}}/{{scene}}/{{variant}}/{part}", part=["public", "renders", "detections"])),
         expand(
@@ -17,9 +17,7 @@ use rule base_step as evaluate_variant with:
         "results/benchmarks/{scheme}/{scene}/{variant}/evaluate.tsv"
     priority: 0  # short jobs last, so that no core is idle at the end
     params:
-        **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), [wildcards.variant])),
-        attack=lambda wildcards: code_digest(get_variant(wildcards).attack.function.__module__),
-        read=lambda wildcards: files_digest(get_variant(wildcards).users_files),
+        **job_parameters(get_job),
     message:
         "Evaluating {wildcards.variant} of {wildcards.scheme}/{wildcards.scene}"
 
@@ -27,7 +25,7 @@ use rule base_step as evaluate_variant with:
 # All negative controls of a model; the output lists them, and each has a folder of its own, as variants have.
 use rule base_step as evaluate_controls with:
     input:
-        lambda wildcards: get_evaluated_files(get_model(wildcards), get_model(wildcards).controls),
+        get_inputs(get_controls),
     output:
         listed="results/{scheme}/{scene}/controls.json",
     log:
@@ -35,10 +33,7 @@ use rule base_step as evaluate_controls with:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/controls.tsv"
     params:
-        **step("evaluate", lambda wildcards: evaluation(get_model(wildcards), get_model(wildcards).controls)),
-        read=lambda wildcards: files_digest(
-            file for name in get_model(wildcards).controls for file in Variant(get_model(wildcards), name).users_files
-        ),
+        **job_parameters(get_controls),
     message:
         "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
 
@@ -88,8 +83,8 @@ rule write_report:
         "../envs/gspure.yaml"
     params:
         code=code_of("report"),
-        templates=files_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
-        plan=str(report_plan(PLAN)),
+        templates=file_states_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
+        plan=lambda wildcards: codec.text(PLAN),  # a plain text with braces would be taken for wildcards
     message:
         "Writing tables, figures and the report"
     shell:

@@ -6,7 +6,7 @@
 # cached views decide which of them are computed again.
 use rule base_step as measure_contributions with:
     input:
-        model=get_public_model,
+        get_made_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         index="results/{scheme}/{scene}{decision}/contributions/{scatteritem}.json",
@@ -17,7 +17,8 @@ use rule base_step as measure_contributions with:
     params:
         **step(
             "contributions",
-            get_settings("energy"),
+            **get_settings("energy"),
+            model=get_public_model,
             cache=lambda wildcards: f"stages/{wildcards.scheme}/{wildcards.scene}/contributions",
             part=lambda wildcards: [*map(int, wildcards.scatteritem.split("-of-"))],
             scheme=get_scheme,
@@ -28,10 +29,10 @@ use rule base_step as measure_contributions with:
 
 use rule base_step as accumulate_weights with:
     input:
+        get_made_model,
         indices=lambda wildcards: gather.views(
-            "{folder}/{scatteritem}.json", folder=get_made("contributions")(wildcards)
+            "{folder}/{scatteritem}.json", folder=get_artifact("contributions")(wildcards)
         ),
-        model=get_public_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         weights="results/{scheme}/{scene}{decision}/weights.npy",
@@ -42,16 +43,16 @@ use rule base_step as accumulate_weights with:
         "results/benchmarks/{scheme}/{scene}{decision}/weights.tsv"
     threads: 1
     params:
-        **step("weights", get_settings("reduction", "views"), scheme=get_scheme),
+        **step("weights", **get_settings("reduction", "views"), model=get_public_model, scheme=get_scheme),
     message:
         "Averaging contributions over the views of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
 
 
 use rule base_step as span_tree with:
     input:
-        model=get_public_model,
-        weights=get_made("weights.npy"),
-        opacities=get_made("opacities.npy"),
+        get_made_model,
+        weights=get_artifact("weights.npy"),
+        opacities=get_artifact("opacities.npy"),
     output:
         features="results/{scheme}/{scene}{decision}/features.npy",
         tree="results/{scheme}/{scene}{decision}/tree.npy",
@@ -60,16 +61,16 @@ use rule base_step as span_tree with:
     benchmark:
         "results/benchmarks/{scheme}/{scene}{decision}/tree.tsv"
     params:
-        **step("tree", get_settings("cluster_on", "min_samples"), scheme=get_scheme),
+        **step("tree", **get_settings("cluster_on", "min_samples"), model=get_public_model, scheme=get_scheme),
     message:
         "Computing the spanning tree of {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
 
 
 use rule base_step as decide_pruning with:
     input:
-        model=get_public_model,
-        tree=get_made("tree.npy"),
-        thresholded=lambda wildcards: get_model(wildcards).thresholded(get_decision(wildcards)),
+        get_made_model,
+        tree=get_artifact("tree.npy"),
+        thresholded=lambda wildcards: get_decision(wildcards).thresholded,
     output:
         clusters="results/{scheme}/{scene}{decision}/clusters.npz",
         mask="results/{scheme}/{scene}{decision}/prune_mask.npy",
@@ -80,7 +81,7 @@ use rule base_step as decide_pruning with:
         "results/benchmarks/{scheme}/{scene}{decision}/prune_mask.tsv"
     threads: 1
     params:
-        **step("decision", get_settings("min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")),
+        **step("decision", model=get_public_model, **get_settings("selecting", "factors")),
     message:
         "Deciding what to prune in {wildcards.scheme}/{wildcards.scene}{wildcards.decision}"
 
@@ -88,7 +89,7 @@ use rule base_step as decide_pruning with:
 # Distances of rows from the visible surface, which the attack `gof` needs.
 use rule base_step as measure_surface with:
     input:
-        model=get_public_model,
+        get_made_model,
         cameras="results/{scheme}/{scene}/cameras.json",
     output:
         surface="results/{scheme}/{scene}/surface.npy",
@@ -97,7 +98,7 @@ use rule base_step as measure_surface with:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/surface.tsv"
     params:
-        **step("surface", scheme=get_scheme),
+        **step("surface", model=get_public_model, scheme=get_scheme),
     message:
         "Measuring distances from the surface of {wildcards.scheme}/{wildcards.scene}"
 
@@ -105,8 +106,8 @@ use rule base_step as measure_surface with:
 # With the owner's key, it also writes hidden.npy and hidden.json: which rows hold the message.
 use rule base_step as draw_model with:
     input:
-        unpack(lambda wildcards: get_model(wildcards).owned if get_model(wildcards).reveals_rows else {}),
-        model=get_public_model,
+        get_made_model,
+        get_revealing_files,
         weights="results/{scheme}/{scene}/weights.npy",
         clusters="results/{scheme}/{scene}/clusters.npz",
         cameras="results/{scheme}/{scene}/cameras.json",
@@ -124,6 +125,12 @@ use rule base_step as draw_model with:
     benchmark:
         "results/benchmarks/{scheme}/{scene}/figures.tsv"
     params:
-        **step("figures", lambda wildcards: get_model(wildcards).decision(METHOD), scheme=get_scheme),
+        **step(
+            "figures",
+            model=get_public_model,
+            settings=lambda wildcards: get_model(wildcards).method.settings,
+            scheme=get_scheme,
+            owner=get_revealing_owner,
+        ),
     message:
         "Drawing the point cloud of {wildcards.scheme}/{wildcards.scene}"

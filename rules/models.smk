@@ -4,8 +4,7 @@
 
 use rule base_command as make_pair with:
     input:
-        lambda wildcards: pair_files(get_pair(wildcards)),
-        message=lambda wildcards: [f for f in [message_model(get_pair(wildcards))] if f.startswith("results/messages/")],
+        lambda wildcards: PLAN.pairs[wildcards.scene].inputs,
     output:
         cameras="results/pairs/{scene}/cameras.json",
         points="results/pairs/{scene}/points3D.ply",
@@ -17,21 +16,18 @@ use rule base_command as make_pair with:
         "results/benchmarks/pairs/{scene}/pair.tsv"
     params:
         code=code_of("pair"),
-        read=lambda wildcards: files_digest(pair_files(get_pair(wildcards))),
+        read=lambda wildcards: file_states_digest(PLAN.pairs[wildcards.scene].users_files),
         command=lambda wildcards: command(
             "pair",
-            get_pair(wildcards)["scene"],
-            message_model(get_pair(wildcards)),
+            *PLAN.pairs[wildcards.scene].sources,
             out=f"results/pairs/{wildcards.scene}",
-            **pair_settings(get_pair(wildcards)),
+            **PLAN.pairs[wildcards.scene].options,
         ),
     message:
         "Making pair {wildcards.scene}"
 
 
 use rule base_command as train_message with:
-    input:
-        get_message_files,
     output:
         model=directory("results/messages/{message}"),
     log:
@@ -40,13 +36,13 @@ use rule base_command as train_message with:
         "results/benchmarks/messages/{message}.tsv"
     params:
         code=code_of("train"),
-        read=lambda wildcards: files_digest(get_message_files(wildcards)),
+        read=lambda wildcards: file_states_digest(PLAN.messages[wildcards.message].users_files),
         command=lambda wildcards: command(
             "train",
-            PLAN.messages[wildcards.message]["message"],
+            *PLAN.messages[wildcards.message].sources,
             "--force",
             out=f"results/messages/{wildcards.message}",
-            **{name: PLAN.messages[wildcards.message][name] for name in ("iterations", "resolution", "seed")},
+            **PLAN.messages[wildcards.message].options,
         ),
     message:
         "Training a model of message {wildcards.message}"
@@ -54,8 +50,6 @@ use rule base_command as train_message with:
 
 # A killed run continues from its last checkpoint, which is beside the outputs.
 use rule base_command as train_model with:
-    input:
-        get_training_files,
     output:
         model=f"results/{VANILLA}/{{scene}}/public/point_cloud.ply",
         cameras=f"results/{VANILLA}/{{scene}}/trained/cameras.json",
@@ -65,14 +59,14 @@ use rule base_command as train_model with:
         f"results/benchmarks/{VANILLA}/{{scene}}/train.tsv"
     params:
         code=code_of("train"),
-        read=lambda wildcards: files_digest(get_training_files(wildcards)),
+        read=lambda wildcards: file_states_digest(PLAN.trained[wildcards.scene].users_files),
         command=lambda wildcards: command(
             "train",
-            config["assets"][wildcards.scene]["train"],
+            *PLAN.trained[wildcards.scene].sources,
             *("--resume", "--force"),
             out=f"results/{VANILLA}/{wildcards.scene}/trained",
             model=f"results/{VANILLA}/{wildcards.scene}/public/point_cloud.ply",
-            **config["assets"][wildcards.scene]["training"],
+            **PLAN.trained[wildcards.scene].options,
         ),
     message:
         "Training a model of {wildcards.scene}"
@@ -80,10 +74,7 @@ use rule base_command as train_model with:
 
 use rule base_command as embed_message with:
     input:
-        cameras=lambda wildcards: f"{get_model(wildcards).pair}/cameras.json",
-        points=lambda wildcards: f"{get_model(wildcards).pair}/points3D.ply",
-        scene=lambda wildcards: f"{get_model(wildcards).pair}/scene",
-        message=lambda wildcards: f"{get_model(wildcards).pair}/message",
+        lambda wildcards: get_model(wildcards).embedding.files,
     output:
         model="results/{scheme}/{scene}/public/point_cloud.ply",
         key=directory("results/{scheme}/{scene}/key"),
@@ -95,7 +86,7 @@ use rule base_command as embed_message with:
         scheme=WATERMARKED,
     params:
         code=lambda wildcards: code_of("embed", get_model(wildcards).module),
-        read=lambda wildcards: files_digest(get_model(wildcards).sources),
+        read=lambda wildcards: file_states_digest(get_model(wildcards).users_files),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
@@ -117,8 +108,8 @@ use rule embed_message as train_clean_model with:
 
 use rule base_step as prepare_cameras with:
     input:
-        lambda wildcards: get_model(wildcards).view_files,
-        model=get_public_model,
+        get_made_model,
+        lambda wildcards: get_model(wildcards).camera_inputs,
     output:
         cameras="results/{scheme}/{scene}/cameras.json",
     log:
@@ -129,8 +120,8 @@ use rule base_step as prepare_cameras with:
         scheme=VANILLA,
     threads: 1
     params:
-        **step("cameras", views=lambda w: get_model(w).views, settings=lambda w: get_model(w).view_settings),
-        read=lambda wildcards: files_digest(get_model(wildcards).view_files),
+        **step("cameras", model=get_public_model, sources=lambda wildcards: get_model(wildcards).cameras),
+        read=lambda wildcards: file_states_digest(get_model(wildcards).camera_files),
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
 

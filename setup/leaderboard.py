@@ -15,7 +15,7 @@ from pathlib import Path
 from gspure.evaluation.survival import Survival
 from gspure.grouping import grouped
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name, wanted_damage
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.text import decimal
 
 RESULTS = Path(__file__).parents[1] / "docs" / "results"
@@ -123,7 +123,7 @@ def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     present = [row for row in rows if row.present]
     owners = grouped(present, lambda row: (row.condition.title, extraction_name(row.extraction)))
     attacked = [row for owner_rows in owners.values() for row in owner_rows if row.variant != UNATTACKED]
-    attacks = dict.fromkeys(base(row.variant) for row in attacked)
+    attacks = dict.fromkeys(base(row) for row in attacked)
     titles = ["scheme", "extraction", "least", *map(display_name, attacks)]
     head = "".join(f"<th>{escape(title)}</th>" for title in titles)
     body = ""
@@ -132,10 +132,9 @@ def table(rows: Iterable[Survival], *, linked: bool = False) -> str:
     return f'<table class="leaderboard"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'
 
 
-def base(variant: str) -> str:
-    """Return the attack of a variant, without the damage that was searched for."""
-    name = variant.partition("@")[0]
-    return EQUAL.get(name, name)
+def base(row: Survival) -> str:
+    """Return the attack of a row, without the damage that was searched for."""
+    return EQUAL.get(row.entry, row.entry)
 
 
 def cells(
@@ -148,7 +147,7 @@ def cells(
     for attack in attacks:
         has_picture = linked and scheme in sheets() and attack in SHOWN
         anchor = f"{scheme}-{attack}" if has_picture else ""
-        yield cell([row for row in rows if base(row.variant) == attack], anchor=anchor)
+        yield cell([row for row in rows if base(row) == attack], anchor=anchor)
 
 
 def cell(rows: list[Survival], *, margins: bool = True, anchor: str = "") -> str:
@@ -183,7 +182,7 @@ def _damages(rows: list[Survival]) -> dict[Survival, float]:
 
 def is_at_1_db(row: Survival) -> bool:
     """Return whether the strength was searched for 1 dB of damage."""
-    return wanted_damage(row.variant) == 1.0
+    return row.wanted == 1.0
 
 
 if __name__ == "__main__":

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 ROOT = Path(__file__).parents[1]
 REPORT = ROOT / "results" / "report.html"
 OUTSIDE = {
@@ -61,7 +59,9 @@ def commands_page() -> str:
 
 def settings_page() -> str:
     """Return a table of every setting of the workflow."""
-    schema = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
+    from gspure.workflow.schema import config_schema
+
+    schema = config_schema()
     lines = ["# Settings", "", schema["description"], ""]
     for name, settings in schema["properties"].items():
         lines += [f"## {name}", "", settings["description"], ""]

@@ -1,14 +1,17 @@
 """Outcomes of attacks over scenes and seeds, with controls, from the drops that each attack causes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gspure.evaluation.collecting import ModelPlan
+from gspure.codec import plain
+from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
 from gspure.evaluation.survival import Survival
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
 from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
@@ -25,7 +28,13 @@ def measured(target: str, psnr: float, others: float = 0.9, reference: str = TRU
 
 
 def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known) -> Outcome:
-    """One variant, with the PSNR of its `targets` by name; a variant without targets has failed."""
+    """One variant, with the PSNR of its `targets` by name; a variant without targets has failed.
+
+    ``gof@1dB`` is the entry ``gof`` at the strength searched for 1 dB of damage.
+    """
+    entry, _, damage = variant.removesuffix("dB").partition("@")
+    if damage:
+        known |= {"entry": entry, "wanted": float(damage)}
     targets = {target: measured(target, psnr) for target, psnr in known.pop("targets", {}).items()}
     reference = {target: measured(target, BEFORE[target.partition("_")[0]]) for target in targets}
     views = dict.fromkeys(targets, 3)
@@ -60,6 +69,7 @@ def survives(row: Survival) -> bool | None:
 
 
 VIEWS = ("view_0", "view_1", "view_2")
+TARGETS = ("scene", "message")
 
 
 def photograph(view: int, target: str) -> NDArray[np.float32]:
@@ -89,7 +99,30 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
             black = [compare(pair, TRUTH, "black") for pair in pair_images(truth, folder / "renders")[0]]
             write_metrics(results / name / "black" / "metrics.csv", black)
         if variant in attacks:
-            verdict = {"reached": {"message": of_targets[1] > 0.02}, "strength": "sigma=0.1"}
-            write_json(folder / "verdict.json", verdict)
-    names = ("unattacked", *attacks)
-    return ModelPlan(names, ("clean", "black"), ("scene", "message"), {}, truth, "shared", "both")
+            attack = Applied(StrengthValue("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
+            write_json(folder / VERDICT, plain(AttackRecord(attack)))
+    return model_plan(name, ("unattacked", *attacks), ("clean", "black"))
+
+
+def model_plan(name: str, variants: Sequence[str], controls: Sequence[str]) -> ModelPlan:
+    """The plan of a marked model ``SCHEME/SCENE`` whose variants and controls are compared in scene and message."""
+    scheme, scene = name.split("/")
+    model = ModelId(scheme, scene)
+    views = Views(model.folder / "cameras.json", "test", model.folder / "unattacked" / "renders")
+    public = model.folder / "public" / "point_cloud.ply"
+
+    def job(variant: str, case: AttackSpec | Control) -> Job:
+        return Job(model, variant, public, case, views, compared=TARGETS)
+
+    return ModelPlan(
+        id=model,
+        public=public,
+        module="gspure.public_model",
+        cameras={},
+        decisions={},
+        variants=tuple(job(variant, AttackSpec(variant, entry=variant)) for variant in variants),
+        controls=tuple(job(control, Control(control)) for control in controls),
+        condition=Condition(scheme, "shared", "both"),
+        targets=TARGETS,
+        photographs=Path("results/pairs") / scene,
+    )

@@ -53,7 +53,7 @@ FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"messag
             "does not exceed the controls",
         ),
         ([FLAT], "not present", "Look at the extraction"),
-        ([replace(o, reached={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))], "not affected", "no attack"),
+        ([replace(o, affects={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))], "not affected", "no attack"),
         ([detected(n, mark=False) for n in ("unattacked", "clean")], "not present", "mark (mark)"),
         ([detected("unattacked", length=0, mark=None)], "unknown", "too few views"),
     ],

@@ -2,6 +2,7 @@
 
 import os
 import re
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -9,16 +10,16 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.cli import audit, main
+from gspure.codec import plain
 from gspure.evaluation.collecting import collect
+from gspure.evaluation.plan import Plan
 from gspure.evaluation.survival import Survival, survival
 from gspure.files import write_json
 from gspure.metrics.csv_tables import write_table
 from gspure.model import write_model
-from gspure.report.writing import ReportPlan
-from gspure.workflow import variants
 from tests.contest_cases import write_model as write_results
 from tests.models import blobs, tilted_camera
-from tests.workflow_cases import ROOT, settled
+from tests.workflow_cases import ROOT, configuration
 
 
 @pytest.fixture
@@ -33,15 +34,15 @@ def words(monkeypatch):
     """The options of Snakemake, which is not started."""
     started = []
     monkeypatch.setattr(audit, "run_workflow", lambda options, **_: not started.extend(options))
-    monkeypatch.setattr(audit, "_answer", lambda _: 0)
+    monkeypatch.setattr(audit, "_answer", lambda **_: inf)
     return started
 
 
 def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(folder, words, capsys):
     assert main(["audit", "my model.ply", "--cameras", "orbit", "--up", "0", "0", "1", "--cores", "1"]) == 0
     file = Path(words[words.index("--configfile") + 1])
-    (asset,) = settled(yaml.safe_load(file.read_text()))["assets"].values()
-    assert (asset["model"], asset["cameras"], asset["generated"]["up"]) == ("my model.ply", "orbit", [0, 0, 1])
+    (asset,) = configuration(yaml.safe_load(file.read_text())).assets.values()
+    assert (asset.model, asset.cameras, asset.generated.up) == ("my model.ply", "orbit", (0, 0, 1))
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
     assert words[words.index("--cores") + 1] == "1"
     write_model(folder / "other.ply", blobs(30))
@@ -61,8 +62,8 @@ def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
     assert main(["audit", "my model.ply", "--key", "run/marked/key", "--everyday"]) == 0
-    config = settled(yaml.safe_load(Path(words[-1]).read_text()))
-    assert {"half", "sog", "detail_quarter", "merge"} < {*config["variants"]}
+    config = configuration(yaml.safe_load(Path(words[-1]).read_text()))
+    assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
 
 
 def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
@@ -75,10 +76,9 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
 @pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 3)])
 def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    plans = {"sis/room": write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)})}
-    monkeypatch.setattr(variants, "report_plan", lambda _: ReportPlan(plans))
-    write_json(Path("results/configuration.json"), {})
-    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plans)))
+    plan = Plan((write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)}),))
+    write_json(Path("results/plan.json"), plain(plan))
+    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plan.models)))
     assert main(["audit", "my model.ply", "--fail-under", limit]) == status
     assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
 
@@ -86,7 +86,7 @@ def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, mon
 @pytest.mark.parametrize("is_lost", [False, True])
 def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monkeypatch, is_lost):
     answered = []
-    monkeypatch.setattr(audit, "_answer", lambda _: answered.append(True) or int(is_lost))
+    monkeypatch.setattr(audit, "_answer", lambda **_: answered.append(True) or (0.1 if is_lost else inf))
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: False)
     write_json(Path("results/report.html"), "of an earlier run")
     os.utime("results/report.html", (0, 0))
@@ -98,20 +98,8 @@ def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monke
 
 def test_without_a_limit_a_lost_message_is_no_failure(folder, monkeypatch):
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    monkeypatch.setattr(audit, "_answer", lambda _: 1)
+    monkeypatch.setattr(audit, "_answer", lambda **_: 0.1)
     assert main(["audit", "my model.ply"]) == 0
-
-
-def test_paths_with_braces_reach_snakemake_through_a_link(folder, words):
-    (folder / "a{b}" / "{c}").mkdir(parents=True)
-    write_model(folder / "a{b}" / "{c}" / "m{1}.ply", blobs(30))
-    write_cameras(folder / "a{b}" / "{c}" / "cameras.json", [tilted_camera(8, 6)])
-    for _ in range(2):  # the link of an earlier run is used again
-        assert main(["audit", "a{b}/{c}/m{1}.ply"]) == 0
-        (asset,) = yaml.safe_load(Path("results/audit.yaml").read_text())["assets"].values()
-        assert not {*"{}"} & {*"".join(asset.values())}
-        assert Path(asset["model"]).samefile("a{b}/{c}/m{1}.ply")
-        assert (Path(asset["cameras"]) / "cameras.json").samefile("a{b}/{c}/cameras.json")
 
 
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):

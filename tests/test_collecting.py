@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from gspure.arrays import save_array
+from gspure.codec import plain
 from gspure.errors import InputError
-from gspure.evaluation.collecting import MESSAGE_ROWS, ModelPlan, collect, read_results, write_results
+from gspure.evaluation.collecting import MESSAGE_ROWS, collect
+from gspure.evaluation.plan import Control, ModelPlan
+from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import specificity
 from gspure.evaluation.survival import survival
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord
 from gspure.files import write_json, write_text
 from gspure.metrics.comparison import read_metrics, write_metrics
 from tests.contest_cases import write_model
@@ -28,11 +32,11 @@ def plan(tmp_path: Path) -> ModelPlan:
 
 
 def by_variant(results: Path, plan: ModelPlan):
-    return {o.variant: o for o in collect(results, {MODEL: plan})}
+    return {o.variant: o for o in collect(results, [plan])}
 
 
 def table(results: Path, plan: ModelPlan) -> list[dict[str, str]]:
-    write_results(results / "results.csv", collect(results, {MODEL: plan}), {})
+    write_results(results / "results.csv", collect(results, [plan]), {})
     return [*csv.DictReader((results / "results.csv").read_text().splitlines())]
 
 
@@ -47,7 +51,7 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
     assert gspure.psnr_drop("message") == pytest.approx(drop)
     assert gspure.score == pytest.approx(drop - gspure.psnr_drop("scene"))
     assert math.isnan(found["clean"].score)
-    assert (gspure.strength, gspure.reached) == ("sigma=0.1", {"message": True})
+    assert (gspure.strength, gspure.affects) == (("sigma", 0.1), {"message": True})
 
 
 def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -> None:
@@ -63,12 +67,11 @@ def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -
 
 
 def test_a_table_is_read_back_into_outcomes_with_the_same_drops_and_survival(tmp_path, plan) -> None:
-    write_json(
-        tmp_path / MODEL / "gspure" / "verdict.json", {"reached": {"message": True}, "removed": "no such format"}
-    )
+    verdict = AttackRecord(Applied(affects={"message": True}, removed="no such format"))
+    write_json(tmp_path / MODEL / "gspure" / VERDICT, plain(verdict))
     rows = [row for row in read_metrics(tmp_path / MODEL / "gspure" / "metrics.csv") if row.target == "scene"]
     write_metrics(tmp_path / MODEL / "gspure" / "metrics.csv", rows)
-    outcomes = collect(tmp_path, {MODEL: plan})
+    outcomes = collect(tmp_path, [plan])
     write_results(tmp_path / "results.csv", outcomes, {"noise": ["noise"]})
     again, attacks = read_results(tmp_path / "results.csv")
     assert attacks["noise"] == ["noise"]
@@ -76,13 +79,14 @@ def test_a_table_is_read_back_into_outcomes_with_the_same_drops_and_survival(tmp
     assert survival(again) == survival(outcomes)
     gspure = next(row for row in survival(again) if row.variant == "gspure")
     assert (gspure.present, gspure.survived, gspure.message_drop) == (1, 0, None)
-    assert again[1].undetected == {"message": "removed: no such format"}
+    assert again[1].unreadable == {"message": "removed: no such format"}
 
 
 def test_a_clean_model_is_compared_with_itself_before_gspure(tmp_path) -> None:
     plan = write_model(tmp_path, MODEL, {**ATTACKS, "clean_gspure": (0.3, 0.6)})
     save_array(tmp_path / MODEL / "clean_gspure" / "prune_mask.npy", np.array([True, False, False, False]))
-    plan = replace(plan, variants=plan.variants[:-1], controls=(*plan.controls, "clean_gspure"))
+    clean = replace(plan.variants[-1], case=Control("clean_gspure"))
+    plan = replace(plan, variants=plan.variants[:-1], controls=(*plan.controls, clean))
     found = by_variant(tmp_path, plan)
     (row,) = specificity([*found.values()])
     assert row.clean_pruned.mean == 0.25
@@ -118,5 +122,5 @@ def test_the_run_is_a_column_and_two_runs_in_one_model_are_warned_of(tmp_path, p
     assert {row["run"] for row in table(tmp_path, plan) if row["variant"] != "clean"} == {"abc"}
     assert "runs" not in capsys.readouterr().err
     write_json(folder / "noise" / "provenance.json", {"run": "def"})
-    collect(tmp_path, {MODEL: plan})
+    collect(tmp_path, [plan])
     assert "room: results of 2 runs: abc, def" in capsys.readouterr().err

@@ -7,21 +7,17 @@ from pathlib import Path
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
-from snakemake.exceptions import WorkflowError
 
 from gspure.attacks import attacks
-from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES
 from gspure.errors import InputError
-from gspure.method.clusters import SELECTIONS
 from gspure.method.features import PARTS
-from gspure.method.weights import REDUCTIONS
-from gspure.scenes.rooms import PROTOCOLS
+from gspure.method.settings import FEATURES
+from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
-from gspure.workflow.plan import Plan
+from gspure.workflow.schema import config_schema
 from tests.training_cases import colmap_project, ring
-from tests.workflow_cases import ROOT, SCHEMA, filled, settled
+from tests.workflow_cases import ROOT, configuration, plan_of
 
-CONTENT = yaml.safe_load(SCHEMA.read_text())
 BOT = {"model": __file__, "cameras": "orbit"}
 PLANTED = {"pairs": {"room": {}}, "schemes": {"planted": {}}}
 EVERY = {"unattacked": {}, "gspure": {}}
@@ -30,26 +26,22 @@ OVERLAYS = ("ablations.yaml", "severity.yaml", "sweep.yaml", "views.yaml")
 
 
 def test_the_schema_is_valid():
-    Draft202012Validator.check_schema(CONTENT)
+    Draft202012Validator.check_schema(config_schema())
 
 
 def test_naming_a_model_and_its_cameras_is_enough():
-    config = settled({"assets": {"bot": BOT}})
-    assert config["views"] == {"evaluate": "test", "parts": 1}
-    assert {variant["attack"] for variant in config["variants"].values()} <= attacks().keys()
-    assert [model.scene for model in Plan(config).models] == ["bot"]
+    (model,) = plan_of({"assets": {"bot": BOT}}).models
+    assert model.id.scene == "bot"
+    assert {job.case.name for job in model.variants} <= attacks().keys()
+    assert {job.views.split for job in model.variants} == {"test"}
 
 
-def test_defaults_and_choices_are_those_of_the_code():
-    method, pair = CONTENT["properties"]["method"]["properties"], CONTENT["properties"]["pairs"]["additionalProperties"]
-    defaults = {name: method[name]["default"] for name in ("min_samples", "min_cluster_size", "max_cluster_share")}
-    assert [*defaults.values()] == [MIN_SAMPLES, MIN_CLUSTER_SIZE, MAX_CLUSTER_SHARE]
-    assert (tuple(method["selection"]["enum"]), {*method["reduction"]["enum"]}) == (SELECTIONS, {*REDUCTIONS})
-    assert tuple(pair["properties"]["protocol"]["enum"]) == PROTOCOLS
-    assert tuple(pair["properties"]["initialization"]["enum"]) == INITIALIZATIONS
-    decision = CONTENT["properties"]["decisions"]["additionalProperties"]["properties"]
-    assert decision.keys() == {*method, "cluster_on"}
-    assert decision["cluster_on"]["default"] == list(PARTS)
+def test_choices_are_those_of_the_code():
+    pair = config_schema()["properties"]["pairs"]["additionalProperties"]["properties"]
+    assert tuple(pair["protocol"]["enum"]) == PROTOCOLS
+    assert tuple(pair["initialization"]["enum"]) == INITIALIZATIONS
+    assert {*pair["placement"]["enum"]} == {*PLACEMENTS}
+    assert tuple(PARTS) == FEATURES
 
 
 @pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS)])
@@ -57,24 +49,27 @@ def test_shipped_configurations_can_be_combined(base, overlay):
     config, changes = (yaml.safe_load((ROOT / "config" / name).read_text()) for name in (base, overlay))
     for name, value in changes.items():
         config[name] = {**config.get(name, {}), **value} if isinstance(value, dict) else value
-    assert len(settled(config)["variants"]) >= len(config["variants"])
+    assert len(plan_of(config).models[0].variants) >= len(config["variants"])
 
 
 @pytest.mark.parametrize(
     ("config", "place"),
     [
-        ({"asets": {}}, "$"),
-        ({"assets": {"bot": {"model": "bot.ply"}}}, "$.assets.bot"),
-        ({"method": {"selection": "best"}}, "$.method.selection"),
-        ({"method": {"tau_n": 0}}, "$.method.tau_n"),
-        ({"variants": {"gspure": {}}}, "$.variants"),
+        ({"asets": {}}, "asets"),
+        ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras"),
+        ({"assets": {"bot": {**BOT, "message": "m"}}}, "assets.bot.message"),
+        ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up"),
+        ({"method": {"selection": "best"}}, "method.selection"),
+        ({"method": {"tau_n": 0}}, "method.tau_n"),
+        ({"decisions": {"blind": {"cluster_on": ["position"]}}}, "decisions.blind.cluster_on"),
+        ({"extractions": ["message_oracle"]}, "extractions"),
+        ({"variants": {"gspure": {}}}, "variants.unattacked"),
     ],
     ids=str,
 )
-def test_the_schema_refuses_a_wrong_setting(config, place):
-    with pytest.raises(WorkflowError) as refusal:
-        filled(config)
-    assert refusal.value.__context__.json_path == place
+def test_a_wrong_setting_is_refused_at_its_place(config, place):
+    with pytest.raises(InputError, match=f"^mine.yaml: {re.escape(place)}: "):
+        configuration(config)
 
 
 def variants(**changed):
@@ -106,14 +101,16 @@ def variants(**changed):
 )
 def test_a_setting_that_no_job_could_use_is_refused_in_one_line(config, line):
     with pytest.raises(InputError, match="^mine.yaml: " + line) as refusal:
-        settled(config)
+        plan_of(config)
     assert "\n" not in str(refusal.value)
 
 
 def test_a_list_of_damages_is_a_variant_for_each():
-    config = settled(variants(gspure_scaled={"damage": [0.3, 2]}, noise={"attack": "gaussian_noise", "damage": 1}))
-    assert [*config["variants"]] == ["unattacked", "gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB", "noise@1dB"]
-    assert config["variants"]["noise@1dB"]["attack"] == "gaussian_noise"
+    plan = plan_of(variants(gspure_scaled={"damage": [0.3, 2]}, noise={"attack": "gaussian_noise", "damage": 1}))
+    jobs = plan.models[0].variants
+    names = [job.variant for job in jobs]
+    assert names == ["gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB", "noise@1dB", "unattacked"]
+    assert (jobs[3].case.name, jobs[3].case.damage) == ("gaussian_noise", 1.0)
 
 
 def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
@@ -121,19 +118,20 @@ def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_pat
         file = tmp_path / f"point_cloud/iteration_{iteration}/point_cloud.ply"
         file.parent.mkdir(parents=True)
         file.touch()
-    config = settled({"assets": {"bot": {**BOT, "model": str(tmp_path)}}})
-    assert config["assets"]["bot"]["model"] == str(file)
+    (model,) = plan_of({"assets": {"bot": {**BOT, "model": str(tmp_path)}}}).models
+    assert model.public == file
 
 
-def test_photographs_are_found_and_a_missing_one_is_named(tmp_path, monkeypatch):
+def test_photographs_are_files_of_the_training_and_a_missing_one_is_named(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     colmap_project(Path("garden"), ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
-    asset = settled({"assets": {"garden": {"train": "garden"}}})["assets"]["garden"]
-    assert len(asset["photographs"]) == 9
-    assert all(Path(image).is_file() and not Path(image).is_absolute() for image in asset["photographs"])
-    Path(asset["photographs"][0]).unlink()
-    with pytest.raises(InputError, match=Path(asset["photographs"][0]).name):
-        settled({"assets": {"garden": {"train": "garden"}}})
+    files = plan_of({"assets": {"garden": {"train": "garden"}}}).trained["garden"].users_files
+    photographs = [file for file in files if file.suffix == ".png"]
+    assert len(photographs) == 9
+    assert all(image.is_file() and not image.is_absolute() for image in photographs)
+    photographs[0].unlink()
+    with pytest.raises(InputError, match=photographs[0].name):
+        plan_of({"assets": {"garden": {"train": "garden"}}})
 
 
 PROFILE = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text())

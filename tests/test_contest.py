@@ -117,7 +117,7 @@ def test_the_largest_drop_counts_where_no_strength_reaches_the_damage() -> None:
     theirs = cells(rows, "theirs")[2.0]
     assert ours.drop.mean == pytest.approx((15.0 + 8.0) / 2)
     assert (ours.gentle, theirs.gentle) == (1, 0)
-    shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows).rows}
+    shown = {str(row.cells[0]): row.cells[-1] for row in matched_table(rows, {}).rows}
     assert str(shown["ours"]) == "≥ 11.50 (8.00 to 15.00) at 1.75 dB"
     assert (shown["ours"].best, shown["theirs"].best) == (True, False)
 
@@ -137,7 +137,7 @@ def test_strengths_searched_for_a_damage_are_read_not_interpolated() -> None:
         ("noise", 1.0): (2.0, 0, 1.0),
         ("noise", 2.0): (3.0, 0, 2.6),
     }
-    texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows).rows}
+    texts = {str(row.cells[0]): str(row.cells[-1]) for row in matched_table(rows, {}).rows}
     assert texts == {"pruning": "≥ 7.00 at 0.70 dB", "noise": "≤ 3.00 at 2.60 dB"}
 
 

@@ -14,9 +14,10 @@ from gspure import constants
 from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.evaluation.survival import Survival
 from gspure.metrics.csv_tables import read_table
+from gspure.workflow.config import SchemeConfig, VariantConfig
 from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges
 from tests.models import blobs
-from tests.workflow_cases import settled
+from tests.workflow_cases import configuration
 
 DOCS = ROOT / "docs"
 TABLES = sorted((DOCS / "tables").glob("*.csv"))
@@ -43,7 +44,7 @@ def test_links_have_targets(page):
 def test_numerics_names_every_constant_of_the_renderer_and_the_method():
     text = (DOCS / "numerics.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([A-Z][A-Z0-9_]+)`", text)) - {"FOOTPRINT_MARGIN"}  # a kernel's own
-    assert named == {name for name in vars(constants) if name.isupper()} - {"MAX_SH_DEGREE", "NOISE_LABEL"}
+    assert named == {name for name in vars(constants) if name.isupper()} - {"ENERGIES", "MAX_SH_DEGREE", "NOISE_LABEL"}
 
 
 def test_functions_that_the_method_page_names_exist():
@@ -74,9 +75,9 @@ def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
 def test_the_example_of_a_package_is_registered_configured_and_works(tmp_path, monkeypatch):
     install_example(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    config = settled(yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0]))
-    assert config["variants"]["faint_half"] == {"attack": "faint_pruning", "share": 0.5, "seed": 1}
-    assert config["schemes"]["faint_splats"] == {"iterations": 1500, "seed": 0}
+    config = configuration(yaml.safe_load(blocks(DOCS / "extending.md", "yaml")[0]))
+    assert config.variants["faint_half"] == VariantConfig({"share": 0.5}, attack="faint_pruning", seed=1)
+    assert config.schemes["faint_splats"] == SchemeConfig({"iterations": 1500})
     model, weights = blobs(40), np.arange(40, dtype=np.float32)[::-1].copy()
     attacked = attacks()["faint_pruning"].apply(model, Measurements(weights=weights), share=0.5)
     assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20

@@ -21,6 +21,7 @@ LAYERS = (
         "errors",
         "constants",
         "settings",
+        "codec",
         "text",
         "grouping",
         "progress",
@@ -157,30 +158,32 @@ def test_the_core_does_not_import_torch() -> None:
 
 
 STATEMENTS = {
-    "": 1119,
-    "attacks": 729,
-    "cameras": 1001,
-    "cli": 1654,
-    "evaluation": 913,
-    "figures": 1043,
-    "method": 611,
-    "metrics": 749,
-    "model": 1191,
-    "opencl": 1439,
-    "report": 896,
+    "": 1407,
+    "attacks": 777,
+    "cameras": 1096,
+    "cli": 1854,
+    "evaluation": 1531,
+    "figures": 1050,
+    "method": 670,
+    "metrics": 751,
+    "model": 1274,
+    "opencl": 1529,
+    "report": 900,
     "scan": 208,
-    "scenes": 610,
-    "schemes": 2345,
-    "surface": 204,
-    "training": 694,
+    "scenes": 647,
+    "schemes": 2356,
+    "surface": 219,
+    "training": 756,
     "viewer": 185,
-    "workflow": 862,
+    "workflow": 1179,
 }
 """Statements of each folder when it was last measured."""
 
 SLACK = 1.1  # growth beyond this is a decision, which edits that table
 
-MOST_LINES = 300  # of a module
+MOST_LINES = 60  # of a function
+MOST_PARAMETERS = 8
+SIGNATURES = {"purify", "gspure_repair"}  # the public method, and an attack whose signature declares its settings
 
 PRIVATE = re.compile(
     r"workflow\._|\._build_dag|update_needrun|persistence\.|exit_gracefully|_user_kill|scheduler\.failed|"
@@ -200,9 +203,17 @@ def test_a_folder_keeps_to_its_budget_of_statements(folder: str) -> None:
     assert statements(folder) <= SLACK * STATEMENTS[folder]
 
 
-def test_no_module_is_longer_than_a_reader_holds_in_mind() -> None:
-    lengths = {source: len(source.read_text(encoding="utf-8").splitlines()) for source in TREES}
-    assert [source.name for source, length in lengths.items() if length > MOST_LINES] == []
+def test_a_function_fits_on_a_screen() -> None:
+    functions = [node for tree in TREES.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    assert {f.name for f in functions if (f.end_lineno or 0) - f.lineno >= MOST_LINES} <= SIGNATURES
+    assert {f.name for f in functions if len(parameters(f)) > MOST_PARAMETERS} <= SIGNATURES
+
+
+def parameters(function: ast.FunctionDef) -> list[str]:
+    """Return the parameters of a function, or of a method without its object."""
+    arguments = function.args
+    names = [argument.arg for argument in [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]]
+    return names[1:] if names[:1] in (["self"], ["cls"]) else names
 
 
 def test_no_private_name_of_snakemake_is_used() -> None:

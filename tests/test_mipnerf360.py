@@ -4,12 +4,11 @@ import pytest
 import yaml
 
 from gspure.datasets import SCENES
+from gspure.workflow.config import DEFAULT_VARIANTS
 from tests.training_cases import colmap_project, ring
-from tests.workflow_cases import ROOT, SCHEMA, started
+from tests.workflow_cases import ROOT, started
 
 pytestmark = pytest.mark.workflow
-
-DEFAULT_VARIANTS = yaml.safe_load(SCHEMA.read_text())["properties"]["variants"]["default"]
 
 
 def captures(folder, names):

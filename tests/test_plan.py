@@ -1,4 +1,4 @@
-"""The files and settings of jobs: of models, of their variants and controls, and of decisions."""
+"""The plan of a run: models, their jobs with files and settings, decisions, and the groups of variants."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,15 +9,14 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.errors import InputError
+from gspure.evaluation.plan import METHOD, AttackSpec, CameraSource, Control, ModelPlan, Plan
 from gspure.files import write_json
 from gspure.images import write_image
-from gspure.metrics.names import CLEAN_GSPURE, CONTROLS, OTHER_SCENE
+from gspure.metrics.names import BASELINES, CLEAN_GSPURE, CONTROLS, OTHER_SCENE
 from gspure.model import write_model
-from gspure.workflow.decisions import MADE, METHOD, factors_of, first_alike
-from gspure.workflow.plan import Model, Plan
-from gspure.workflow.variants import Variant, evaluation, report_plan, reported
+from gspure.workflow.decisions import ARTIFACTS, sharing_decision, suited
 from tests.models import blobs, tilted_camera
-from tests.workflow_cases import ROOT, plan_of
+from tests.workflow_cases import ROOT, configuration, plan_of
 
 CONFIG = yaml.safe_load("""
 assets: {bot: {model: README.md, cameras: orbit}}
@@ -33,7 +32,7 @@ variants:
   plain_weight: {decision: mild}
   noise: {attack: gaussian_noise, sigma: 0.2, seed: 5}
 """)
-FOLDER = "results/splats_in_splats/raised@1"
+FOLDER = Path("results/splats_in_splats/raised@1")
 
 
 def changed(**changes) -> Plan:
@@ -48,36 +47,50 @@ def plan() -> Plan:
 
 
 @pytest.fixture
-def bot(plan) -> Model:
-    return Model(plan, "vanilla", "bot")
+def bot(plan) -> ModelPlan:
+    return plan.by_name["vanilla/bot"]
 
 
 @pytest.fixture
-def again(plan) -> Model:
+def again(plan) -> ModelPlan:
     """A repetition of a scheme on a pair."""
-    return Model(plan, "splats_in_splats", "raised@1")
+    return plan.by_name["splats_in_splats/raised@1"]
+
+
+def attack(model: ModelPlan, variant: str) -> AttackSpec:
+    case = model.by_variant[variant].case
+    assert isinstance(case, AttackSpec)
+    return case
+
+
+def controls(model: ModelPlan) -> list[str]:
+    return [job.variant for job in model.controls]
 
 
 def test_there_is_a_model_of_each_asset_and_of_each_scheme_pair_and_repetition(plan):
     scenes = ["raised", "raised@1", "front", "front@1"]
     schemes = ["splats_in_splats", "secure_gs"]
     expected = ["results/vanilla/bot", *(f"results/{scheme}/{scene}" for scheme in schemes for scene in scenes)]
-    assert [model.folder for model in plan.models] == expected
+    assert [str(model.folder) for model in plan.models] == expected
 
 
 def test_a_repetition_has_the_pair_and_other_seeds(again):
-    assert again.pair == "results/pairs/raised"
-    assert again.embed_settings == {"seed": 4, "initialization": "both", "set": {"iterations": 60}}
-    assert Variant(again, "noise").attacked_by["seed"] == 6
+    embedding = again.embedding
+    assert (embedding.pair, embedding.seed) == (Path("results/pairs/raised"), 4)
+    assert (embedding.initialization, embedding.settings) == ("both", {"iterations": 60})
+    assert attack(again, "noise").seed == 6
 
 
 def test_a_users_model_is_read_in_place_and_compared_with_its_renders(bot):
-    assert bot.public == bot.users_files[0] == "README.md"
-    assert (bot.view_files, bot.targets, bot.controls, bot.decoys) == ([], ["scene"], [], [])
-    assert bot.view_settings["generated"]["count"] == 24
-    settings = evaluation(bot, ["gspure"])
-    assert (settings["unattacked"], settings["photographed"]) == ("results/vanilla/bot/unattacked/renders", [])
-    assert "key" not in settings
+    assert bot.public == bot.users_files[0] == Path("README.md")
+    assert (bot.inputs, bot.camera_files, bot.targets, bot.controls, bot.owner) == ((), (), ("scene",), (), None)
+    assert bot.cameras["scene"].generated["count"] == 24
+    job = bot.by_variant["gspure"]
+    assert (job.views.unattacked, job.views.photographed) == (Path("results/vanilla/bot/unattacked/renders"), ())
+    assert job.views.unattacked in job.inputs
+    assert job.views.unattacked not in bot.by_variant["unattacked"].inputs
+    assert Path("README.md") not in job.inputs
+    assert Path("README.md") in job.users_files
 
 
 @pytest.fixture
@@ -93,12 +106,14 @@ def marked(tmp_path, monkeypatch):
 
 def test_a_key_names_the_scheme_of_a_users_model(marked):
     (model,) = changed(assets={"mine": marked}, pairs=None, schemes=None).models
-    assert model.folder == "results/splats_in_splats/mine"
-    assert (model.public, model.owned["key"]) == ("marked.ply", "key")
-    assert {"marked.ply", "key/provenance.json"} <= {*model.users_files}
-    assert model.controls == ["wrong_key", "black", "mean_colour"]
-    assert model.views == {"scene": "views.json", "message": "views.json"}
-    assert evaluation(model, ["gspure"])["photographed"] == []
+    assert str(model.folder) == "results/splats_in_splats/mine"
+    assert (model.public, model.owner.key) == (Path("marked.ply"), Path("key"))
+    assert {Path("marked.ply"), Path("key/provenance.json")} <= {*model.users_files}
+    assert controls(model) == ["wrong_key", "black", "mean_colour"]
+    assert {source.source for source in model.cameras.values()} == {"views.json"}
+    job = model.by_variant["gspure"]
+    assert job.views.photographed == ()
+    assert job.owner.decoys == (model.folder / "unattacked" / "renders" / "scene",)
 
 
 def test_photographs_of_message_and_scene_are_what_a_users_model_is_compared_with(marked, tmp_path):
@@ -106,9 +121,12 @@ def test_photographs_of_message_and_scene_are_what_a_users_model_is_compared_wit
         write_image(folder / "v.png", np.zeros((6, 8, 3)))
         write_cameras(folder / "views.json", [replace(tilted_camera(8, 6, name="v"), image=folder / "v.png")])
     (model,) = changed(assets={"mine": marked | {"message": "message/views.json"}}, pairs=None, schemes=None).models
-    assert evaluation(model, ["gspure"])["photographed"] == ["scene", "message"]
-    assert model.view_settings == {"resolution": "1600px", "message_resolution": "photographs"}
-    assert str(tmp_path / "message" / "v.png") in {str(Path(file).resolve()) for file in model.users_files}
+    assert model.by_variant["gspure"].views.photographed == ("scene", "message")
+    assert model.cameras == {
+        "scene": CameraSource("views.json", "1600px"),
+        "message": CameraSource("message/views.json", "photographs"),
+    }
+    assert tmp_path / "message" / "v.png" in {file.resolve() for file in model.users_files}
 
 
 def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked, tmp_path):
@@ -116,59 +134,126 @@ def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked, tmp_path):
     with pytest.raises(InputError, match=r"key/provenance\.json: no such file"):
         changed(assets={"mine": marked}, pairs=None, schemes=None)
     (model,) = changed(assets={"mine": marked | {"scheme": "keyss"}}, pairs=None, schemes=None).models
-    assert model.scheme == "keyss"
+    assert model.id.scheme == "keyss"
+
+
+def test_detectors_read_a_model_but_not_the_clean_model_of_another(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mark.py").touch()
+    assets = {}
+    for name in ("marked", "clean"):
+        write_model(tmp_path / f"{name}.ply", blobs(4))
+        assets[name] = {"model": f"{name}.ply", "cameras": "orbit"}
+    assets["marked"]["clean"] = "clean"
+    detectors = {"mark": {"command": "python3 mark.py"}}
+    plan = changed(assets=assets, pairs=None, schemes=None, detectors=detectors)
+    marked, clean = plan.models
+    assert controls(marked) == ["clean"]
+    control = marked.by_variant["clean"]
+    assert (control.public, [*control.detectors]) == (Path("clean.ply"), ["mark"])
+    assert {Path("clean.ply"), Path("mark.py")} <= {*control.users_files}
+    assert Path("clean.ply") not in control.inputs
+    assert [*marked.by_variant["gspure"].detectors] == ["mark"]
+    assert all(not job.detectors and Path("mark.py") not in job.users_files for job in clean.jobs)
+
+
+def test_a_model_of_photographs_is_trained_first(tmp_path, monkeypatch):
+    from tests.training_cases import colmap_project, ring
+
+    monkeypatch.chdir(tmp_path)
+    colmap_project(Path("garden"), ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
+    plan = changed(assets={"garden": {"train": "garden", "training": {"seed": 2}}}, pairs=None, schemes=None)
+    (model,) = plan.models
+    assert model.inputs == (model.public,) == (model.folder / "public" / "point_cloud.ply",)
+    assert model.camera_inputs == (model.folder / "trained" / "cameras.json",)
+    assert model.public in model.by_variant["gspure"].inputs
+    training = plan.trained["garden"]
+    assert (training.sources, training.options["seed"], training.options["max_gaussians"]) == (("garden",), 2, None)
+    assert len([file for file in training.users_files if file.suffix == ".png"]) == 9
 
 
 def test_chosen_extractions_are_those_that_are_compared(again):
-    assert again.targets == ["scene", "message", "message_adaptive", "message_oracle"]
-    chosen = changed(assets=None, extractions=["message", "message_oracle"])
-    assert chosen.models[0].targets == ["scene", "message", "message_oracle"]
-    assert evaluation(chosen.models[0], ["gspure"])["published"] is None
+    assert again.targets == ("scene", "message", "message_adaptive", "message_oracle")
+    assert again.owner.published == again.public
+    chosen = changed(assets=None, extractions=["message", "message_oracle"]).models[0]
+    assert chosen.targets == ("scene", "message", "message_oracle")
+    assert chosen.owner.published is None
 
 
 def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again):
-    assert again.controls == [name for name in CONTROLS if name != CLEAN_GSPURE]
-    assert Variant(again, OTHER_SCENE).public == "results/splats_in_splats/front/public/point_cloud.ply"
+    assert controls(again) == [name for name in CONTROLS if name != CLEAN_GSPURE]
+    other = again.by_variant[OTHER_SCENE]
+    assert other.public == Path("results/splats_in_splats/front/public/point_cloud.ply")
+    assert other.public in other.inputs
     alike = changed(assets=None, pairs={"raised": {}, "front": {"placement": "front"}}).models[0]
-    assert alike.controls == [name for name in again.controls if name != OTHER_SCENE]
+    assert controls(alike) == [name for name in controls(again) if name != OTHER_SCENE]
+
+
+def test_gspure_prunes_the_clean_model_where_attacks_are_compared_at_equal_damage():
     searched = changed(assets=None, variants={"unattacked": {}, "gspure": {}, "gof": {"damage": 1}}).models[0]
-    assert searched.controls == list(CONTROLS)
-    purified = Variant(searched, CLEAN_GSPURE)
-    assert purified.public == Variant(searched, "clean").public == f"{searched.folder}/clean/public/point_cloud.ply"
-    assert purified.evaluation["compared"] == ["scene"]
-    assert purified.evaluation["purified"] == searched.decision(METHOD)
+    assert controls(searched) == list(CONTROLS)
+    purified = searched.by_variant[CLEAN_GSPURE]
+    clean = searched.folder / "clean" / "public" / "point_cloud.ply"
+    assert purified.public == searched.by_variant["clean"].public == clean
+    assert clean in purified.inputs
+    assert purified.compared == ("scene",)
+    assert purified.case == Control(CLEAN_GSPURE, searched.method.settings)
+
+
+def test_controls_render_what_they_are_compared_in(again):
+    message = again.targets[1:]
+    expected = {
+        "clean": (again.targets, again.targets),
+        "wrong_key": (message, message),
+        OTHER_SCENE: (message, message),
+    }
+    expected |= dict.fromkeys(BASELINES, ((), again.targets))
+    assert {job.variant: (job.rendered, job.compared) for job in again.controls} == expected
 
 
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared():
     model = changed(assets=None, schemes={"marked_clones": {}}, repetitions=1).models[0]
-    assert model.controls == ["clean", "wrong_key", "other_scene"]
-    compared = {name: Variant(model, name).evaluation["compared"] for name in ("gspure", *model.controls)}
-    assert compared == {"gspure": ["scene"], "clean": ["scene"], "wrong_key": [], "other_scene": []}
-    assert all([*Variant(model, name).detectors] == ["bits"] for name in ("gspure", *model.controls))
-    assert reported(model).controls == ["clean"]
+    assert controls(model) == ["clean", "wrong_key", "other_scene"]
+    compared = {name: model.by_variant[name].compared for name in ("gspure", *controls(model))}
+    assert compared == {"gspure": ("scene",), "clean": ("scene",), "wrong_key": (), "other_scene": ()}
+    assert all(model.by_variant[name].reads_bits for name in ("gspure", *controls(model)))
+    assert (model.owner.hides, model.owner.reveals, model.owner.decoys) == ("bits", False, ())
 
 
-def test_a_search_for_a_damage_sets_no_strength(again, monkeypatch):
+def test_decoys_are_the_scene_other_messages_and_random_scenes(again):
+    scene, message, *random = map(str, again.owner.decoys)
+    assert (scene, message) == ("results/pairs/raised/scene", "results/pairs/front/message")
+    assert random[0] == "results/decoys/160x120x4/9000"
+    assert len(random) == 10
+    assert {*again.owner.decoys} <= {*again.by_variant["gspure"].inputs}
+
+
+def test_a_search_for_a_damage_sets_no_strength(monkeypatch):
     monkeypatch.chdir(ROOT)
     plan = changed(variants={**CONFIG["variants"], "plain_weight": {"decision": "mild", "damage": [0.3, 1]}})
-    weak = Variant(replace(again, plan=plan), "plain_weight@0.3dB")
-    assert (weak.attacked_by["seed"], weak.attacked_by["settings"], weak.attacked_by["damage"]) == (1, {}, 0.3)
+    weak = attack(plan.by_name["splats_in_splats/raised@1"], "plain_weight@0.3dB")
+    assert (weak.seed, weak.settings, weak.damage, weak.entry) == (1, {}, 0.3, "plain_weight")
 
 
 def test_an_attack_takes_what_is_measured_and_the_factors_of_its_decision(again, monkeypatch):
-    assert Variant(again, "leaf").measured == {"prune_mask": f"{FOLDER}/decisions/leaf/prune_mask.npy"}
-    attack = Variant(again, "plain_weight")
-    assert (attack.measured, attack.attacked_by["settings"]) == ({"weights": f"{FOLDER}/weights.npy"}, {"tau": 1.5})
+    assert attack(again, "leaf").measured == {"prune_mask": FOLDER / "decisions" / "leaf" / "prune_mask.npy"}
+    plain = attack(again, "plain_weight")
+    assert (plain.measured, plain.settings) == ({"weights": FOLDER / "weights.npy"}, {"tau": 1.5})
+    assert FOLDER / "weights.npy" in again.by_variant["plain_weight"].inputs
     monkeypatch.chdir(ROOT)
     scaled = {"attack": "gspure_scaled", "decision": "blind", "scale": 0.5}
-    scaled = Variant(replace(again, plan=changed(variants={**CONFIG["variants"], "scaled": scaled})), "scaled")
-    clusters = f"{FOLDER}/decisions/blind/clusters.npz"
-    assert scaled.measured == {"labels": clusters, "weights": f"{FOLDER}/opacities.npy"}
-    assert scaled.attacked_by["settings"] == {"tau_c": 4.0, "tau_n": 4.0, "scale": 0.5}
+    plan = changed(variants={**CONFIG["variants"], "scaled": scaled})
+    spec = attack(plan.by_name["splats_in_splats/raised@1"], "scaled")
+    assert spec.measured == {
+        "labels": FOLDER / "decisions" / "blind" / "clusters.npz",
+        "weights": FOLDER / "opacities.npy",
+    }
+    assert spec.settings == {"tau_c": 4.0, "tau_n": 4.0, "scale": 0.5}
 
 
 def test_factors_that_are_null_suit_the_scheme(plan):
-    factors = [(d["tau_c"], d["tau_n"]) for d in (plan.decisions[name][METHOD] for name in plan.schemes)]
+    models = [plan.by_name[f"{scheme}/raised"] for scheme in plan.schemes]
+    factors = [(model.method.settings.tau_c, model.method.settings.tau_n) for model in models]
     assert factors == [(4.0, 4.0), (3.0, 2.0)]
 
 
@@ -176,10 +261,11 @@ def test_factors_that_are_null_suit_the_scheme(plan):
     ("setting", "value", "first"),
     [("energy", "ewa", "contributions"), ("min_samples", 7, "tree.npy"), ("tau_n", 9.0, "prune_mask.npy")],
 )
-def test_decisions_share_what_is_made_before_the_first_setting_in_which_they_differ(setting, value, first):
-    among = changed(assets=None, decisions={"own": {setting: value}}, variants=None).decisions["secure_gs"]
-    shared = [made for made in MADE if first_alike(among, "own", made) == METHOD]
-    assert shared == [*MADE][: [*MADE].index(first)]
+def test_decisions_share_the_artifacts_before_the_first_setting_in_which_they_differ(setting, value, first):
+    config = configuration({"decisions": {"changed": {setting: value}}})
+    settings = suited({METHOD: config.method, **config.decisions}, 3.0, 2.0)
+    shared = [artifact for artifact in ARTIFACTS if sharing_decision(settings, "changed", artifact) == METHOD]
+    assert shared == [*ARTIFACTS][: [*ARTIFACTS].index(first)]
 
 
 def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
@@ -194,12 +280,17 @@ def test_a_sweep_is_one_attack_at_several_strengths_and_nothing_else(plan):
         "gspure_scaled": {"damage": [0.3, 2]},
         "plain_weight": {},
     }
-    own = {"gentle": {"tau_n": 9}, "leaf": {"selection": "leaf"}, "gentle_leaf": {"selection": "leaf", "tau_c": 9}}
-    plan = changed(assets=None, decisions=own, variants=variants)
-    assert report_plan(plan).sweeps == {
-        "gspure": ["gspure", "gentle", "gspure_scaled@0.3dB", "gspure_scaled@2dB"],
-        "gspure leaf": ["leaf", "gentle_leaf"],
-        "random_pruning": ["half", "random_pruning"],
+    decisions = {
+        "gentle": {"tau_n": 9},
+        "leaf": {"selection": "leaf"},
+        "gentle_leaf": {"selection": "leaf", "tau_c": 9},
     }
-    assert report_plan(plan).points["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9, 3.0)}
-    assert factors_of(plan.config["variants"], plan.decisions["secure_gs"]) == report_plan(plan).points["secure_gs"]
+    plan = changed(assets=None, decisions=decisions, variants=variants)
+    assert plan.sweeps == {
+        "gspure": ("gentle", "gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB"),
+        "gspure leaf": ("gentle_leaf", "leaf"),
+        "random_pruning": ("half", "random_pruning"),
+    }
+    assert plan.attacks == {**plan.sweeps, "unattacked": ("unattacked",), "plain_weight": ("plain_weight",)}
+    assert plan.factors["secure_gs"] == {"gspure": (2.0, 3.0), "gentle": (9.0, 3.0)}
+    assert plan.meanings["half"].startswith("Remove")

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gspure.evaluation.plan import Plan
 from gspure.evaluation.survival import Survival
 from gspure.figures import style
 from gspure.files import write_json, write_text
 from gspure.metrics.csv_tables import read_table
-from gspure.report.writing import ReportPlan, write_report
+from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
 from tests.contest_cases import write_model
 from tests.test_viewer import purified
@@ -29,7 +30,7 @@ def run(tmp_path_factory) -> Path:
     patch = pytest.MonkeyPatch()
     patch.setattr(style, "DPI", 60)
     results = tmp_path_factory.mktemp("run") / "results"
-    plans = {name: write_model(results, name, ATTACKS) for name in (NAME, "sis/vault")}
+    plans = tuple(write_model(results, name, ATTACKS) for name in (NAME, "sis/vault"))
     shutil.rmtree(results / "sis" / "vault" / "noise")
     write_text(results / "logs" / "sis" / "vault" / "noise" / "attack.log", "gspure attack: <b>no memory</b>\n")
     model = results / NAME / "figures" / "model"
@@ -40,11 +41,9 @@ def run(tmp_path_factory) -> Path:
     write_json(model / "captions.json", {"kept.png": "What is kept.", "weights.png": "Weights & thresholds."})
     write_json(results / NAME / "diagnosis.json", {"gaussians": 1200, "noise_share": 0.25, "warnings": ["one cluster"]})
     points = {"sis": {"gspure": (4.0, 4.0), "noise": (2.0, 4.0)}}
-    config = results / "configuration.json"
-    write_json(config, {})
-    write_report(
-        results, ReportPlan(plans, {"noise": ["noise", "noise_2"]}, points, [config], {"gspure": "What it does."})
-    )
+    write_json(results / "configuration.json", {})
+    sweeps = {"noise": ("noise", "noise_2")}
+    write_report(results, Plan(plans, sweeps=sweeps, factors=points, meanings={"gspure": "What it does."}))
     patch.undo()
     return results
 
@@ -125,5 +124,5 @@ def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> Non
     assert all(source.startswith("data:image/webp") for source in sources)
     links = re.findall(r'<a [^>]*href="([^"]+)"', markup)
     for link in links:
-        assert link.removeprefix("#") in ids if link.startswith("#") else (run / link).is_file(), link
+        assert link.removeprefix("#") in ids if link.startswith("#") else (run / link).exists(), link
     assert {"tables/results.csv", "configuration.json"} <= {*links}

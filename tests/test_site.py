@@ -8,11 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
 import gspure
 from gspure.cli import COMMANDS, main
 from gspure.scenes import lighting
+from gspure.workflow.schema import config_schema
 from tests.documentation import PAGES, ROOT, blocks
 
 SPEC = importlib.util.spec_from_file_location("site_pages", ROOT / "setup" / "site.py")
@@ -41,7 +41,7 @@ def test_the_commands_of_the_tutorial_run_one_after_the_other(tmp_path, monkeypa
 def test_the_references_name_everything():
     assert all(f"::: gspure.{name}\n" in site.python_page() for name in gspure.__all__ if name != "__version__")
     assert all(f"## gspure {name}\n" in site.commands_page() for name in COMMANDS)
-    schema = yaml.safe_load((ROOT / "schemas" / "config.schema.yaml").read_text())
+    schema = config_schema()
     page = site.settings_page()
     assert all(f"## {name}\n" in page for name in schema["properties"])
     assert all(f"| `{name}` |" in page for name in schema["properties"]["method"]["properties"])

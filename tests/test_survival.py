@@ -107,7 +107,7 @@ FADED = benchmark({"a": {"gspure": (1.0, 20.0), "gof": (1.0, 21.0)}})
 def test_a_message_that_is_not_retrieved_before_any_attack_is_not_embedded() -> None:
     assert not_embedded(FADED) == not_embedded(with_retrieval(FADED, unattacked=NEAREST)) == []
     outcomes = with_retrieval(FADED, unattacked=UNRELATED, gspure=UNRELATED, gof=UNRELATED)
-    assert not_embedded(outcomes) == [("sis", "a")]
+    assert not_embedded(outcomes) == [("sis", "a", 0)]
     assert {row.present for row in survival(outcomes)} == {0}
 
 

@@ -142,6 +142,12 @@ def test_a_model_replaced_by_an_older_file_is_read_again(project):
     assert jobs.items() >= {**dict.fromkeys(every, 1), "evaluate_variant": len(CONFIG["variants"]) - 1}.items()
 
 
+def test_braces_in_the_name_of_a_model_are_no_wildcards(project):
+    shutil.copy(project.folder / "bot.ply", project.folder / "b{1}.ply")
+    project.configure({**CONFIG, "assets": {"bot": {"model": "b{1}.ply", "cameras": "views.json"}}})
+    assert planned(project)["measure_contributions"] == 1
+
+
 def test_a_setting_of_an_attack_concerns_its_variant_alone(project):
     config = {**CONFIG, "variants": {**CONFIG["variants"], "crop_all": {"attack": "crop", "fraction": 1e-8}}}
     project.configure(config)

@@ -7,21 +7,20 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from snakemake.utils import validate
 
 from gspure.cameras import write_cameras
+from gspure.evaluation.plan import Plan
 from gspure.model import write_model
-from gspure.workflow.configuration import resolve
-from gspure.workflow.plan import Plan
+from gspure.workflow import planning
+from gspure.workflow.config import Config
+from gspure.workflow.config_reading import config_of
 from tests.models import blobs, tilted_camera
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "schemas" / "config.schema.yaml"
 WORKFLOW = ("gspure", "kernels_cl", "rules", "schemas", "config", "profiles", "envs", "report", "setup", "Snakefile")
 CONFIG = {
     "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
@@ -44,19 +43,17 @@ print(json.dumps({image.stem: 0.5 for image in pathlib.Path(sys.argv[1]).glob("*
 """
 
 
-def filled(config):
-    """A configuration in which every absent setting has its default."""
-    validate(config := deepcopy(config), str(SCHEMA))
-    return config
+SOURCE = "mine.yaml"
 
 
-def settled(config, source="mine.yaml"):
-    """A configuration as the rules see it."""
-    return resolve(filled(config), source)
+def configuration(content) -> Config:
+    """A configuration with all defaults."""
+    return config_of(content, SOURCE)
 
 
-def plan_of(config) -> Plan:
-    return Plan(settled(config))
+def plan_of(content) -> Plan:
+    """The plan of a configuration."""
+    return planning.plan_of(configuration(content), SOURCE)
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,20 @@
 """``gspure attack``: one variant of a model."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from gspure.arrays import save_array
-from gspure.attacks import BUILT_IN, Measurements, NotApplicable, find_attack
-from gspure.attacks.strength import Damage, scene_damage
+from gspure.attacks import BUILT_IN, find_attack
+from gspure.attacks.strength import Damage, Match, scene_damage
+from gspure.cameras import Camera
+from gspure.cameras.splits import views_of_split
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
+from gspure.evaluation.attacking import AttackResult, Context, attacked, learns
+from gspure.evaluation.plan import AttackSpec
 from gspure.images import read_image
 from gspure.model import require_writable
 from gspure.opencl.device import Device
@@ -56,52 +60,93 @@ def add_arguments(parser: Parser) -> None:
     options.add_device(parser)
 
 
+@dataclass(frozen=True)
+class AttackOptions:
+    """The arguments of the command."""
+
+    name: str
+    model: Path
+    out: Path
+    seed: int
+    set: Sequence[tuple[str, str]]
+    weights: Path | None
+    prune_mask: Path | None
+    opacities: Path | None
+    surface: Path | None
+    labels: Path | None
+    removed: Path | None
+    transform: Path | None
+    scheme: str | None
+    damage: float | None
+    cameras: Path | str | None
+    up: Sequence[float] | None
+    split: str
+    photographs: Path | None
+    device: str | None
+
+
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows and transform."""
-    if (attack := find_attack(args.name)).of_renders:
-        expected, hint = "an attack on models", "variants of the workflow apply it"
-        raise InputError(f"attack {attack.name}", "name", expected=expected, found="one on renders", hint=hint)
-    require_writable(args.out)
-    settings: dict[str, Any] = parsed_settings(f"attack {attack.name}", attack.function, dict(args.set))
-    learns, searches = "teacher" in attack.parameters, args.damage is not None
-    if (learns or searches) and not args.cameras:
+    wanted = options.typed(args, AttackOptions)
+    require_writable(wanted.out)
+    spec = _spec(wanted)
+    public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
+    attack_result = attacked(public, spec, _context(wanted, spec))
+    if attack_result.match and wanted.damage is not None:
+        _mention(attack_result, attack_result.match, wanted.damage, is_estimated=not wanted.photographs)
+    attack_result.public.write(wanted.out)
+    if wanted.removed:
+        save_array(wanted.removed, attack_result.attacked.prune_mask)
+    if wanted.transform:
+        save_array(wanted.transform, attack_result.transform)
+    options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
+    print(attack_result.sentence)
+
+
+def _spec(wanted: AttackOptions) -> AttackSpec:
+    """Return the attack that the arguments name, or raise `InputError` for a setting that it does not take."""
+    attack = find_attack(wanted.name)
+    if attack.of_renders:
+        hint = "variants of the workflow apply it"
+        source = f"attack {attack.name}"
+        raise InputError(source, "name", expected="an attack on models", found="one on renders", hint=hint)
+    settings = parsed_settings(f"attack {attack.name}", attack.function, dict(wanted.set))
+    files: dict[str, Path | None] = {
+        name: getattr(wanted, name) for name in sorted(attack.needs & _MEASUREMENTS.keys())
+    }
+    measured = {name: file for name, file in files.items() if file}
+    return AttackSpec(attack.name, settings=settings, seed=wanted.seed, damage=wanted.damage, measured=measured)
+
+
+def _context(wanted: AttackOptions, spec: AttackSpec) -> Context:
+    """Return the views and the device of attacks that train and of ``--damage``; nothing for others."""
+    trains = learns(find_attack(spec.name))
+    searches = spec.damage is not None
+    if not trains and not searches:
+        return Context()
+    if not wanted.cameras:
         raise InputError("attack", "--cameras", expected="public views, which the attack renders", found="none")
-    public = read_public_model(args.model, args.scheme).drawable(args.model)
-    given = {name: file for name in sorted(attack.needs & _MEASUREMENTS.keys()) if (file := getattr(args, name))}
-    measurements = Measurements.read(public, given)
-    device = options.read_device(args) if learns or searches else None
-    views = options.read_views(args, "train") if learns else []
-    known: dict[str, Any] = {"seed": args.seed, "cameras": views, "device": device}
-    search = None
-    if searches:
-        damage = _read_damage(args, public, device)
-        search = attack.matching(public, measurements, args.damage, damage, **known, **settings)
-        settings[search.setting] = search.value
-    attacked = attack.apply(public, measurements, **known, **settings)
-    if search:
-        estimated = "" if args.photographs else "an estimated "
-        drop = f"{search.setting}={search.value:.4g} lowers the scene's PSNR by {estimated}{search.damage:z.2f} dB"
-        if search.misses(args.damage):
-            warn(f"{args.name}: {drop}, not by {args.damage:g} dB")
-        else:
-            print(f"{args.name}: {drop}")
-    kept, count = int((~attacked.prune_mask).sum()), attacked.count
-    if not len(attacked.model):
-        raise NotApplicable(attack.name, f"none of {count} rows would remain")
-    attacked.published(public, search.comment(args.damage) if search else "").write(args.out)
-    if args.removed:
-        save_array(args.removed, attacked.prune_mask)
-    if args.transform:
-        save_array(args.transform, np.eye(4) if attacked.transform is None else attacked.transform)
-    args.set = {**attack.settings, **settings}
-    options.record_command(args, args.out.parent)
-    print(f"{attack.name}: kept {kept} of {count} rows, {len(attacked.model)} in all")
+    device = options.selected_device(wanted.device)
+    cameras = options.read_source(wanted.cameras, wanted.model, up=wanted.up)
+    views = views_of_split(cameras, "train", wanted.cameras) if trains else []
+    rendered = views_of_split(cameras, wanted.split, wanted.cameras) if searches else []
+    return Context(views, device, partial(_damage, rendered, wanted.photographs, device))
 
 
-def _read_damage(args: Arguments, public: PublicModel, device: Device | None) -> Damage:
-    """Return the function that measures the damage to the scene in the views of ``--cameras``."""
-    views, photographs = options.read_views(args, args.split), None
-    if args.photographs:
-        files = {args.photographs / f"{view.name}.png": (view.width, view.height) for view in views}
-        photographs = [read_image(file, size, public.model.background) for file, size in files.items()]
+def _damage(views: Sequence[Camera], folder: Path | None, device: Device, public: PublicModel) -> Damage:
+    """Return the function that measures the damage to the scene in some views, against photographs in a folder."""
+    photographs = None
+    if folder:
+        background = public.model.background
+        photographs = [read_image(folder / f"{v.name}.png", (v.width, v.height), background) for v in views]
     return scene_damage(public, views, photographs, device)
+
+
+def _mention(attack_result: AttackResult, match: Match, wanted: float, *, is_estimated: bool) -> None:
+    """Print the strength at which a search ended; warn if it misses the damage."""
+    amount = f"an estimated {match.damage:z.2f} dB" if is_estimated else f"{match.damage:z.2f} dB"
+    sentence = f"{attack_result.attack.name}: {attack_result.strength} lowers the scene's PSNR by {amount}"
+    if match.misses(wanted):
+        warn(f"{sentence}, not by {wanted:g} dB")
+    else:
+        print(sentence)

@@ -2,16 +2,20 @@
 
 import json
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
 from textwrap import fill
-from typing import Any, Final
+from typing import Final
 
+from gspure.cli import options
 from gspure.cli.options import QUIET, add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
-from gspure.errors import InputError, reading
-from gspure.files import digest, read_json
+from gspure.errors import InputError
+from gspure.files import Json
 from gspure.progress import say
 from gspure.settings import CORES
 from gspure.workflow.running import run as run_workflow
@@ -39,7 +43,6 @@ exit status:
 """
 _RESULTS = Path("results")
 _CONFIGURATION = _RESULTS / "audit.yaml"
-_LINKS = Path(".snakemake") / "gspure-links"
 _SEARCHED: Final = {"gspure_scaled": {"damage": [1, 2]}}  # tested beside the default attacks, for a verdict
 
 
@@ -68,64 +71,103 @@ def add_run_options(parser: Parser) -> None:
     parser.epilog = f"{parser.epilog}{_STATUSES}"
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """The options of `audited`."""
+
+    json: bool
+    fail_under: float | None
+    dry_run: bool
+    cores: int | None
+    verbose: bool
+    passed_on: Sequence[str]
+
+
+@dataclass(frozen=True)
+class AuditOptions:
+    """What to audit: a configuration, or a model with its views and what its owner has."""
+
+    source: Path
+    key: Path | None
+    message: Path | None
+    cameras: Path | str | None
+    up: Sequence[float] | None
+    everyday: bool
+
+    @property
+    def is_configuration(self) -> bool:
+        """Whether the source is a configuration of the workflow."""
+        return self.source.suffix in {".yaml", ".yml"}
+
+
 def run(args: Arguments) -> int:
     """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
-    if args.dry_run:
-        with TemporaryDirectory() as folder:
-            return audited(args, _configuration(args, Path(folder) / _CONFIGURATION.name))
-    return audited(args, _configuration(args, _CONFIGURATION))
+    wanted = options.typed(args, AuditOptions)
+    run_options = options.typed(args, RunOptions)
+    if wanted.is_configuration:
+        if wanted.cameras or wanted.up or wanted.key or wanted.everyday:
+            conflict = "views or a key"
+            raise InputError(wanted.source, "--cameras", expected="nothing beside a configuration", found=conflict)
+        return audited(run_options, wanted.source)
+    if not run_options.dry_run:
+        return audited(run_options, _write_configuration(wanted, _CONFIGURATION, draws=True))
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / _CONFIGURATION.name
+        return audited(run_options, _write_configuration(wanted, target, draws=False))
 
 
-def audited(args: Arguments, configuration: Path) -> int:
+def audited(run_options: RunOptions, configuration: Path) -> int:
     """Run Snakemake, then print the answer, and return the exit status.
 
     With options after ``--``, all output is Snakemake's. Jobs that failed leave the answer for the other variants.
     """
-    options = _options(args, configuration)
-    if args.dry_run or args.passed_on:
-        return SUCCESS if run_workflow(options) else FAILED
-    if unlock(options):
+    words = _snakemake_options(run_options, configuration)
+    if run_options.dry_run or run_options.passed_on:
+        return SUCCESS if run_workflow(words) else FAILED
+    if unlock(words):
         say("an earlier run was killed: what it left undone is done now")
     page = _RESULTS / "report.html"
     earlier = page.stat().st_mtime_ns if page.is_file() else 0
-    succeeded = run_workflow(options, silent=not args.verbose)
+    succeeded = run_workflow(words, silent=not run_options.verbose)
     if not succeeded and not (page.is_file() and page.stat().st_mtime_ns > earlier):
         return FAILED
-    is_lost = bool(_answer(args)) and args.fail_under is not None
+    damage = _answer(as_json=run_options.json)
     if not succeeded:
         return FAILED
+    is_lost = run_options.fail_under is not None and damage < run_options.fail_under
     return LOST if is_lost else SUCCESS
 
 
-def _answer(args: Arguments) -> int:
-    """Print the verdict of every condition; return 1 if the message is lost below the limit, else 0."""
+def _answer(*, as_json: bool) -> float:
+    """Print the verdict of every condition; return the least damage, dB, at which a message is lost."""
     from gspure.evaluation.collecting import collect
+    from gspure.evaluation.plan import read_plan
     from gspure.evaluation.survival import Survival
     from gspure.metrics.csv_tables import read_table
     from gspure.report.answer import answers
-    from gspure.workflow.plan import Plan
-    from gspure.workflow.variants import report_plan
 
-    plan = report_plan(Plan(read_json(_RESULTS / "configuration.json")))
+    outcomes = collect(_RESULTS, read_plan(_RESULTS).models)
     survivals = read_table(_RESULTS / "tables" / "survival.csv", Survival)
-    found = answers(collect(_RESULTS, plan.models), survivals)
-    if args.json:
-        print(json.dumps([answer.facts() for answer in found], indent=2))
+    conditions = answers(outcomes, survivals)
+    if as_json:
+        print(json.dumps([answer.facts() for answer in conditions], indent=2))
     else:
-        for answer in found:
+        for answer in conditions:
             *table, sentence = answer.lines()
             print("", *table, fill(sentence, get_terminal_size((120, 24)).columns), sep="\n")
         print(f"\n{_RESULTS / 'report.html'}")
-    return int(any(answer.audit.damage < (args.fail_under or 0) for answer in found))
+    return min((answer.audit.damage for answer in conditions), default=inf)
 
 
-def _options(args: Arguments, configuration: Path) -> list[str]:
+def _snakemake_options(run_options: RunOptions, configuration: Path) -> list[str]:
     """Return the options of Snakemake: the workflow with its own profile, and those of the user."""
-    folder = snakefile().parent
-    options = ["--snakefile", str(snakefile()), "--workflow-profile", str(folder / "profiles" / "default")]
-    options += ["--dry-run"] if args.dry_run else []
-    options += ["--cores", str(args.cores)] if args.cores else []
-    return [*options, "--configfile", str(configuration), *args.passed_on]
+    profile = snakefile().parent / "profiles" / "default"
+    words = ["--snakefile", str(snakefile()), "--workflow-profile", str(profile)]
+    if run_options.dry_run:
+        words.append("--dry-run")
+    if run_options.cores:
+        words += ["--cores", str(run_options.cores)]
+    return [*words, "--configfile", str(configuration), *run_options.passed_on]
 
 
 def snakefile() -> Path:
@@ -135,79 +177,94 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _configuration(args: Arguments, target: Path) -> Path:
-    """Return the configuration file; that of a model is written to `target`."""
+def _write_configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
+    """Write the configuration of a model, unless the results here are of another one; warn of doubtful views."""
     import yaml
 
     from gspure.cameras import GENERATED
     from gspure.cameras.worlds import mention_unseen
-    from gspure.cli.options import mention_up
     from gspure.files import write_text
     from gspure.model import model_file, read_model
-    from gspure.model.inria import UNPACKED_SOG
-    from gspure.schemes.registry import read_public_model, recognized
+    from gspure.schemes.registry import recognized
 
-    source: Path = args.source
-    if source.suffix in {".yaml", ".yml"}:
-        if args.cameras or args.up or args.key or args.everyday:
-            raise InputError(source, "--cameras", expected="nothing beside a configuration", found="views or a key")
-        return source
-    rows = read_model(source)
-    model = model_file(source)
-    asset = _asset(args, model)
+    model = model_file(wanted.source)
+    rows = read_model(wanted.source)
+    asset = _asset(wanted, model)
     if asset["cameras"] not in GENERATED:
         mention_unseen(rows, read_source(Path(asset["cameras"]), model))
-    elif (public := read_public_model(source).drawable(source)).visible and not args.dry_run:
-        mention_up(public.model, public.scene(background=rows.background), args.up, _RESULTS)
-    named = source.resolve().parent if source.name in {UNPACKED_SOG, "public"} else source.resolve()
-    scene = re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
-    configuration: dict[str, Any] = {"assets": {scene: asset}}
-    if scheme := recognized(rows):
-        configuration["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
-    if args.everyday:
-        everyday = snakefile().parent / "config" / "everyday.yaml"
-        configuration["variants"] = yaml.safe_load(everyday.read_text(encoding="utf-8"))["variants"]
-    elif args.key:
-        schema = yaml.safe_load((snakefile().parent / "schemas" / "config.schema.yaml").read_text(encoding="utf-8"))
-        configuration["variants"] = {**schema["properties"]["variants"]["default"], **_SEARCHED}
-    if _CONFIGURATION.is_file():
-        with reading(_CONFIGURATION, "a configuration, as YAML"):
-            last = yaml.safe_load(_CONFIGURATION.read_text(encoding="utf-8"))
-        if [*last["assets"]] != [scene]:
-            hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
-            raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(last["assets"]), hint=hint)
-    write_text(target, yaml.safe_dump(configuration))
+    elif draws:
+        _mention_up(wanted)
+    scene = _scene_name(wanted.source)
+    content: Json = {"assets": {scene: asset}}
+    scheme = recognized(rows)
+    if scheme:
+        content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
+    variants = _variants(wanted)
+    if variants:
+        content["variants"] = variants
+    _require_same_scene(scene)
+    write_text(target, yaml.safe_dump(content))
     return target
 
 
-def _asset(args: Arguments, model: Path) -> dict[str, Any]:
+def _variants(wanted: AuditOptions) -> Json:
+    """Return what is done to the model; nothing for the attacks of a run that names none."""
+    from gspure.workflow.config import DEFAULT_VARIANTS
+    from gspure.workflow.config_reading import load_yaml
+
+    if wanted.everyday:
+        variants: Json = load_yaml(snakefile().parent / "config" / "everyday.yaml")["variants"]
+        return variants
+    return {name: {} for name in DEFAULT_VARIANTS} | _SEARCHED if wanted.key else {}
+
+
+def _require_same_scene(scene: str) -> None:
+    """Refuse to replace the results of another model."""
+    from gspure.workflow.config_reading import load_yaml
+
+    if not _CONFIGURATION.is_file():
+        return
+    scenes = [*load_yaml(_CONFIGURATION).get("assets", {})]
+    if scenes != [scene]:
+        hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
+        raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(scenes), hint=hint)
+
+
+def _scene_name(source: Path) -> str:
+    """Return the name of a model's folder of results: that of its file or, for general names, of its folder."""
+    from gspure.model.inria import UNPACKED_SOG
+
+    named = source.resolve().parent if source.name in {UNPACKED_SOG, "public"} else source.resolve()
+    return re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
+
+
+def _mention_up(wanted: AuditOptions) -> None:
+    """Warn if the up direction of generated views is unsure, and draw the model with each axis up."""
+    from gspure.cli.options import mention_up
+    from gspure.schemes.registry import read_public_model
+
+    public = read_public_model(wanted.source).drawable(wanted.source)
+    if public.visible:
+        mention_up(public.model, public.scene(background=public.model.background), wanted.up, _RESULTS)
+
+
+def _asset(wanted: AuditOptions, model: Path) -> Json:
     """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
     from gspure.cameras.reading import place_in
     from gspure.schemes.pair import message_folder
     from gspure.schemes.registry import made_by
 
-    run = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
-    pairs = [made_by(args.key)[1]] if args.key else []
-    message = args.message or next(filter(place_in, map(message_folder, pairs)), None)
-    cameras = args.cameras or next(filter(place_in, [*pairs, model.parent, run]), "orbit")
-    owned = f", key {args.key}, message {message or 'as before the attacks'}" if args.key else ""
-    say(f"{model}: views {cameras}{owned}")
-    paths = {"model": model, "cameras": cameras, "key": args.key, "message": message}
-    asset: dict[str, Any] = {name: str(_without_braces(Path(path))) for name, path in paths.items() if path}
-    return asset | {"generated": {"up": args.up}} if args.up else asset
-
-
-def _without_braces(path: Path) -> Path:
-    """Return the path, or one through a link to its last part with braces, which Snakemake takes for wildcards."""
-    marked = next((part for part in (path, *path.parents) if {*"{}"} & {*part.name}), None)
-    if marked is None:
-        return path
-    target = marked.absolute()
-    link = _LINKS / digest(str(target)) / re.sub("[{}]", "_", target.name)
-    if not link.is_symlink():  # a new link would count as a new model
-        link.parent.mkdir(parents=True, exist_ok=True)
-        link.symlink_to(target)
-    return link / path.relative_to(marked)
+    run_folder = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
+    pairs = [made_by(wanted.key)[1]] if wanted.key else []
+    message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
+    cameras = wanted.cameras or next(filter(place_in, [*pairs, model.parent, run_folder]), "orbit")
+    owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""
+    say(f"{model}: views {cameras}{owner}")
+    paths = {"model": model, "cameras": cameras, "key": wanted.key, "message": message}
+    asset: Json = {name: str(path) for name, path in paths.items() if path}
+    if wanted.up:
+        asset["generated"] = {"up": [*wanted.up]}
+    return asset
 
 
 def decibels(text: str) -> float:

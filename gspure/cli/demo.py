@@ -1,6 +1,7 @@
 """``gspure demo``: the whole evaluation on a scene made here."""
 
-from gspure.cli.audit import add_run_options, audited, snakefile
+from gspure.cli import options
+from gspure.cli.audit import RunOptions, add_run_options, audited, snakefile
 from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
@@ -14,4 +15,4 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> int:
     """Run the demo's configuration."""
-    return audited(args, snakefile().parent / "config" / "config.yaml")
+    return audited(options.typed(args, RunOptions), snakefile().parent / "config" / "config.yaml")

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gspure.cli.parser import Arguments, Parser, filled
 from gspure.errors import InputError
 from gspure.settings import COORDINATE, SEED, SHARE
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from gspure.attacks import Attack
     from gspure.cameras import Camera
     from gspure.model import Gaussians
     from gspure.opencl.device import Device
     from gspure.public_model import RenderView
     from gspure.schemes.scheme import Key, Scheme
+
+Options = TypeVar("Options", bound="DataclassInstance")
 
 SPLITS = ("train", "test", "all")
 
@@ -33,6 +37,11 @@ def add_device(parser: Parser) -> None:
     parser.flag(*QUIET)
     meaning = "part of the OpenCL device's name, or index in `gspure doctor` (default: $GSPURE_DEVICE or the first)"
     parser.text("--device", "NAME|INDEX", meaning)
+
+
+def typed(args: Arguments, kind: type[Options]) -> Options:
+    """Return the arguments of a command as its dataclass."""
+    return kind(**{field.name: getattr(args, field.name) for field in fields(kind)})
 
 
 def read_device(args: Arguments) -> Device:

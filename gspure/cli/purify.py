@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -26,10 +26,11 @@ from gspure.constants import (
     Energy,
 )
 from gspure.errors import InputError
-from gspure.files import filling, write_json
+from gspure.files import Json, filling, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
+from gspure.method.settings import MethodSettings
 from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
 from gspure.metrics import comparison
@@ -109,7 +110,7 @@ def run(args: Arguments) -> None:
         train = test
     device = choose_device(args.device)
     with filling(args.out) as folder:
-        purification = purify(public, train, device=device, energy=args.energy, **settings)
+        purification = purify(public, train, device=device, **settings.of_purify)
         models = _models(public, purification, train, args.repair, device)
         models["purified"].write(folder / "purified.ply")
         options.write_views(folder, cameras)
@@ -118,7 +119,7 @@ def run(args: Arguments) -> None:
         metrics = _compare(folder, models, test, device)
         diagnosis = _diagnosis(purification, suspects, metrics)
         write_json(folder / "diagnosis.json", diagnosis)
-        options.record_command(args, folder, resolved=settings)
+        options.record_command(args, folder, resolved=settings.of_purify)
         renders = [f"renders/{title}/*.png" for title in _RENDERS]
         options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *renders)
     if public.visible and isinstance(args.cameras, str):
@@ -137,15 +138,17 @@ def run(args: Arguments) -> None:
     _warn_of_lost_detail(metrics)
 
 
-def _settings(args: Arguments, public: PublicModel) -> dict[str, Any]:
+def _settings(args: Arguments, public: PublicModel) -> MethodSettings:
     """Return the settings of the method; by default, the model's scheme decides about the pruning factors."""
     from gspure.schemes.registry import recognized
 
-    settings: dict[str, Any] = {name: getattr(args, name) for name in _SETTINGS}
     scheme = recognized(public.model)
-    settings["tau_c"] = args.tau_c or (scheme.tau_c if scheme else TAU_C)
-    settings["tau_n"] = args.tau_n or (scheme.tau_n if scheme else TAU_N)
-    return settings
+    settings = MethodSettings(**{name: getattr(args, name) for name in ("energy", *_SETTINGS)})
+    return replace(
+        settings,
+        tau_c=settings.tau_c or (scheme.tau_c if scheme else TAU_C),
+        tau_n=settings.tau_n or (scheme.tau_n if scheme else TAU_N),
+    )
 
 
 def _models(
@@ -191,11 +194,9 @@ def _compare(
     return metrics
 
 
-def _diagnosis(
-    purification: Purification, suspects: Mapping[str, Indices], metrics: Sequence[ViewMetrics]
-) -> dict[str, Any]:
+def _diagnosis(purification: Purification, suspects: Mapping[str, Indices], metrics: Sequence[ViewMetrics]) -> Json:
     """Return the content of ``diagnosis.json``; the PSNR of a target is left out if all its views are identical."""
-    diagnosis: dict[str, Any] = purification.diagnosis.to_json()
+    diagnosis = purification.diagnosis.to_json()
     diagnosis["suspicious"] = {reason: rows.tolist() for reason, rows in suspects.items()}
     for mean, low in zip(comparison.means(metrics), comparison.worst(metrics), strict=True):
         if math.isfinite(low.psnr):
@@ -216,7 +217,7 @@ def _lines_of_views(
     return lines + near_lines(model, weights, views)
 
 
-def _lines_of_repair(diagnosis: Mapping[str, Any]) -> list[str]:
+def _lines_of_repair(diagnosis: Json) -> list[str]:
     if not {"psnr_before_repair", "psnr"} <= diagnosis.keys():
         return []
     before = diagnosis["psnr_before_repair"]["mean"]
@@ -235,7 +236,7 @@ def _draw(
     out: Path,
     public: PublicModel,
     purification: Purification,
-    settings: Mapping[str, Any],
+    settings: MethodSettings,
     cameras: Sequence[Camera],
     titles: Sequence[str],
     device: Device,
@@ -250,8 +251,8 @@ def _draw(
         public,
         purification.labels,
         purification.weights,
-        tau_c=settings["tau_c"],
-        tau_n=settings["tau_n"],
+        tau_c=settings.factors.tau_c,
+        tau_n=settings.factors.tau_n,
     )
     captions = draw_model(folder, model, cameras, device)
     if public.visible:

@@ -1,12 +1,9 @@
 """``gspure report``: tables, figures and one page about all models of a run."""
 
 from gspure.cli.parser import Arguments, Parser
-from gspure.files import read_json
-from gspure.metrics.names import display_name, model_name
+from gspure.evaluation.plan import read_plan
 from gspure.progress import tell
 from gspure.report.writing import write_report
-from gspure.workflow.plan import Plan
-from gspure.workflow.variants import report_plan
 
 EXAMPLES = """\
   gspure report results                  # results/report.html, even if the run failed or still goes on
@@ -18,9 +15,7 @@ def add_arguments(parser: Parser) -> None:
 
 
 def run(args: Arguments) -> None:
-    plan = report_plan(Plan(read_json(args.results / "configuration.json")))
-    for outcome in write_report(args.results, plan):
+    for outcome in write_report(args.results, read_plan(args.results)):
         if outcome.failure:
-            name = model_name(outcome.scheme, outcome.folder)
-            tell(f"gspure: {name}, {display_name(outcome.variant)}: no results: {outcome.failure}")
+            tell(f"gspure: {outcome.model.title}, {outcome.title}: no results: {outcome.failure}")
     print(args.results / "report.html")

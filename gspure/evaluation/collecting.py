@@ -1,139 +1,170 @@
-"""Outcomes from a folder of results: what is there, and why the rest is missing; and their table, ``results.csv``."""
+"""Outcomes from a folder of results: what is there, and why the rest is missing."""
 
 import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from gspure.arrays import load_array
+from gspure.arrays import Bools, load_array
+from gspure.codec import read
 from gspure.errors import InputError, printable
-from gspure.evaluation.matched import Sweeps
-from gspure.evaluation.outcomes import OfCondition, Outcome, by_model, ordered, with_references
+from gspure.evaluation.outcomes import Outcome, by_model, with_references
+from gspure.evaluation.plan import AttackSpec, Job, ModelPlan
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import read_json
 from gspure.grouping import grouped
 from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
-from gspure.metrics.csv_tables import Drops, Values, read_table, write_table
+from gspure.metrics.csv_tables import read_table
 from gspure.metrics.detection import DETECTIONS, Detection, read_detections
 from gspure.metrics.image_metrics import nominal_drop
-from gspure.metrics.names import UNATTACKED, model_name
-from gspure.metrics.retrieval import Retrieval, Retrieved
-from gspure.metrics.targets import MESSAGE, SCENE
+from gspure.metrics.names import UNATTACKED
+from gspure.metrics.retrieval import Retrieved
+from gspure.metrics.targets import BITS
 from gspure.progress import warn
 from gspure.provenance import run_of
 
 MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
-_REFUSED: Final = "not applicable"  # entry of ``verdict.json``: why an attack cannot apply to a model
-REMOVED: Final = "removed"  # entry of ``verdict.json``: why no extraction can read the attacked model
+REMOVED: Final = "removed"  # why no extraction can read the attacked model
 _ERROR: Final = re.compile(r"gspure \S+: |killed by signal|\S*(Error|Exception|Interrupt)\b")
-_NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
-class ModelPlan:
-    """What a run makes of one model, in ``results/SCHEME/SCENE``.
+def collect(results: Path, models: Sequence[ModelPlan]) -> list[Outcome]:
+    """Return the outcomes of all variants and controls of models, sorted by model; `UNATTACKED` first.
 
-    `variants` and `controls` have metrics, in the order of tables, the unattacked model first. `detections` are the
-    detectors that read each of them, or further controls. `targets` are the pictures that are compared, the scene and
-    extractions of the message; `photographs` the folder with their truth, ``scene`` and ``message``, or None if renders
-    are compared with those of the unattacked model. Protocol and initialization are those of its pair.
-    """
-
-    variants: Sequence[str]
-    controls: Sequence[str] = ()
-    targets: Sequence[str] = (SCENE,)
-    detections: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    photographs: Path | None = None
-    protocol: str = ""
-    initialization: str = ""
-
-    @property
-    def expected(self) -> dict[str, Sequence[str]]:
-        """The files that every variant and control should have."""
-        measured = (*self.variants, *self.controls)
-        return {
-            name: [
-                *["metrics.csv"] * (name in measured),
-                *(f"{DETECTIONS}/{detector}.csv" for detector in self.detections.get(name, ())),
-            ]
-            for name in dict.fromkeys((*measured, *self.detections))
-        }
-
-
-def collect(results: Path, models: Mapping[str, ModelPlan]) -> list[Outcome]:
-    """Return the outcomes of all variants of models ``SCHEME/SCENE``, sorted by these; `UNATTACKED` first.
-
-    Scenes that end in ``@1``, ``@2``, ... are repetitions with other random seeds. Where a file is missing, the outcome
-    names the reason: that the attack cannot apply, or the last line of a log.
+    Where a file is missing, the outcome names the reason: that the attack cannot apply, or the last line of a log.
     """
     if not models:
         raise InputError(results, "models", expected="some model", found="none")
-    outcomes = [o for name, plan in models.items() for o in _of_model(results, name, plan)]
-    for (scheme, folder), variants in by_model(outcomes):
-        if len(runs := {o.run for o in variants if o.run and not o.is_control}) > 1:
-            warn(f"{model_name(scheme, folder)}: results of {len(runs)} runs: {', '.join(sorted(runs))}")
+    outcomes = [outcome for model in models for outcome in _of_model(results, model)]
+    for model, variants in by_model(outcomes).items():
+        runs = {o.run for o in variants if o.run and not o.is_control}
+        if len(runs) > 1:
+            warn(f"{model.title}: results of {len(runs)} runs: {', '.join(sorted(runs))}")
     outcomes.sort(key=lambda o: (o.scheme, o.scene, o.seed, o.variant != UNATTACKED))
     return with_references(outcomes)
 
 
-def _of_model(results: Path, name: str, plan: ModelPlan) -> Iterator[Outcome]:
-    scheme, folder = name.split("/")
-    scene, _, seed = folder.partition("@")
-    place = results / scheme / folder
-    files = {variant: place / variant / "verdict.json" for variant in plan.expected}
-    verdicts = {variant: read_json(file) if file.is_file() else {} for variant, file in files.items()}
-    refused = {v: f"{_REFUSED}: {verdict[_REFUSED]}" if _REFUSED in verdict else "" for v, verdict in verdicts.items()}
-    tables = {v: path for v in plan.expected if not refused[v] and (path := place / v / "metrics.csv").is_file()}
-    rows = _without_identical_views({variant: read_metrics(path) for variant, path in tables.items()})
+@dataclass(frozen=True)
+class _Files:
+    """The files of a job that are there, and the reasons for those that are missing."""
+
+    folder: Path
+    attack: Applied | Refused | None
+    missing: Mapping[str, str]  # reasons by file
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether there are metrics."""
+        return "metrics.csv" not in self.missing and (self.folder / "metrics.csv").is_file()
+
+
+def expected_files(job: Job) -> list[str]:
+    """Return the files of a job that its outcome needs."""
+    files = [f"{DETECTIONS}/{name}.csv" for name in _detectors(job)]
+    if job.control is None or job.compared:
+        files.insert(0, "metrics.csv")
+    return files
+
+
+def _detectors(job: Job) -> list[str]:
+    return [*job.detectors, BITS] if job.reads_bits else [*job.detectors]
+
+
+def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
+    place = results / model.id.name
+    jobs = [job for job in model.jobs if expected_files(job)]
+    files = {job.variant: _files(results, place / job.variant, job) for job in jobs}
+    measured = [job.variant for job in jobs if files[job.variant].is_measured]
+    metrics = _without_identical_views({name: read_metrics(place / name / "metrics.csv") for name in measured})
     detections = read_detections(place)
-    for variant, expected in plan.expected.items():
-        absent = [file for file in expected if refused[variant] or not (place / variant / file).is_file()]
-        missing = {file: refused[variant] or _reason(results, place / variant) for file in absent}
-        o = Outcome(
-            scheme,
-            scene,
-            variant,
-            failure=missing.pop("metrics.csv", ""),
-            undetected={Path(file).stem: reason for file, reason in missing.items()},
-            detections=detections.get(variant, {}),
-            seed=int(seed) if seed.isdecimal() else 0,
-            protocol=plan.protocol,
-            initialization=plan.initialization,
-            run=run_of(place / variant / "public") or run_of(place / variant) or run_of(place / "public"),
-        )
-        if variant in rows:
-            verdict = dict(verdicts[variant])
-            if reason := verdict.pop(REMOVED, ""):
-                verdict["undetected"] = {**o.undetected} | dict.fromkeys(plan.targets[1:], f"{REMOVED}: {reason}")
-            truth_file = place / "key" / MESSAGE_ROWS if variant in plan.variants else None
-            o = replace(o, **verdict, **_measured(place / variant, rows[variant], truth_file))
-        yield o
+    for job in jobs:
+        outcome = _unmeasured_outcome(model, job, files[job.variant], detections.get(job.variant, {}))
+        if job.variant in metrics:
+            rows_file = None if job.control else place / "key" / MESSAGE_ROWS
+            outcome = replace(outcome, **_metric_fields(place / job.variant, metrics[job.variant], rows_file))
+        yield outcome
 
 
-def _measured(folder: Path, rows: Sequence[ViewMetrics], truth_file: Path | None) -> dict[str, Any]:
+def _files(results: Path, folder: Path, job: Job) -> _Files:
+    """Return the state of a job's files; an attack that cannot apply has none."""
+    attack = None
+    if (folder / VERDICT).is_file():
+        verdict: AttackRecord = read(AttackRecord, read_json(folder / VERDICT), folder / VERDICT)
+        attack = verdict.attack
+    if isinstance(attack, Refused):
+        return _Files(folder, attack, dict.fromkeys(expected_files(job), f"not applicable: {attack.reason}"))
+    absent = [file for file in expected_files(job) if not (folder / file).is_file()]
+    reason = _reason(results, folder) if absent else ""
+    return _Files(folder, attack, dict.fromkeys(absent, reason))
+
+
+def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: Mapping[str, Detection]) -> Outcome:
+    """Return what is known of a job without its metrics."""
+    errors = {Path(file).stem: reason for file, reason in files.missing.items() if file != "metrics.csv"}
+    outcome = Outcome(
+        scheme=model.id.scheme,
+        scene=model.id.scene,
+        variant=job.variant,
+        failure=files.missing.get("metrics.csv", ""),
+        detector_errors=errors,
+        detections=detections,
+        seed=model.id.seed,
+        protocol=model.condition.protocol,
+        initialization=model.condition.initialization,
+        run=run_of(files.folder / "public") or run_of(files.folder) or run_of(files.folder.parent / "public"),
+    )
+    if isinstance(job.case, AttackSpec):
+        wanted = math.nan if job.case.damage is None else job.case.damage
+        outcome = replace(outcome, entry=job.case.entry, wanted=wanted)
+    attack = files.attack
+    if not isinstance(attack, Applied) or not files.is_measured:
+        return outcome
+    unreadable = dict.fromkeys(model.targets[1:], f"{REMOVED}: {attack.removed}") if attack.removed else {}
+    return replace(
+        outcome,
+        strength=attack.strength,
+        search_damage=math.nan if attack.search_damage is None else attack.search_damage,
+        affects=attack.affects,
+        unreadable=unreadable,
+    )
+
+
+def _metric_fields(folder: Path, rows: Sequence[ViewMetrics], rows_file: Path | None) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
-    targets, same = {mean.target: mean for mean in means(rows)}, identical(rows)
-    known: dict[str, Any] = {"targets": targets, "views": Counter(row.target for row in rows)}
-    known["identical"] = {name: same[name] for name in targets}
+    targets = {mean.target: mean for mean in means(rows)}
+    same = identical(rows)
     rendered = grouped((row for row in rows if row.reference == RENDER), lambda row: row.target)
-    known["nominal"] = {name: float(np.mean([nominal_drop(row.psnr) for row in of])) for name, of in rendered.items()}
-    if (table := folder / "retrieval.csv").is_file():
-        known["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
-    if (mask := folder / "prune_mask.npy").is_file():
-        pruned = load_array(mask, dtype=np.bool_, shape=(None,))
-        known["pruned_share"] = float(np.mean(pruned))
-        if truth_file and truth_file.is_file():
-            truth = load_array(truth_file, dtype=np.bool_, shape=(len(pruned),))
-            known["precision"], known["recall"] = (
-                np.count_nonzero(pruned & truth) / count if (count := int(mask.sum())) else math.nan
-                for mask in (pruned, truth)
-            )
-    return known
+    fields: dict[str, Any] = {
+        "targets": targets,
+        "views": Counter(row.target for row in rows),
+        "identical": {name: same[name] for name in targets},
+        "nominal": {
+            name: float(np.mean([nominal_drop(row.psnr) for row in views])) for name, views in rendered.items()
+        },
+    }
+    table = folder / "retrieval.csv"
+    if table.is_file():
+        fields["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
+    mask_file = folder / "prune_mask.npy"
+    if mask_file.is_file():
+        pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))
+        fields["pruned_share"] = float(np.mean(pruned))
+        if rows_file and rows_file.is_file():
+            message_rows = load_array(rows_file, dtype=np.bool_, shape=(len(pruned),))
+            fields["precision"] = _share(pruned & message_rows, pruned)
+            fields["recall"] = _share(pruned & message_rows, message_rows)
+    return fields
+
+
+def _share(part: Bools, whole: Bools) -> float:
+    """Return the share of the true entries of a mask that are true in a part of it."""
+    count = int(whole.sum())
+    return np.count_nonzero(part) / count if count else math.nan
 
 
 def _reason(results: Path, variant: Path) -> str:
@@ -152,7 +183,7 @@ def _reason(results: Path, variant: Path) -> str:
 
 
 def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[str, list[ViewMetrics]]:
-    """Leave out the views of a model that equal their photograph in some variant: no mean PSNR counts them there.
+    """Drop views whose PSNR is infinite in any variant, so that all variants average the same views.
 
     Where none is left, variants with such views keep them alone: their mean PSNR is infinite, and their drop unknown.
     """
@@ -169,95 +200,3 @@ def _without_identical_views(rows_of: Mapping[str, list[ViewMetrics]]) -> dict[s
 
 def _equals_photograph(row: ViewMetrics) -> bool:
     return row.reference == TRUTH and not math.isfinite(row.psnr)
-
-
-class Result(NamedTuple):
-    """One target of one variant; for a variant or detector without results, only the reason."""
-
-    condition: OfCondition
-    scene: str
-    seed: int
-    variant: str
-    target: str = ""
-    reference: Literal["truth", "render", ""] = ""
-    views: int | None = None
-    identical: int | None = None
-    values: Values = _NONE
-    drops: Drops = _NONE
-    score: float = math.nan
-    reached: bool | None = None
-    pruned_share: float = math.nan
-    precision: float = math.nan
-    recall: float = math.nan
-    strength: str = ""
-    failure: str = ""
-    retrieval: Retrieval | None = None
-    detection: Detection | None = None  # of a target that is a detector
-    run: str = ""
-    attack: str = ""  # what the variant is one strength of
-
-
-def write_results(path: Path, outcomes: Sequence[Outcome], attacks: Sweeps) -> None:
-    """Write one CSV row per target of every outcome; unknown numbers are empty. `attacks` name the variants of each."""
-    of = {variant: attack for attack, variants in attacks.items() for variant in variants}
-    write_table(path, Result, (row for o in outcomes for row in _rows(o, of.get(o.variant, ""))))
-
-
-def read_results(*paths: Path) -> tuple[list[Outcome], dict[str, list[str]]]:
-    """Return the outcomes and the variants of each attack, from tables of `write_results` of different pairs."""
-    outcomes, attacks = [], dict[str, dict[str, None]]()
-    of_variant = grouped(
-        (row for path in paths for row in read_table(path, Result)),
-        lambda row: (row.condition, row.scene, row.seed, row.variant),
-    )
-    for (condition, scene, seed, variant), rows in of_variant.items():
-        measured, first = [row for row in rows if row.reference], rows[0]
-        attacks.setdefault(first.attack, {})[variant] = None
-        o = Outcome(
-            condition.scheme,
-            scene,
-            variant,
-            {row.target: ViewMetrics(row.target, "mean", row.reference or TRUTH, row.values) for row in measured},
-            {row.target: row.views or 0 for row in measured},
-            *(first.pruned_share, first.precision, first.recall),
-            reached={row.target: row.reached for row in rows if row.reached is not None},
-            strength=first.strength,
-            failure="" if first.target else first.failure,
-            identical={row.target: row.identical for row in measured if row.identical is not None},
-            retrieval={row.target: row.retrieval for row in measured if row.retrieval},
-            detections={row.target: row.detection for row in rows if row.detection},
-            nominal={row.target: row.drops.get("psnr", math.nan) for row in measured if row.reference == RENDER},
-            undetected={row.target: row.failure for row in rows if row.target and row.failure},
-            seed=seed,
-            protocol=condition.protocol,
-            initialization=condition.initialization,
-            run=first.run,
-        )
-        outcomes.append(o)
-    return with_references(outcomes), {attack: [*variants] for attack, variants in attacks.items()}
-
-
-def _rows(o: Outcome, attack: str) -> Iterator[Result]:
-    row = Result(o.condition, o.scene, o.seed, o.variant, run=o.run, attack=attack)
-    if o.failure:
-        yield row._replace(failure=o.failure)
-    for target in ordered(o.targets):
-        mean = o.targets[target]
-        yield row._replace(
-            target=target,
-            reference=mean.reference,
-            views=o.views[target],
-            identical=o.identical.get(target),
-            values=mean.values,
-            drops=o.drops(target),
-            score=o.score_of(target if target in o.messages else MESSAGE),
-            reached=o.reached.get(target),
-            pruned_share=o.pruned_share,
-            precision=o.precision,
-            recall=o.recall,
-            strength=o.strength,
-            retrieval=o.retrieval.get(target),
-        )
-    for name in ordered({*o.detections, *o.undetected}):
-        found = row._replace(target=name, failure=o.undetected.get(name, ""))
-        yield found._replace(detection=o.detections.get(name), reached=o.reached.get(name))

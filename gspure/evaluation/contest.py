@@ -5,8 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.identity import Condition, OfCondition
 from gspure.evaluation.matched import Curves, Point, Sweeps, completed, curves, damages, points
-from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.paper import ATTACKS as PAPER_ATTACKS
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.metrics.statistics import Cells, Interval, by_scene, differences, holm, mean_interval, means_of, paired_test
@@ -53,7 +54,7 @@ def contest(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Contest]:
             for quantity in WEIGHTS if is_picture(extraction) else (MESSAGE_DROP, SCENE_DROP):
                 cells = {variant: _quantity_of(known, variant, quantity) for variant in as_run}
                 rows += _against(cells, condition, extraction, quantity)
-            for damage in damages(o.variant for o in attacked):
+            for damage in damages(attacked):
                 cells = {name: _at_damage(known, sweep, damage) for name, sweep in completed(sweeps, variants).items()}
                 rows += _against(cells, condition, extraction, MESSAGE_DROP, damage)
     return rows
@@ -65,8 +66,8 @@ def _quantity_of(known: Curves, variant: str, quantity: Quantity) -> Cells:
     values = {}
     for cell, curve in known.items():
         if variant in curve:
-            scene_drop, message_drop = curve[variant]
-            values[cell] = scene_weight * scene_drop + message_weight * message_drop
+            drops = curve[variant]
+            values[cell] = scene_weight * drops.scene + message_weight * drops.message
     return values
 
 
@@ -97,7 +98,7 @@ def leads(outcomes: Sequence[Outcome], attacks: Sweeps) -> list[Lead]:
     rows = []
     for condition, alike in by_condition(outcomes).items():
         attacked = [o for o in alike if o.variant != UNATTACKED and not o.is_control]
-        for extraction, damage in product(extractions(attacked), damages(o.variant for o in attacked)):
+        for extraction, damage in product(extractions(attacked), damages(attacked)):
             known = curves(attacked, extraction)
             within = {attack: _within(known, variants, damage) for attack, variants in attacks.items()}
             rows += [Lead(condition, extraction, damage, *fields) for fields in _best_rivals(within, damage)]
@@ -126,7 +127,7 @@ def _best_rivals(
 def _within(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point]:
     """Return the points of a sweep with at most this damage; a gentler strength replaces one whose search missed it."""
     gentle = {
-        cell: {variant: drops for variant, drops in curve.items() if drops[0] <= damage}
+        cell: {variant: drops for variant, drops in curve.items() if drops.scene <= damage}
         for cell, curve in known.items()
     }
     within: dict[tuple[str, int], Point] = {}

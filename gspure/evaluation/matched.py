@@ -7,7 +7,6 @@ read from a sweep over the attack's strength, avoids this.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
@@ -15,22 +14,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gspure.arrays import Bools
-from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, cells, extractions
+from gspure.evaluation.identity import OfCondition
+from gspure.evaluation.outcomes import Outcome, by_condition, cells, extractions
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import UNATTACKED, display_name, wanted_damage
+from gspure.metrics.names import UNATTACKED
 from gspure.metrics.statistics import Interval, by_scene, mean_interval, scene_means
 from gspure.metrics.targets import SCENE
 from gspure.text import decimal
 
 Sweeps = Mapping[str, Sequence[str]]  # names of attacks, with the variants that are this attack at several strengths
-Drops = tuple[float, float]  # drop of the scene's and of the message's PSNR, dB
-Curve = Mapping[str, Drops]  # the drops of one model by variant
-Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
+
 
 MATCHED_DAMAGES: Final = (0.3, 0.7, 1.5, 2.0)  # dB, from barely visible to the customary 2 dB
 
-_MISSED: Final = re.compile(r", (-?\d+\.\d+) dB reached$")  # end of the strength of a search that missed its damage
+
+class Drops(NamedTuple):
+    """What one variant does to one model, and the damage for which its strength was searched (NaN without a search)."""
+
+    scene: float  # drop of the scene's PSNR, dB
+    message: float  # drop of the message's PSNR, dB
+    wanted: float = math.nan
+
+
+Curve = Mapping[str, Drops]  # the drops of one model by variant
+Curves = Mapping[tuple[str, int], Curve]  # by scene and seed
 
 
 class Point(NamedTuple):
@@ -47,10 +55,12 @@ class Point(NamedTuple):
         strengths. If all of them are gentler, the largest drop of the message counts; if all are harsher, there is no
         point.
         """
-        for variant, (scene, message) in curve.items():
-            if wanted_damage(variant) == damage:
-                return cls(message, damage if abs(scene - damage) <= DAMAGE_TOLERANCE else scene)
-        scenes, messages = np.array([*curve.values()]).T
+        for drops in curve.values():
+            if drops.wanted == damage:
+                is_near = abs(drops.scene - damage) <= DAMAGE_TOLERANCE
+                return cls(drops.message, damage if is_near else drops.scene)
+        scenes = np.array([drops.scene for drops in curve.values()])
+        messages = np.array([drops.message for drops in curve.values()])
         drop = matched_message_drop(scenes, messages, damage)
         if drop is not None:
             return cls(drop, damage)
@@ -71,34 +81,27 @@ class Matched(NamedTuple):
     scene_drop: float  # mean drop of the scene's PSNR, dB; `damage` unless no strength comes near it
 
 
-def reached_damage(o: Outcome) -> float:
-    """Return the drop of the scene's PSNR, dB; if it is unknown, the damage that the search for a strength reached."""
-    if math.isfinite(drop := o.psnr_drop(SCENE)):
-        return drop
-    if missed := _MISSED.search(o.strength):
-        return float(missed[1])
-    wanted = wanted_damage(o.variant)
-    return wanted if o.strength and wanted is not None else math.nan
+def title_with_damage(title: str, wanted: float, *scene_drops: float) -> str:
+    """Return the title of a variant, with the range of its drops, in dB, where any misses the wanted damage."""
+    known = sorted(filter(math.isfinite, scene_drops))
+    if not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):  # False without a wanted damage
+        return title
+    bounds = dict.fromkeys([decimal(known[0]), decimal(known[-1])])
+    return f"{title} ({' to '.join(bounds)} dB reached)"
 
 
-def reached_name(variant: str, *scene_drops: float) -> str:
-    """Return the display name of a variant, with the range of drops, in dB, where any misses the `wanted_damage`."""
-    wanted, known = wanted_damage(variant), sorted(filter(math.isfinite, scene_drops))
-    if wanted is None or not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):
-        return display_name(variant)
-    return f"{display_name(variant)} ({' to '.join(dict.fromkeys(map(decimal, (known[0], known[-1]))))} dB reached)"
+def titles_with_damage(outcomes: Iterable[Outcome]) -> dict[str, str]:
+    """Return the `title_with_damage` of every variant, from the mean over seeds in each of its scenes."""
+    titles = {}
+    for variant, alike in grouped(outcomes, lambda o: o.variant).items():
+        means = scene_means(cells(alike, lambda o: o.damage))
+        titles[variant] = title_with_damage(alike[0].title, alike[0].wanted, *means.values())
+    return titles
 
 
-def reached_names(outcomes: Iterable[Outcome]) -> dict[str, str]:
-    """Return the `reached_name` of every variant over its scenes, of which each counts with the mean of its seeds."""
-    by_variant = grouped(outcomes, lambda o: o.variant)
-    drops = {variant: scene_means(cells(alike, reached_damage)) for variant, alike in by_variant.items()}
-    return {variant: reached_name(variant, *means.values()) for variant, means in drops.items()}
-
-
-def damages(variants: Iterable[str]) -> Sequence[float]:
+def damages(outcomes: Iterable[Outcome]) -> Sequence[float]:
     """Return the damages at which to compare: those that strengths were searched for, or else `MATCHED_DAMAGES`."""
-    return sorted({damage for variant in variants if (damage := wanted_damage(variant))}) or MATCHED_DAMAGES
+    return sorted({o.wanted for o in outcomes if not math.isnan(o.wanted)}) or MATCHED_DAMAGES
 
 
 def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
@@ -108,23 +111,38 @@ def match(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Matched]:
     exceed on some model, or that the search missed from above on some models and from below on others.
     """
     rows = []
-    sweeps = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
+    attacks = completed(sweeps, (o.variant for o in outcomes if o.variant != UNATTACKED and not o.is_control))
     for condition, alike in by_condition(outcomes).items():
         for extraction in extractions(alike):
             known = curves(alike, extraction)
-            for name, variants in sweeps.items():
+            for name, variants in attacks.items():
                 strengths = max((len(curve.keys() & {*variants}) for curve in known.values()), default=0)
-                for damage in damages(o.variant for o in alike):
-                    every = points(known, variants, damage)
-                    reached = {cell: point for cell, point in every.items() if point}
-                    sides = {point.scene > damage for point in reached.values() if point.scene != damage}
-                    if reached and len(reached) == len(every) and len(sides) < 2:
-                        drop = mean_interval(by_scene({cell: point.message for cell, point in reached.items()}))
-                        scenes = scene_means({cell: point.scene for cell, point in reached.items()})
-                        scene_drop = float(np.mean([*scenes.values()])) if sides else damage
-                        gentle = sum(point.scene < damage for point in reached.values())
-                        rows.append(Matched(condition, extraction, name, strengths, damage, drop, gentle, scene_drop))
+                for damage in damages(alike):
+                    mean = _mean_point(points(known, variants, damage), damage)
+                    if mean is not None:
+                        rows.append(Matched(condition, extraction, name, strengths, damage, *mean))
     return rows
+
+
+class _MeanPoint(NamedTuple):
+    """The last fields of `Matched`."""
+
+    drop: Interval
+    gentle: int
+    scene_drop: float
+
+
+def _mean_point(by_cell: Mapping[tuple[str, int], Point | None], damage: float) -> _MeanPoint | None:
+    """Return the mean over scenes of the points of a sweep at a damage; None unless they can be averaged."""
+    known = {cell: point for cell, point in by_cell.items() if point}
+    is_above = {point.scene > damage for point in known.values() if point.scene != damage}
+    if not known or len(known) < len(by_cell) or len(is_above) == 2:
+        return None
+    drop = mean_interval(by_scene({cell: point.message for cell, point in known.items()}))
+    gentle = sum(point.scene < damage for point in known.values())
+    scenes = scene_means({cell: point.scene for cell, point in known.items()})
+    scene_drop = float(np.mean([*scenes.values()])) if is_above else damage
+    return _MeanPoint(drop, gentle, scene_drop)
 
 
 def points(known: Curves, sweep: Sequence[str], damage: float) -> dict[tuple[str, int], Point | None]:
@@ -143,8 +161,8 @@ def curves(variants: Sequence[Outcome], extraction: str) -> Curves:
     """Return the drops where both are known."""
     by_cell: dict[tuple[str, int], dict[str, Drops]] = {}
     for o in variants:
-        drops = (o.psnr_drop(SCENE), o.drop(extraction))
-        if not any(map(math.isnan, drops)):
+        drops = Drops(o.psnr_drop(SCENE), o.drop(extraction), o.wanted)
+        if not math.isnan(drops.scene) and not math.isnan(drops.message):
             by_cell.setdefault((o.scene, o.seed), {})[o.variant] = drops
     return by_cell
 

@@ -3,41 +3,20 @@
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Final, NamedTuple
+from typing import Final
 
+from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
 from gspure.metrics.comparison import ViewMetrics
-from gspure.metrics.csv_tables import UNPREFIXED
 from gspure.metrics.detection import Detection
-from gspure.metrics.image_metrics import METRICS
-from gspure.metrics.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, display_name
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, METRICS
+from gspure.metrics.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, variant_title
 from gspure.metrics.retrieval import Retrieval
 from gspure.metrics.statistics import Interval, difference, known_interval
 from gspure.metrics.targets import BITS, MESSAGE, SCENE, is_picture
 
 UNCHANGED: Final = 0.05  # largest change of an extraction, dB or points, due to rounding, as of reordered rows
-
-
-class Condition(NamedTuple):
-    """What outcomes have in common that are averaged over scenes, and compared with each other."""
-
-    scheme: str
-    protocol: str = ""  # poses of the message's views, `shared` or `own`; empty for models of no pair
-    initialization: str = ""  # whose points training starts from, `both` or `scene`; empty for models of no pair
-
-    @property
-    def key(self) -> str:
-        """Its name in folders: ``gs_hider-own-both``."""
-        return "-".join(filter(None, self))
-
-    @property
-    def title(self) -> str:
-        """Its display name: ``GS-Hider, own poses``; training from all points is the default."""
-        poses = f", {self.protocol} poses" if self.protocol else ""
-        return display_name(self.scheme) + poses + ", scene's points" * (self.initialization == "scene")
-
-
-OfCondition = Annotated[Condition, UNPREFIXED]  # the first columns of a row
 
 
 @dataclass(frozen=True)
@@ -55,15 +34,18 @@ class Outcome:
     pruned_share: float = math.nan
     precision: float = math.nan
     recall: float = math.nan
-    reached: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
-    strength: str = ""  # the attack's strength, `fraction=0.25`; empty if it has none
+    entry: str = ""  # the variant's entry in the configuration, which several damages share; empty for `variant`
+    wanted: float = math.nan  # drop of the scene's PSNR for which the strength was searched, dB
+    strength: StrengthValue | None = None  # of the attack, if it has one
+    search_damage: float = math.nan  # drop at which the search for the strength ended, dB
+    affects: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
     failure: str = ""  # why there are no metrics; empty if there are
     identical: Mapping[str, int] = field(default_factory=dict)  # views of infinite PSNR, in no mean unless all are
     retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
     nominal: Mapping[str, float] = field(default_factory=dict)  # of targets without photographs: `nominal_drop`, dB
-    undetected: Mapping[str, str] = field(default_factory=dict)  # for each detector without readings, why; and for each
-    # extraction that cannot read the attacked model at all, since the attack has left its format: the message is gone
+    detector_errors: Mapping[str, str] = field(default_factory=dict)  # by detector without readings: the reason
+    unreadable: Mapping[str, str] = field(default_factory=dict)  # by extraction: why it cannot read the attacked model
     seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
     protocol: str = ""
     initialization: str = ""  # like `protocol`, see `Condition`
@@ -76,9 +58,30 @@ class Outcome:
         return Condition(self.scheme, self.protocol, self.initialization)
 
     @property
-    def folder(self) -> str:
-        """The folder of its model below the scheme: ``room``, or ``room@1`` for a repetition."""
-        return f"{self.scene}@{self.seed}" if self.seed else self.scene
+    def model(self) -> ModelId:
+        """The model that it is an outcome of."""
+        return ModelId(self.scheme, self.scene, self.seed)
+
+    @property
+    def title(self) -> str:
+        """The display name of the variant."""
+        return variant_title(self.entry or self.variant, self.wanted)
+
+    @property
+    def damage(self) -> float:
+        """The drop of the scene's PSNR, dB; if it is unknown, that of the search for the strength."""
+        drop = self.psnr_drop(SCENE)
+        if math.isfinite(drop):
+            return drop
+        return self.wanted if abs(self.search_damage - self.wanted) <= DAMAGE_TOLERANCE else self.search_damage
+
+    @property
+    def strength_text(self) -> str:
+        """The strength, and the damage at which the search for it ended if that is not the wanted one."""
+        if self.strength is None:
+            return ""
+        misses = abs(self.search_damage - self.wanted) > DAMAGE_TOLERANCE
+        return f"{self.strength}, {self.search_damage:z.2f} dB reached" if misses else str(self.strength)
 
     def level(self, target: str, metric: str = "psnr") -> float:
         """Return the target's PSNR, dB, or another metric, or the mean reading of a detector; NaN if it is unknown."""
@@ -112,12 +115,12 @@ class Outcome:
 
         A result that changed shows that the declared columns are incomplete (`contradicts`).
         """
-        return self.contradicts(extraction) or self.reached.get(extraction)
+        return self.contradicts(extraction) or self.affects.get(extraction)
 
     def contradicts(self, extraction: str) -> bool:
         """Return whether the extraction changed, although no column did that it is declared to read."""
         before = self.before.level(extraction) if self.before else math.nan
-        return self.reached.get(extraction) is False and abs(before - self.level(extraction)) > UNCHANGED
+        return self.affects.get(extraction) is False and abs(before - self.level(extraction)) > UNCHANGED
 
     @property
     def is_control(self) -> bool:
@@ -131,7 +134,7 @@ class Outcome:
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first, and its detectors."""
-        return ordered([*filter(is_picture, {**self.targets, **self.undetected}), *self.detections])
+        return ordered([*filter(is_picture, {**self.targets, **self.unreadable}), *self.detections])
 
     def score_of(self, target: str) -> float:
         r"""Return the paper's measure of an attack, in dB; NaN for a control.
@@ -150,9 +153,8 @@ class Outcome:
     @property
     def failures(self) -> dict[str, str]:
         """Why there are no metrics, or no readings of a detector, by what is missing."""
-        name = display_name(self.variant)
-        failed = {name: self.failure} if self.failure else {}
-        return failed | {f"{of} of {name}": reason for of, reason in self.undetected.items() if not is_picture(of)}
+        failures = {self.title: self.failure} if self.failure else {}
+        return failures | {f"{name} of {self.title}": reason for name, reason in self.detector_errors.items()}
 
 
 def ordered(targets: Iterable[str]) -> list[str]:
@@ -168,7 +170,7 @@ def extractions(outcomes: Iterable[Outcome]) -> list[str]:
 def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
     """Return outcomes, sorted by model, with that of their unattacked model; of a clean model, with the clean one's."""
     complete: list[Outcome] = []
-    for _, variants in by_model(outcomes):
+    for variants in by_model(outcomes).values():
         before = {o.variant: o for o in variants}
         complete += [
             replace(o, before=before.get(CLEAN if o.variant == CLEAN_GSPURE else UNATTACKED)) for o in variants
@@ -176,9 +178,9 @@ def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
     return complete
 
 
-def by_model(outcomes: Iterable[Outcome]) -> list[tuple[tuple[str, str], list[Outcome]]]:
-    """Return scheme and folder of each model with its outcomes; both keep their order."""
-    return [*grouped(outcomes, lambda o: (o.scheme, o.folder)).items()]
+def by_model(outcomes: Iterable[Outcome]) -> dict[ModelId, list[Outcome]]:
+    """Return the outcomes of every model; both keep their order."""
+    return grouped(outcomes, lambda o: o.model)
 
 
 def by_condition(outcomes: Iterable[Outcome]) -> dict[Condition, list[Outcome]]:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.outcomes import Condition, OfCondition
+from gspure.evaluation.identity import Condition, OfCondition
 from gspure.evaluation.survival import Survival
 from gspure.metrics.csv_tables import read_table
 from gspure.metrics.image_metrics import rms_ratio

@@ -6,7 +6,8 @@ from functools import partial
 from operator import attrgetter
 from typing import NamedTuple
 
-from gspure.evaluation.outcomes import Condition, OfCondition, Outcome, by_condition, extractions, mean_of
+from gspure.evaluation.identity import Condition, OfCondition
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions, mean_of
 from gspure.evaluation.paper import mean_psnr, printed_scores, read_rows
 from gspure.metrics.names import CLEAN_GSPURE, GSPURE
 from gspure.metrics.statistics import Interval, known_interval
@@ -105,5 +106,5 @@ def _without_unread_models(outcomes: Sequence[Outcome]) -> list[Outcome]:
     """Leave out models that no detector reads if detectors read others: they are controls, not scenes."""
     if not any(o.detections for o in outcomes):
         return [*outcomes]
-    read = {o.folder for o in outcomes if o.messages or o.failures}
-    return [o for o in outcomes if o.folder in read]
+    read = {o.model for o in outcomes if o.messages or o.failures}
+    return [o for o in outcomes if o.model in read]

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.matched import reached_damage, reached_name
-from gspure.evaluation.outcomes import OfCondition, Outcome, by_condition, cells, extractions, mean_of
+from gspure.evaluation.identity import ModelId, OfCondition
+from gspure.evaluation.matched import title_with_damage
+from gspure.evaluation.outcomes import Outcome, by_condition, cells, extractions, mean_of
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import MARGIN, rms_ratio
-from gspure.metrics.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.names import CLEAN, LEVEL_CONTROLS, MESSAGE_FREE, OTHER_SCENE, UNATTACKED, WRONG_KEY, variant_title
 from gspure.metrics.statistics import (
     LEVEL,
     Cells,
@@ -34,6 +35,8 @@ class Survival(NamedTuple):
     condition: OfCondition
     extraction: str  # the target that shows the message, or a detector
     variant: str
+    entry: str  # the variant\'s entry in the configuration, which several damages share
+    wanted: float  # drop of the scene\'s PSNR for which the strength was searched, dB
     present: int  # number of scenes in which the message of the unattacked model is present
     survived: int  # number of these in which it is present after the attack
     only_retrieved: int  # number of these in which it is not present, but retrieved, and not from control models
@@ -53,16 +56,21 @@ class Survival(NamedTuple):
     damage: Interval | None  # damage that the search for a strength reached; None if the drop of every scene is known
 
     @property
+    def title(self) -> str:
+        """The variant's display name."""
+        return variant_title(self.entry, self.wanted)
+
+    @property
     def name(self) -> str:
         """The variant's display name, with the damage that its search reached if it misses the wanted one."""
-        name = reached_name(self.variant)
+        title = self.title
         damage = self.damage or self.scene_drop
         if damage is None:
-            return name
-        name_with_range = reached_name(self.variant, damage.low, damage.high)
-        if damage.level >= LEVEL and name_with_range != name:
-            return f"{name} ({decimal(damage.mean)} dB reached on average)"
-        return name_with_range
+            return title
+        title_with_range = title_with_damage(title, self.wanted, damage.low, damage.high)
+        if damage.level >= LEVEL and title_with_range != title:
+            return f"{title} ({decimal(damage.mean)} dB reached on average)"
+        return title_with_range
 
     @property
     def scenes(self) -> int:
@@ -96,8 +104,8 @@ def _levels(outcomes: Iterable[Outcome], target: str, metric: str = "psnr") -> d
     return {variant: cells(alike, lambda o: o.level(target, metric)) for variant, alike in by_variant.items()}
 
 
-def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
-    """Return scheme and folder of the models whose message is flat, not present or not retrieved before any attack."""
+def not_embedded(outcomes: Sequence[Outcome]) -> list[ModelId]:
+    """Return the models whose message is flat, not present or not retrieved before any attack."""
     absent = []
     for alike in by_condition(outcomes).values():
         control_level = control_levels(alike)
@@ -108,7 +116,7 @@ def not_embedded(outcomes: Sequence[Outcome]) -> list[tuple[str, str]]:
             retrieval = o.retrieval.get(MESSAGE)
             is_missed = bool(retrieval and retrieval.decides and not retrieval.succeeds)
             if o.is_flat(MESSAGE) or above < MARGIN or is_missed:
-                absent.append((o.scheme, o.folder))
+                absent.append(o.model)
     return absent
 
 
@@ -123,6 +131,7 @@ def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Surviv
     is_shown = is_picture(extraction)
     known = [o for o in alike if extraction in o.messages]
     attacked = [o for o in known if o.variant == variant]
+    first = attacked[0]
     levels = _levels(alike, extraction)
     scene_levels = _levels(alike, SCENE)
     regions = _levels(alike, extraction, "region") if is_shown else {}
@@ -146,6 +155,8 @@ def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Surviv
         condition=alike[0].condition,
         extraction=extraction,
         variant=variant,
+        entry=first.entry or variant,
+        wanted=first.wanted,
         present=len(lost | survived),
         survived=len(survived),
         only_retrieved=len(only_retrieved),
@@ -162,7 +173,7 @@ def _survival(alike: Sequence[Outcome], variant: str, extraction: str) -> Surviv
         above_wrong_key=known_interval(differences(judged_after, levels.get(WRONG_KEY, {}))),
         control=hardest,
         detectability=auc,
-        damage=None if is_known else mean_of(judged, reached_damage),
+        damage=None if is_known else mean_of(judged, lambda o: o.damage),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gspure.arrays import Float32
 from gspure.cameras.orbit import Up, orbit_cameras
 from gspure.errors import InputError
-from gspure.evaluation.matched import Sweeps, reached_damage, reached_name
+from gspure.evaluation.matched import Sweeps, title_with_damage
 from gspure.evaluation.outcomes import Outcome, ordered
 from gspure.figures import style
 from gspure.images import levels, read_image
@@ -162,10 +162,14 @@ def draw_attacks(
         truth = read_image(_target_folder(reference, target) / f"{name}.png")
         attacked = [_tile(o, target, folders[o.variant] / target / f"{name}.png", truth) for o in columns]
         rows.append([Tile(truth), *attacked])
-    titles = ["truth" if photographs else UNATTACKED, *(reached_name(o.variant, reached_damage(o)) for o in columns)]
+    titles = [
+        "truth" if photographs else UNATTACKED,
+        *(title_with_damage(o.title, o.wanted, o.damage) for o in columns),
+    ]
     write_tiles(path, [*map(display_name, titles)], rows, [*map(display_name, targets)])
 
-    when = "before attacks" if changed == UNATTACKED else f"after {display_name(changed)}"
+    titles_by_variant = {o.variant: o.title for o in outcomes}
+    when = "before attacks" if changed == UNATTACKED else f"after {titles_by_variant[changed]}"
     caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR {when}."
     if any(_UNAFFECTED in tile.label for row in rows for tile in row):
         caption += f" {_UNAFFECTED} The attack changed nothing that this extraction reads."

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gspure.evaluation.matched import damages, pareto_front, reached_name
+from gspure.evaluation.matched import damages, pareto_front, title_with_damage
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.survival import control_levels
 from gspure.figures import style
@@ -34,6 +34,7 @@ class Place(NamedTuple):
     damage: float  # drop of the scene's PSNR, dB
     residual: float  # PSNR of the message, dB
     variants: tuple[str, ...]
+    titles: tuple[str, ...]  # of the variants
 
 
 def places(outcomes: Sequence[Outcome]) -> list[Place]:
@@ -52,7 +53,13 @@ def places(outcomes: Sequence[Outcome]) -> list[Place]:
         if points.keys() == cells:
             damage, residual = np.mean([*scene_means(points).values()], axis=0).tolist()
             variants_at.setdefault((damage, residual), []).append(variant)
-    return [Place(*point, tuple(variants)) for point, variants in sorted(variants_at.items())]
+    first = {o.variant: o for o in reversed(outcomes)}
+    listed = []
+    for (damage, residual), variants in sorted(variants_at.items()):
+        ordered = sorted(variants, key=lambda name: name != GSPURE)
+        titles = [title_with_damage(first[name].title, first[name].wanted, damage) for name in ordered]
+        listed.append(Place(damage, residual, tuple(ordered), tuple(titles)))
+    return listed
 
 
 def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
@@ -63,7 +70,7 @@ def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
     floor = known_interval(control_levels(outcomes))
     damage = [place.damage for place in listed]
     residual = [place.residual for place in listed]
-    shown = [variant for place in listed for variant in place.variants]
+    shown = {variant for place in listed for variant in place.variants}
     front = [place for place, is_on in zip(listed, pareto_front(damage, residual), strict=True) if is_on]
     with style.page(path, style.COLUMN, 2.7, vector=True) as figure:
         axes = figure.add_subplot()
@@ -79,18 +86,18 @@ def draw_tradeoff(path: Path, outcomes: Sequence[Outcome]) -> str | None:
                     axes.plot(place.damage, place.residual, label=display_name(name), **look)
         if floor is not None:
             axes.axhline(floor.mean, color=style.MESSAGE, linewidth=0.7, linestyle="--", label="highest control")
-        _scale(axes, damage, damages(shown))
+        _scale(axes, damage, damages(o for o in outcomes if o.variant in shown))
         axes.set_ylabel("PSNR of the message (dB)")
         figure.legend(loc="outside upper center", ncols=3)
         figure.draw_without_rendering()  # places the axes
         _label(axes, [*front, *(place for place in listed if place not in front)])
-    left_out = dict.fromkeys(o.variant for o in outcomes if not o.is_control and o.variant not in shown)
+    left_out = {o.variant: o.title for o in outcomes if not o.is_control and o.variant not in shown}
     caption = (
         "PSNR of the message and drop of the scene's PSNR after every variant, mean over the scenes. Attacks to the "
         "lower left are stronger. Vertical lines: drops at which attacks are compared."
     )
     if left_out:
-        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(map(display_name, left_out))}."
+        caption += f" Not shown, since they lack a scene or a random seed: {', '.join(left_out.values())}."
     if floor is not None:
         caption += " Dashed line: the highest PSNR of a control without the message."
     return caption
@@ -126,8 +133,7 @@ def _label(axes: Axes, listed: Sequence[Place]) -> None:
     points = axes.transData.transform([place[:2] for place in listed])
     taken = [Bbox([at - dot, at + dot]) for at in points]
     for place in listed:
-        variants = sorted(place.variants, key=lambda name: name != GSPURE)
-        name = shorten(" = ".join(reached_name(each, place.damage) for each in variants), _LETTERS, placeholder=" …")
+        name = shorten(" = ".join(place.titles), _LETTERS, placeholder=" …")
         for distance, right, above in product(_DISTANCES, (True, False), (True, False)):
             text = axes.annotate(
                 name,

@@ -1,6 +1,6 @@
 """Names of schemes, scenes, variants and targets, and how reports and figures show them."""
 
-import re
+from math import isnan, nan
 from typing import Final
 
 UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
@@ -49,7 +49,6 @@ _NAMES: Final = SCHEMES | {
     "vanilla": "Own model",
 }
 
-_WANTED: Final = re.compile(r"@(\d+(?:\.\d+)?(?:e[+-]\d+)?)dB$")
 _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
 
 
@@ -58,17 +57,14 @@ def variant_at(variant: str, damage: float) -> str:
     return f"{variant}@{damage:g}dB"
 
 
-def wanted_damage(variant: str) -> float | None:
-    """Return the damage, in dB, that a name of `variant_at` holds; None for other names."""
-    match = _WANTED.search(variant)
-    return float(match[1]) if match else None
+def variant_title(entry: str, damage: float = nan) -> str:
+    """Return the display name of a variant: its entry in the configuration, and the damage searched for, in dB."""
+    return display_name(entry) if isnan(damage) else f"{display_name(entry)}, {damage:g} dB"
 
 
 def display_name(name: str) -> str:
-    """Return the name of a scheme, a variant or a target as people write it."""
-    stem, _, damage = name.partition("@")
-    text = _NAMES.get(stem) or " ".join(_WORDS.get(word, word) for word in stem.split("_"))
-    return f"{text}, {damage.removesuffix('dB')} dB" if damage else text
+    """Return the name of a scheme, an attack, a control or a target as people write it."""
+    return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
 
 def extraction_name(extraction: str) -> str:
@@ -76,8 +72,6 @@ def extraction_name(extraction: str) -> str:
     return display_name(extraction) if extraction.startswith("message") else f"mark ({display_name(extraction)})"
 
 
-def model_name(scheme: str, folder: str) -> str:
-    """Return the display name of one model: scheme, scene and repetition (``room@1``)."""
-    scene, _, repetition = folder.partition("@")
-    name = f"{display_name(scheme)}, {scene}"
-    return f"{name}, repetition {repetition}" if repetition else name
+def model_name(scheme: str, scene: str, seed: int = 0) -> str:
+    """Return the display name of one model: scheme, scene and repetition."""
+    return f"{display_name(scheme)}, {scene}" + (f", repetition {seed}" if seed else "")

@@ -3,11 +3,12 @@
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
-from typing import Any, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
-from gspure.evaluation.matched import reached_damage
+from gspure.codec import plain
 from gspure.evaluation.outcomes import Outcome, mean_of
 from gspure.evaluation.survival import Survival
+from gspure.files import Json
 from gspure.metrics.image_metrics import MARGIN
 from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
 from gspure.metrics.statistics import LEVEL, Interval
@@ -153,11 +154,11 @@ class Answer:
             table.append(cells)
         return table
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Json:
         """Return all of it for JSON; unknown and infinite numbers are null."""
         facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "lost")}
         facts |= {"attacks": self.attacks, "controls": self.controls}
-        return {name: _plain(value) for name, value in facts.items()}
+        return {name: plain(value) for name, value in facts.items()}
 
 
 def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Answer]:
@@ -190,11 +191,12 @@ def _attack_rows(
     """Yield the attacks of one condition; `known` and `adapted` hold the survival by variant, without and with it."""
     for variant in dict.fromkeys(o.variant for o in alike if not o.is_control and o.variant != UNATTACKED):
         row = known.get(variant)
-        damage = mean_of([o for o in alike if o.variant == variant], reached_damage)
+        outcomes = [o for o in alike if o.variant == variant]
+        damage = mean_of(outcomes, lambda o: o.damage)
         level = _mean(alike, variant, extraction if known else SCENE)
         yield AttackRow(
             variant=variant,
-            attack=row.name if row else display_name(variant),
+            attack=row.name if row else outcomes[0].title,
             damage=damage.mean if damage else nan,
             level=level.mean if level else nan,
             share=row.share_left.mean if row and row.share_left else nan,
@@ -224,14 +226,3 @@ def _scanned(scans: Sequence[Mapping[str, str]]) -> tuple[str, str]:
         answers = [_DETECTED[scan[when]] for scan in scans]
         texts.append(answers[0] if len(answers) == 1 else f"{answers.count('yes')} of {len(answers)}")
     return " → ".join(texts), "detectable without a key, before and after GSPure"
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON knows it."""
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {name: _plain(each) for name, each in value.items()}
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    return [_plain(each) for each in value] if isinstance(value, list) else value

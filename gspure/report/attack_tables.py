@@ -7,8 +7,9 @@ from math import inf, isnan, nan
 from typing import Final
 
 from gspure.evaluation.contest import MESSAGE_DROP, SCENE_DROP, SCORE, Contest
+from gspure.evaluation.identity import Condition
 from gspure.evaluation.matched import Matched
-from gspure.evaluation.outcomes import Condition, ordered
+from gspure.evaluation.outcomes import ordered
 from gspure.evaluation.survival import Survival
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import MARGIN
@@ -62,12 +63,13 @@ def condition_tables(
     condition: Condition, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched] = ()
 ) -> dict[str, list[Table]]:
     """Return the tables of one condition over all of its scenes, by extraction of the message."""
-    names = {row.variant: row.name for row in survivals if row.condition == condition}
+    titles = {row.variant: row.title for row in survivals}
+    names = titles | {row.variant: row.name for row in survivals if row.condition == condition}
     kinds: list[tuple[Callable[..., Table], Sequence[Survival | Contest | Matched]]] = [
         (survival_table, survivals),
         (partial(other_attacks_table, names=names), [row for row in contests if isnan(row.damage)]),
-        (equal_damage_table, [row for row in contests if not isnan(row.damage)]),
-        (matched_table, matched),
+        (partial(equal_damage_table, titles=titles), [row for row in contests if not isnan(row.damage)]),
+        (partial(matched_table, titles=titles), matched),
     ]
     alike = [(table, [row for row in rows if row.condition == condition]) for table, rows in kinds]
     tables = {}
@@ -159,8 +161,8 @@ def other_attacks_table(contests: Sequence[Contest], names: Mapping[str, str]) -
     return Table(title, columns, rows, _OTHERS)
 
 
-def equal_damage_table(contests: Sequence[Contest]) -> Table:
-    """Return GSPure minus every other attack at equal damage to the scene."""
+def equal_damage_table(contests: Sequence[Contest], titles: Mapping[str, str]) -> Table:
+    """Return GSPure minus every other attack at equal damage to the scene; `titles` are those of variants."""
     extraction = contests[0].extraction
     text = number_format(extraction)
     damages = dict.fromkeys(row.damage for row in contests)
@@ -169,12 +171,12 @@ def equal_damage_table(contests: Sequence[Contest]) -> Table:
     for attack, alike in grouped(contests, lambda row: row.attack).items():
         by_damage = {row.damage: row.difference for row in alike}
         differences = [interval(by_damage.get(damage), scenes, text) for damage in damages]
-        rows.append(TableRow([Cell(display_name(attack)), *differences]))
+        rows.append(TableRow([Cell(titles.get(attack) or display_name(attack)), *differences]))
     title = f"GSPure minus other attacks at equal damage to the scene: {extraction_name(extraction)}"
     return Table(title, [Column("attack"), *_permitted(damages)], rows, _EQUAL)
 
 
-def matched_table(matched: Sequence[Matched]) -> Table:
+def matched_table(matched: Sequence[Matched], titles: Mapping[str, str]) -> Table:
     """Return the drop of one extraction in each sweep at equal damage to the scene, the largest in bold."""
     scenes = scenes_of(row.drop for row in matched)
     damages = sorted({row.damage for row in matched})
@@ -189,7 +191,7 @@ def matched_table(matched: Sequence[Matched]) -> Table:
             _drop_at(by_damage[damage], most.get(damage), scenes) if damage in by_damage else Cell()
             for damage in damages
         ]
-        rows.append(TableRow([Cell(display_name(sweep)), Cell(f"{alike[0].strengths}"), *drops]))
+        rows.append(TableRow([Cell(titles.get(sweep) or display_name(sweep)), Cell(f"{alike[0].strengths}"), *drops]))
     title = f"Drop of the {extraction_name(matched[0].extraction)} at equal damage to the scene"
     return Table(title, [Column("attack"), Column("strengths", main=False), *_permitted(damages)], rows, _MATCHED)
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.identity import Condition
 from gspure.evaluation.matched import MATCHED_DAMAGES
-from gspure.evaluation.outcomes import Condition, Outcome, by_condition, extractions
+from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import CLEAN, MESSAGE_FREE, UNATTACKED, display_name, extraction_name
+from gspure.metrics.names import CLEAN, MESSAGE_FREE, UNATTACKED, extraction_name
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
 from gspure.text import decimal
 
@@ -187,12 +188,12 @@ def _remarks(outcomes: Sequence[Outcome], extraction: str) -> list[str]:
     controls = MESSAGE_FREE if is_picture(extraction) else {CLEAN}
     unchecked = len(scenes - {o.scene for o in known if o.variant in controls})
     doubtful = len(doubtful_scenes(known, extraction))
-    unaffected = dict.fromkeys(o.variant for o in known if not o.is_control and o.reaches(extraction) is False)
+    unaffected = {o.variant: o.title for o in known if not o.is_control and o.reaches(extraction) is False}
     unaffected.pop(UNATTACKED, None)
     facts = [
         (len(scenes) == 1, "Tested on one scene: the result may not hold for others."),
         (unchecked > 0, f"Read from no model without the message in {unchecked} of {len(scenes)} scenes."),
         (doubtful > 0, f"The clean model shows the mark, too, or is missing, in {doubtful} of {len(scenes)} scenes."),
-        (bool(unaffected), f"Changed nothing that the extraction reads: {', '.join(map(display_name, unaffected))}."),
+        (bool(unaffected), f"Changed nothing that the extraction reads: {', '.join(unaffected.values())}."),
     ]
     return [sentence for holds, sentence in facts if holds]

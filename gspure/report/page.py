@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from gspure import __version__
 from gspure.evaluation.outcomes import Outcome
 from gspure.figures import style
-from gspure.files import write_text
+from gspure.files import Json, write_text
 from gspure.images import opened
 from gspure.metrics.image_metrics import MARGIN
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name, model_name
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.report.answer import Answer
 from gspure.report.audit import ALLOWED, BROKEN
 from gspure.report.table import Table
@@ -57,8 +57,8 @@ class ModelSection:
     failures: Sequence[str]
     pictures: Sequence[Picture]
     images: Mapping[str, Mapping[str, str]]  # one view by variant and target, as data URIs
-    viewer: Mapping[str, Any]
-    diagnosis: Mapping[str, Any]
+    viewer: Json
+    diagnosis: Json
 
 
 class Comparison(NamedTuple):
@@ -131,7 +131,6 @@ def environment() -> Environment:
     templates.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
-        "model_name": lambda model: model_name(*model),
         "decimal": partial(decimal, decimals=1),
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }

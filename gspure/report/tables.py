@@ -5,14 +5,14 @@ from math import isfinite, nan
 from typing import Final
 
 from gspure.evaluation.collecting import REMOVED
-from gspure.evaluation.matched import reached_names
+from gspure.evaluation.matched import titles_with_damage
 from gspure.evaluation.outcomes import Outcome, by_model, ordered
 from gspure.evaluation.paper import Beside
 from gspure.evaluation.summary import summarize
 from gspure.grouping import grouped
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import METRICS
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name, model_name
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.metrics.statistics import Interval
 from gspure.metrics.targets import MESSAGE, SCENE, is_picture
 from gspure.report.table import Cell, Column, Table, TableRow, interval, markdown_document, scene_count
@@ -40,7 +40,7 @@ _BESIDE: Final = (
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
     """Return one table per model, and the reason of every failure."""
-    tables = {model_name(*key): [model_table(variants)] for key, variants in by_model(outcomes)}
+    tables = {model.title: [model_table(variants)] for model, variants in by_model(outcomes).items()}
     sentences = [f"{sentence}\n" for sentence in failures(outcomes)]
     return "\n".join([markdown_document(tables), *sentences])
 
@@ -48,11 +48,11 @@ def results_markdown(outcomes: Sequence[Outcome]) -> str:
 def model_table(outcomes: Sequence[Outcome]) -> Table:
     """Return every variant of one model with its metrics."""
     measured = [o for o in outcomes if not o.failure]
-    names = reached_names(measured)
+    names = titles_with_damage(measured)
     best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     columns = {Column("variant"): [Cell(names[o.variant]) for o in measured]}
     if any(o.strength for o in measured):
-        columns[Column("strength", main=False)] = [Cell(o.strength or UNKNOWN) for o in measured]
+        columns[Column("strength", main=False)] = [Cell(o.strength_text or UNKNOWN) for o in measured]
     columns |= _metric_columns(measured, best)
     columns |= _detector_columns(measured)
     columns |= _share_columns(measured)
@@ -109,7 +109,7 @@ def _share_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
 def _metric(o: Outcome, target: str, name: str) -> Cell:
     """Return a metric of one target, PSNR with its change against the unattacked model."""
     if target not in o.targets:
-        return Cell(REMOVED) if name == "psnr" and target in o.undetected else Cell()
+        return Cell(REMOVED) if name == "psnr" and target in o.unreadable else Cell()
     text = METRICS[name].text(o.targets[target].values[name])
     if name != "psnr":
         return Cell(text)
@@ -133,7 +133,7 @@ def summary_table(outcomes: Sequence[Outcome]) -> Table:
     columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
     rows = []
     for condition, alike in grouped(summarize(outcomes), lambda row: row.condition).items():
-        names = reached_names(o for o in outcomes if o.condition == condition)
+        names = titles_with_damage(o for o in outcomes if o.condition == condition)
         for i, row in enumerate(alike):
             attack = names[row.variant]
             if row.extraction != MESSAGE:
@@ -180,7 +180,7 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
     failed: dict[str, list[str]] = {}
     for o in outcomes:
         for name, reason in o.failures.items():
-            failed.setdefault(reason, []).append(f"{name} on {model_name(o.scheme, o.folder)}")
+            failed.setdefault(reason, []).append(f"{name} on {o.model.title}")
     return [f"Without results: {'; '.join(names)} ({reason})." for reason, names in failed.items()]
 
 

@@ -1,15 +1,17 @@
 """All tables and figures of a run, and its report, from the folder of results as it is."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
 from gspure.errors import InputError
-from gspure.evaluation.collecting import ModelPlan, collect, write_results
+from gspure.evaluation.collecting import collect
 from gspure.evaluation.contest import Contest, Lead, contest, leads
-from gspure.evaluation.matched import Matched, Sweeps, match
+from gspure.evaluation.identity import RESULTS
+from gspure.evaluation.matched import Matched, match
 from gspure.evaluation.outcomes import Outcome, by_model
+from gspure.evaluation.plan import CONFIGURATION, ModelPlan, Plan
+from gspure.evaluation.results import write_results
 from gspure.evaluation.summary import Specificity, Summary, specificity, summarize
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
@@ -17,45 +19,29 @@ from gspure.figures.gallery import CAPTIONS, PLATES
 from gspure.figures.panels import draw_attacks, shown_variants
 from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
-from gspure.files import read_json, write_text
+from gspure.files import Json, read_json, write_text
 from gspure.metrics.csv_tables import write_table
-from gspure.metrics.names import model_name
 from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
 from gspure.report.attack_tables import condition_tables, conditions_markdown
 from gspure.report.page import Comparison, ModelSection, picture, renders, write_page
+from gspure.report.table import Table
 from gspure.report.tables import failures, model_table, results_markdown, summary_table
 
 Drawn = TypeVar("Drawn")
 
 
-@dataclass(frozen=True)
-class ReportPlan:
-    """What a run makes.
-
-    `models` are by ``SCHEME/SCENE``. `sweeps` name the variants that are one attack at several strengths, `points` for
-    each scheme the tau_n and tau_c of variants that differ from GSPure in these alone, its own first. `links` are
-    further files to link on the page, `meanings` say by variant what its attack does. `attacks` name the variants of
-    each attack, also those of a single one.
-    """
-
-    models: Mapping[str, ModelPlan]
-    sweeps: Sweeps = field(default_factory=dict)
-    points: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
-    links: Sequence[Path] = ()
-    meanings: Mapping[str, str] = field(default_factory=dict)
-    attacks: Sweeps = field(default_factory=dict)
-
-
-def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
+def write_report(results: Path, plan: Plan) -> list[Outcome]:
     """Write ``tables/``, ``figures/``, the figures of every model that need several variants, and ``report.html``.
 
     Variants without results are named with the reason. Figures that cannot be drawn are left out with a warning. Return
     all outcomes.
     """
     outcomes = collect(results, plan.models)
-    survivals, contests, matched = survival(outcomes), contest(outcomes, plan.sweeps), match(outcomes, plan.sweeps)
+    survivals = survival(outcomes)
+    contests = contest(outcomes, plan.sweeps)
+    matched = match(outcomes, plan.sweeps)
     tables = results / "tables"
     write_results(tables / "results.csv", outcomes, plan.attacks)
     write_table(tables / "summary.csv", Summary, summarize(outcomes))
@@ -68,37 +54,49 @@ def write_report(results: Path, plan: ReportPlan) -> list[Outcome]:
     write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
     write_text(tables / "summary.tex", summary_table(outcomes).latex())
     _warn(outcomes)
-    models, comparisons = dict(by_model(outcomes)), []
+    comparisons = []
     for answer in answers(outcomes, survivals):
-        condition = answer.audit.condition
-        alike = {key: variants for key, variants in models.items() if variants[0].condition == condition}
-        shown = [_model(results, key, alike[key], plan, answer) for key in track([*alike], "figures")]
-        compared = condition_tables(condition, survivals, contests, matched)
-        variants, points = [o for each in alike.values() for o in each], plan.points.get(condition.scheme, {})
-        tradeoff, sweep = (results / "figures" / condition.key / name for name in ("tradeoff.png", "sweep.png"))
-        captions = {tradeoff: _drawn(draw_tradeoff, tradeoff, variants)}
-        captions[sweep] = _drawn(draw_factors, sweep, variants, points)
-        pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
-        meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
-        comparisons.append(Comparison(answer, shown, compared, pictures, meanings))
+        tables_of = condition_tables(answer.audit.condition, survivals, contests, matched)
+        comparisons.append(_comparison(results, plan, outcomes, answer, tables_of))
     _draw_plates(results, comparisons)
     names = ("results", "summary", "survival", "contest", "matched", "leads", "clean")
-    write_page(results, comparisons, [*(tables / f"{name}.csv" for name in names), *plan.links])
+    linked = [tables / f"{name}.csv" for name in names]
+    write_page(results, comparisons, [*linked, results / CONFIGURATION, results / "logs"])
     return outcomes
+
+
+def _comparison(
+    results: Path, plan: Plan, outcomes: Sequence[Outcome], answer: Answer, tables: Mapping[str, Sequence[Table]]
+) -> Comparison:
+    """Draw the figures of one condition and its models, and return it as the page shows it."""
+    condition = answer.audit.condition
+    alike = [o for o in outcomes if o.condition == condition]
+    models = by_model(alike)
+    sections = [_model(results, plan, models[model], answer) for model in track([*models], "figures")]
+    folder = results / "figures" / condition.key
+    tradeoff = folder / "tradeoff.png"
+    sweep = folder / "sweep.png"
+    captions = {
+        tradeoff: _drawn(draw_tradeoff, tradeoff, alike),
+        sweep: _drawn(draw_factors, sweep, alike, plan.factors.get(condition.scheme, {})),
+    }
+    pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
+    meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
+    return Comparison(answer, sections, tables, pictures, meanings)
 
 
 def _warn(outcomes: Sequence[Outcome]) -> None:
     """Warn of incomplete declarations of what an extraction reads, and of models without a message."""
     for o in outcomes:
-        for extraction in filter(o.contradicts, o.reached):
+        for extraction in filter(o.contradicts, o.affects):
             warn(
-                f"{model_name(o.scheme, o.folder)}, {o.variant}: the extraction {extraction} changed, although no "
-                "column did that it is declared to read; the attack counts as having affected the message"
+                f"{o.model.title}, {o.variant}: the extraction {extraction} changed, although no column did that it is "
+                "declared to read; the attack counts as having affected the message"
             )
-    for scheme, folder in not_embedded(outcomes):
+    for model in not_embedded(outcomes):
         warn(
-            f"{model_name(scheme, folder)}: no message is embedded, or the key does not match the model: even before "
-            "any attack, the message is a single colour, is not above every control, or is not retrieved"
+            f"{model.title}: no message is embedded, or the key does not match the model: even before any attack, the "
+            "message is a single colour, is not above every control, or is not retrieved"
         )
 
 
@@ -113,30 +111,37 @@ def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
             _drawn(stack_plates, results / "figures" / f"{name}.png", plates)
 
 
-def _model(
-    results: Path, key: tuple[str, str], variants: Sequence[Outcome], plan: ReportPlan, answer: Answer
-) -> ModelSection:
+def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answer) -> ModelSection:
     """Draw the figures of a model, and return it as the page shows it."""
-    folder, settings = results / key[0] / key[1], plan.models["/".join(key)]
-    path, drawn = folder / "figures" / "attacks.png", folder / "figures" / "model"
-    attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, settings.photographs)
+    model = variants[0].model
+    folder = results / model.name
+    path = folder / "figures" / "attacks.png"
+    drawn = folder / "figures" / "model"
+    attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, _photographs(results, plan.by_name[model.name]))
     caption, views = attacks or ("", {})
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
     shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
+    pictured = answer.pictured({o.variant for o in variants})
     return ModelSection(
-        *key,
+        model.scheme,
+        model.folder_name,
         outcomes=variants,
         table=model_table(variants),
         failures=failures(variants),
         pictures=[picture(path, text, results) for path, text in captions.items() if text],
-        images=renders(folder, [*answer.pictured({o.variant for o in variants}), *shown], targets),
+        images=renders(folder, [*pictured, *shown], targets),
         viewer=_parts(drawn / "view.json"),
         diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )
 
 
-def _parts(file: Path) -> dict[str, Any]:
+def _photographs(results: Path, model: ModelPlan) -> Path | None:
+    """Return the folder with the truth of a model, below the results wherever these are."""
+    return None if model.photographs is None else results / model.photographs.relative_to(RESULTS)
+
+
+def _parts(file: Path) -> Json:
     """Return the entries of a JSON file; none if it does not exist."""
     return dict(read_json(file)) if file.is_file() else {}
 

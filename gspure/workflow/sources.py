@@ -13,7 +13,7 @@ from gspure.opencl.program import kernel_digest
 _PACKAGE: Final = Path(__file__).parents[1]
 
 
-def files_digest(files: Iterable[str | Path]) -> str:
+def file_states_digest(files: Iterable[str | Path]) -> str:
     """Return a digest of the names, sizes and times of the files that exist; photographs would take long to read."""
     states = ((file, Path(file).stat()) for file in files if Path(file).is_file())
     return digest(*(f"{file} {state.st_size} {state.st_mtime_ns}" for file, state in states))

@@ -1,23 +1,27 @@
-"""The start of a step: a script of ``rules/steps``, which a rule runs with two arguments, JSON objects."""
+"""The start of a step: a script of ``rules/steps``, which a rule runs with JSON objects as arguments."""
 
 import gc
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
+from gspure.codec import read
 from gspure.errors import InputError, error_line
 from gspure.progress import tell, warnings_in_lines
 
 
 def run(function: Callable[..., None]) -> None:
-    """Call `function` with the entries of the JSON objects by name, as paths where it wants paths.
+    """Call `function` with the entries of the JSON objects by name, decoded by its type hints.
 
     On bad input, end with exit status 2 and one line: the last one of the log is the reason of a failure.
     """
-    hints, texts = get_type_hints(function), sys.argv[1:]
-    arguments = {name: _typed(value, hints.get(name)) for text in texts for name, value in json.loads(text).items()}
+    hints = get_type_hints(function, include_extras=True)
+    arguments = {}
+    for text in sys.argv[1:]:
+        for name, value in json.loads(text).items():
+            arguments[name] = read(hints[name], value, Path(sys.argv[0]).stem, name)
     try:
         with warnings_in_lines():
             function(**arguments)
@@ -25,9 +29,3 @@ def run(function: Callable[..., None]) -> None:
         tell(f"gspure {Path(sys.argv[0]).stem}: {error_line(error)}")
         sys.exit(2)
     gc.freeze()  # as `gspure.__main__` does
-
-
-def _typed(value: Any, hint: Any) -> Any:
-    if hint == list[Path]:
-        return [Path(path) for path in ([value] if isinstance(value, str) else value)]
-    return Path(value) if hint in (Path, Path | None) and value else value

@@ -1,25 +1,31 @@
 """Prepare the views of a model: read or generate, then scale them; those of the message are the owner's."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from gspure.cameras import GENERATED, read_cameras, scaled, write_cameras
+from gspure.cameras import GENERATED, Camera, read_cameras, scaled, write_cameras
 from gspure.cameras.worlds import in_world_of
+from gspure.evaluation.plan import CameraSource
+from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.model import read_model
 from gspure.workflow.step import run
 
 
 def prepare(
-    model: Path, views: dict[str, str], settings: dict[str, Any], cameras: Path, message_cameras: Path | None = None
+    model: Path, sources: Mapping[str, CameraSource], cameras: Path, message_cameras: Path | None = None
 ) -> None:
-    for name, source, target in zip(views, views.values(), filter(None, (cameras, message_cameras)), strict=True):
-        if source in GENERATED:
-            generated = {key: value for key, value in settings["generated"].items() if value is not None}
-            generated["fov_degrees"] = generated.pop("fov")
-            found = GENERATED[source](read_model(model), **generated)
-        else:
-            found = in_world_of(model, read_cameras(source), Path(source))
-        write_cameras(target, scaled(found, settings.get(f"{name}_resolution", settings["resolution"])))
+    write_cameras(cameras, views(model, sources[SCENE]))
+    if message_cameras:
+        write_cameras(message_cameras, views(model, sources[MESSAGE]))
+
+
+def views(model: Path, source: CameraSource) -> list[Camera]:
+    """Return the views of a source, at its resolution."""
+    if source.source in GENERATED:
+        generated = GENERATED[source.source](read_model(model), **source.generated)
+        return scaled(generated, source.resolution)
+    cameras = in_world_of(model, read_cameras(source.source), Path(source.source))
+    return scaled(cameras, source.resolution)
 
 
 run(prepare)

@@ -11,7 +11,7 @@ from gspure.workflow.step import run
 
 
 def measure(
-    model: Path, cameras: Path, index: Path, cache: Path, part: list[int], energy: Energy, scheme: str | None
+    model: Path, cameras: Path, index: Path, cache: Path, part: tuple[int, int], energy: Energy, scheme: str | None
 ) -> None:
     public = read_public_model(model, scheme).drawable(model)
     number, parts = part

@@ -14,7 +14,8 @@ MOST_OPAQUE = 250_000  # Gaussians for a mesh; their tetrahedra take a few minut
 
 
 def measure(model: Path, cameras: Path, surface: Path, scheme: str | None) -> None:
-    public, views = read_public_model(model, scheme).drawable(model), read_split(cameras, "train")
+    public = read_public_model(model, scheme).drawable(model)
+    views = read_split(cameras, "train")
     device = choose_device()
     if public.rows_are_gaussians and opaque(public.model).sum() <= MOST_OPAQUE:
         smooth = smoothed(public.model, views)

@@ -1,4 +1,6 @@
-"""Mutation testing of the numerical core: one small change to the source at a time, which some test must notice.
+"""Mutation testing: one small change to the source at a time, which some test must notice.
+
+It covers the numerical core, and plans, jobs and outcomes.
 
 A process has numpy, pytest and the like imported; for every mutant it forks, and the child imports the changed module
 in place of the file and runs the tests of that module up to the first failure.
@@ -102,6 +104,40 @@ CORE = {
         *_GRADIENTS,
     ),
 }
+
+_OUTCOMES = ("test_contest.py", "test_survival.py", "test_answer.py", "test_detection.py", "test_collecting.py")
+_PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py", "test_codec.py")
+JOBS = {
+    "gspure.codec": ("test_codec.py", "test_config_reading.py"),
+    "gspure.evaluation.attacking": ("test_evaluate.py",),
+    "gspure.evaluation.collecting": ("test_collecting.py", "test_detection.py"),
+    "gspure.evaluation.contest": ("test_contest.py",),
+    "gspure.evaluation.diagnosing": ("test_revealing.py",),
+    "gspure.evaluation.evaluate": ("test_evaluate.py",),
+    "gspure.evaluation.identity": ("test_plan.py", "test_report.py"),
+    "gspure.evaluation.matched": ("test_contest.py",),
+    "gspure.evaluation.outcomes": _OUTCOMES,
+    "gspure.evaluation.paper": ("test_paper.py",),
+    "gspure.evaluation.plan": ("test_evaluate.py", *_PLANS),
+    "gspure.evaluation.results": ("test_collecting.py", "test_contest.py"),
+    "gspure.evaluation.revealing": ("test_revealing.py",),
+    "gspure.evaluation.summary": ("test_survival.py", "test_collecting.py", "test_paper.py"),
+    "gspure.evaluation.survival": _OUTCOMES,
+    "gspure.evaluation.verdict": ("test_evaluate.py", "test_collecting.py"),
+    "gspure.workflow.assets": ("test_configuration.py", "test_plan.py"),
+    "gspure.workflow.config": ("test_config_reading.py", *_PLANS),
+    "gspure.workflow.config_reading": ("test_config_reading.py",),
+    "gspure.workflow.decisions": _PLANS,
+    "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
+    "gspure.workflow.jobs": _PLANS,
+    "gspure.workflow.pairs": _PLANS,
+    "gspure.workflow.planning": _PLANS,
+    "gspure.workflow.schema": ("test_codec.py",),
+    "gspure.workflow.sources": ("test_sources.py",),
+    "gspure.workflow.step": ("test_step.py",),
+    "gspure.workflow.variants": _PLANS,
+}
+MODULES = CORE | JOBS
 """Modules, and the tests that must notice a change, those first that fail soonest."""
 
 _PAIRS = [(ast.Add, ast.Sub), (ast.Mult, ast.Div), (ast.BitAnd, ast.BitOr), (ast.LShift, ast.RShift), (ast.And, ast.Or)]
@@ -151,9 +187,11 @@ def _walk(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _left_alone(node: ast.AST) -> bool:
-    """Whether changes would show in texts only, or not at all, as in sizes of device buffers."""
+    """Whether changes would show in texts or scripts only, or not at all, as in sizes of device buffers."""
     match node:
         case ast.Raise() | ast.JoinedStr() | ast.Import() | ast.ImportFrom():
+            return True
+        case ast.If(test=ast.Compare(left=ast.Name(id="__name__"))):
             return True
         case ast.Call(func=ast.Attribute(attr="sized" | "allocate")):
             return True
@@ -208,16 +246,16 @@ class _Changed(MetaPathFinder, Loader):
 
 
 def main() -> None:
-    """Test all mutants of the core's modules; show the score of each, and what survived."""
+    """Test all mutants of the modules; show the score of each, and what survived."""
     parser = argparse.ArgumentParser(prog="python -m tests.hostile.mutants", description=main.__doc__)
-    parser.add_argument("--only", nargs="*", default=list(CORE), metavar="MODULE")
+    parser.add_argument("--only", nargs="*", default=list(MODULES), metavar="MODULE")
     parser.add_argument("--sample", type=int, default=1000, help="at most so many of each module, drawn at random")
     args = parser.parse_args()
     for name in ("numpy", "scipy.special", "scipy.spatial.transform", "pytest", "hypothesis.extra.numpy", "pyopencl"):
         importlib.import_module(name)
     noticed = total = 0
     for name in args.only:
-        count, survivors = tested(name, CORE[name], args.sample)
+        count, survivors = tested(name, MODULES[name], args.sample)
         noticed, total = noticed + count - len(survivors), total + count
         say(f"{name}: {count - len(survivors)} of {count}")
         for survivor in survivors:

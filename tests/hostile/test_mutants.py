@@ -2,11 +2,11 @@
 
 import pytest
 
-from tests.hostile.mutants import CORE, ROOT
+from tests.hostile.mutants import MODULES, ROOT
 
 
-@pytest.mark.parametrize("module", CORE)
+@pytest.mark.parametrize("module", MODULES)
 def test_the_tests_of_a_module_exist(module: str) -> None:
-    files = [name.split("::") for name in CORE[module]]
+    files = [name.split("::") for name in MODULES[module]]
     missing = [test for file, *test in files if f"def {''.join(test)}" not in (ROOT / "tests" / file).read_text()]
     assert missing == []

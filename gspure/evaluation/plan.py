@@ -1,0 +1,250 @@
+"""The plan of a run: its models and, for each of them, the jobs that evaluate variants and controls.
+
+`gspure.workflow.planning` makes it from a configuration; the rules, the jobs and the report read it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Final, Literal
+
+from gspure.codec import read
+from gspure.evaluation.identity import Condition, ModelId
+from gspure.files import read_json
+from gspure.method.settings import MethodSettings
+from gspure.metrics.names import BASELINES, WRONG_KEY
+from gspure.metrics.targets import MESSAGE, SCENE
+from gspure.settings import Setting
+
+Split = Literal["train", "test", "all"]
+
+PLAN: Final = "plan.json"  # file in the folder of results
+CONFIGURATION: Final = "configuration.json"  # for people
+METHOD: Final = "method"  # the decision with the settings of `method` in the configuration
+
+
+@dataclass(frozen=True)
+class Detector:
+    """A command that reads a mark from renders: its embedded bits, or none of a score, and seconds to wait."""
+
+    command: str
+    message: str = ""
+    timeout: float = 600.0
+
+
+@dataclass(frozen=True)
+class AttackSpec:
+    """An attack with its settings; with a `damage`, dB, its strength is searched.
+
+    `entry` is the entry of the configuration, which variants of several damages share.
+    """
+
+    name: str
+    entry: str = ""
+    settings: Mapping[str, Setting] = field(default_factory=dict)
+    seed: int = 0
+    damage: float | None = None
+    measured: Mapping[str, Path] = field(default_factory=dict)  # files of `gspure.attacks.Measurements` by name
+
+
+@dataclass(frozen=True)
+class Control:
+    """A negative control; a `purified` model is shown after GSPure with these settings."""
+
+    name: str
+    purified: MethodSettings | None = None
+
+    @property
+    def is_baseline(self) -> bool:
+        """Whether blank images stand in for its renders."""
+        return self.name in BASELINES
+
+    @property
+    def has_wrong_key(self) -> bool:
+        """Whether the message is extracted with an unrelated key."""
+        return self.name == WRONG_KEY
+
+
+@dataclass(frozen=True)
+class Views:
+    """The views of a model, and what its renders are compared with."""
+
+    cameras: Path
+    split: Split
+    unattacked: Path  # folder of renders of the unattacked model: the reference without photographs
+    photographed: tuple[str, ...] = ()  # of `SCENE` and `MESSAGE`, what is compared with photographs
+
+
+@dataclass(frozen=True)
+class Owner:
+    """What only the owner of a message has.
+
+    The adaptive extraction matches rows with the `published` model, and learns from `photographs` of the message. Where
+    these are None, it is not evaluated, or does not learn. `decoys` are folders of false candidates of the retrieval.
+    """
+
+    scheme: str
+    key: Path
+    message_cameras: Path
+    hides: Literal["picture", "bits"]
+    reveals: bool = False  # whether the key tells which rows show the message
+    published: Path | None = None
+    photographs: Path | None = None
+    decoys: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Job:
+    """The evaluation of one variant or control of a model."""
+
+    model: ModelId
+    variant: str
+    public: Path  # the model to attack or, of a control, to show
+    case: AttackSpec | Control
+    views: Views
+    owner: Owner | None = None
+    rendered: tuple[str, ...] = (SCENE,)
+    compared: tuple[str, ...] = (SCENE,)
+    detectors: Mapping[str, Detector] = field(default_factory=dict)
+    reads_bits: bool = False  # whether the owner's key reads bits from the renders
+    inputs: tuple[Path, ...] = ()  # files that other jobs make
+    users_files: tuple[Path, ...] = ()
+    modules: tuple[str, ...] = ()  # whose code its results depend on, beside that of the evaluation
+
+    @property
+    def folder(self) -> Path:
+        """The folder of its results."""
+        return self.model.folder / self.variant
+
+    @property
+    def control(self) -> Control | None:
+        """Its control; None for a variant."""
+        return self.case if isinstance(self.case, Control) else None
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Settings of GSPure, and the files of its steps; a step with the same settings is shared with another decision."""
+
+    settings: MethodSettings
+    files: Mapping[str, Path]
+
+    @property
+    def thresholded(self) -> Path:
+        """The file that the pruning factors apply to."""
+        return self.files["weights.npy" if self.settings.prunes_by_weight else "opacities.npy"]
+
+
+@dataclass(frozen=True)
+class CameraSource:
+    """Where views come from: a file, a folder, or a way to generate them; and their image size."""
+
+    source: str
+    resolution: str
+    generated: Mapping[str, float | int | tuple[float, ...] | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Embedding:
+    """The training of a scheme on a pair."""
+
+    pair: Path
+    initialization: str
+    seed: int
+    settings: Mapping[str, Setting]
+    files: tuple[Path, ...]  # of the pair, which the training reads
+
+
+@dataclass(frozen=True)
+class ModelPlan:
+    """A model: its files, its views, its decisions and its jobs, in the order of tables."""
+
+    id: ModelId
+    public: Path
+    module: str  # that reads it
+    cameras: Mapping[str, CameraSource]  # of the scene and, with an owner, of the message
+    decisions: Mapping[str, Decision]
+    variants: tuple[Job, ...]
+    controls: tuple[Job, ...] = ()
+    owner: Owner | None = None
+    embedding: Embedding | None = None
+    condition: Condition = field(default_factory=lambda: Condition(""))
+    targets: tuple[str, ...] = (SCENE,)
+    photographs: Path | None = None  # folder with the truth of `SCENE` and `MESSAGE`
+    inputs: tuple[Path, ...] = ()  # what other jobs make of it: the public model, unless it is the user's
+    users_files: tuple[Path, ...] = ()
+    camera_inputs: tuple[Path, ...] = ()  # files of cameras that other jobs make
+    camera_files: tuple[Path, ...] = ()  # the user's files of cameras
+    has_small_images: bool = False
+
+    @property
+    def folder(self) -> Path:
+        """The folder of its results."""
+        return self.id.folder
+
+    @property
+    def jobs(self) -> tuple[Job, ...]:
+        """Its variants, then its controls."""
+        return (*self.variants, *self.controls)
+
+    @property
+    def method(self) -> Decision:
+        """The decision with the settings of `method` in the configuration."""
+        return self.decisions[METHOD]
+
+    @cached_property
+    def by_variant(self) -> dict[str, Job]:
+        """Its jobs by variant or control."""
+        return {job.variant: job for job in self.jobs}
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """A command that makes a pair, or trains a model: its sources, its options, and the user's files it reads."""
+
+    sources: tuple[str, ...]
+    options: Mapping[str, str | int | None]
+    users_files: tuple[Path, ...] = ()
+    inputs: tuple[Path, ...] = ()  # files that other jobs make
+    has_small_images: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All models of a run, what is trained for them, and the groups of variants that the report compares.
+
+    Sweeps are variants that are one attack at several strengths; `attacks` are the same, also of a single strength.
+    `factors` are tau_n and tau_c of the variants that differ from GSPure in these alone, by scheme. `meanings` say what
+    the attack of a variant does.
+    """
+
+    models: tuple[ModelPlan, ...]
+    pairs: Mapping[str, Preparation] = field(default_factory=dict)
+    messages: Mapping[str, Preparation] = field(default_factory=dict)
+    trained: Mapping[str, Preparation] = field(default_factory=dict)  # models of the user's photographs, by scene
+    sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    attacks: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    factors: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    meanings: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def by_name(self) -> dict[str, ModelPlan]:
+        """The models by ``SCHEME/SCENE``."""
+        return {model.id.name: model for model in self.models}
+
+    @property
+    def schemes(self) -> dict[str, None]:
+        """The schemes of marked models, in their order."""
+        return dict.fromkeys(model.id.scheme for model in self.models if model.owner)
+
+
+def read_plan(results: Path) -> Plan:
+    """Return the plan of a folder of results, or raise `InputError`."""
+    plan: Plan = read(Plan, read_json(results / PLAN), results / PLAN)
+    return plan
+
+
+def kind_of(target: str) -> str:
+    """Return whose views a target has: those of the scene, or of the message."""
+    return SCENE if target == SCENE else MESSAGE

@@ -1,0 +1,172 @@
+"""The jobs of one model: its variants and its negative controls."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from gspure.attacks import BUILT_IN
+from gspure.evaluation.identity import ModelId
+from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detector, Job, Owner, Views
+from gspure.external import files_of
+from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.targets import SCENE
+from gspure.workflow.inputs import distinct
+from gspure.workflow.variants import VariantSpec
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A model to evaluate: what its variants and controls have in common."""
+
+    id: ModelId
+    public: Path
+    module: str  # that reads it
+    decisions: Mapping[str, Decision]
+    views: Views
+    targets: tuple[str, ...]
+    owner: Owner | None
+    detectors: Mapping[str, Detector]
+    is_clean: bool = False  # whether it is the clean model of another one, without a mark to read
+    clean: Path | None = None  # the public model without the message
+    other_scene: Path | None = None  # the public model with another message
+    inputs: tuple[Path, ...] = ()  # made by other jobs, and read by each of its own
+    users_files: tuple[Path, ...] = ()  # read by each of its jobs
+    clean_files: tuple[Path, ...] = ()  # the user's files of the clean model; none if another job trains it
+    compares_with_renders: bool = False  # rather than with photographs
+
+    @property
+    def hides_bits(self) -> bool:
+        """Whether its message is bits, read from renders of the scene."""
+        return self.owner is not None and self.owner.hides == "bits"
+
+    @property
+    def hides_picture(self) -> bool:
+        """Whether its message is a picture."""
+        return self.owner is not None and self.owner.hides == "picture"
+
+    @property
+    def renders(self) -> Path:
+        """The folder of renders before any attack."""
+        return self.id.folder / UNATTACKED / "renders"
+
+
+def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
+    """Return the job of a variant."""
+    attack = variant.attack
+    spec = AttackSpec(
+        name=attack.name,
+        entry=variant.entry,
+        settings=_settings(subject.decisions[variant.decision], variant),
+        seed=variant.seed + subject.id.seed,
+        damage=variant.damage,
+        measured=_measurement_files(subject, variant),
+    )
+    inputs = (*subject.inputs, *spec.measured.values())
+    needs_renders = subject.compares_with_renders and name != UNATTACKED
+    return Job(
+        model=subject.id,
+        variant=name,
+        public=subject.public,
+        case=spec,
+        views=subject.views,
+        owner=subject.owner,
+        rendered=subject.targets,
+        compared=subject.targets,
+        detectors={} if subject.is_clean else subject.detectors,
+        reads_bits=subject.hides_bits and not subject.is_clean,
+        inputs=distinct((*inputs, subject.renders) if needs_renders else inputs),
+        users_files=distinct((*subject.users_files, *_detector_files(subject))),
+        modules=(subject.module, attack.function.__module__),
+    )
+
+
+def control_job(subject: Subject, name: str) -> Job:
+    """Return the job of a control.
+
+    Of controls that show a watermarked model, only the message is of interest. A baseline is compared in the views of
+    the unattacked model.
+    """
+    shows_mark = name in (WRONG_KEY, OTHER_SCENE)
+    rendered = subject.targets
+    if name == CLEAN_GSPURE:
+        rendered = (SCENE,)
+    elif name in BASELINES:
+        rendered = ()
+    elif shows_mark and subject.hides_picture:
+        rendered = subject.targets[1:]
+    compared = subject.targets if name in BASELINES else rendered
+    if shows_mark and subject.hides_bits:
+        compared = ()
+    is_read = not subject.is_clean and name != CLEAN_GSPURE
+    public = {CLEAN: subject.clean, CLEAN_GSPURE: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
+    is_made = public is not None and not (public == subject.clean and subject.clean_files)
+    purified = subject.decisions[METHOD].settings if name == CLEAN_GSPURE else None
+    inputs = (*subject.inputs, subject.renders)
+    return Job(
+        model=subject.id,
+        variant=name,
+        public=public or subject.public,
+        case=Control(name, purified),
+        views=subject.views,
+        owner=subject.owner,
+        rendered=rendered,
+        compared=compared,
+        detectors=subject.detectors if is_read and name == CLEAN else {},
+        reads_bits=subject.hides_bits and is_read,
+        inputs=distinct((*inputs, public) if public and is_made else inputs),
+        users_files=distinct((*subject.users_files, *_detector_files(subject), *subject.clean_files)),
+        modules=(subject.module,),
+    )
+
+
+def controls_of(subject: Subject, *, prunes_clean: bool) -> tuple[str, ...]:
+    """Return the negative controls of a model, in the order of tables.
+
+    GSPure prunes the clean model, too, in runs that compare attacks at equal damage.
+    """
+    controls = []
+    if subject.clean:
+        controls += [CLEAN, CLEAN_GSPURE] if prunes_clean else [CLEAN]
+    if subject.owner:
+        controls.append(WRONG_KEY)
+        if subject.other_scene:
+            controls.append(OTHER_SCENE)
+        if subject.hides_picture:
+            controls += BASELINES
+    return tuple(controls)
+
+
+def _settings(decision: Decision, variant: VariantSpec) -> dict[str, float | int | str]:
+    """Return the settings of an attack, without a strength to search.
+
+    Pruning factors of a built-in attack that are not set are its decision's.
+    """
+    attack = variant.attack
+    values = dict(variant.settings)
+    if attack in BUILT_IN:
+        factors = {"tau_c": decision.settings.tau_c, "tau_n": decision.settings.tau_n, "tau": decision.settings.tau_n}
+        values = {**{name: value for name, value in factors.items() if value is not None}, **values}
+    searched = attack.strength.setting if attack.strength and variant.damage is not None else ""
+    return {name: value for name, value in values.items() if name in attack.settings and name != searched}
+
+
+def _measurement_files(subject: Subject, variant: VariantSpec) -> dict[str, Path]:
+    """Return the files that an attack needs; weights, masks and labels are those of its decision."""
+    decision = subject.decisions[variant.decision]
+    needs = variant.attack.needs
+    files = {
+        "opacities": subject.decisions[METHOD].files["opacities.npy"],
+        "surface": subject.id.folder / "surface.npy",
+        "weights": decision.files["weights.npy"],
+        "prune_mask": decision.files["prune_mask.npy"],
+    }
+    if "labels" in needs:
+        files |= {"labels": decision.files["clusters.npz"], "weights": decision.thresholded}
+    return {need: files[need] for need in sorted(needs)}
+
+
+def _detector_files(subject: Subject) -> list[Path]:
+    """Return the user's files that commands of detectors name."""
+    if subject.is_clean:
+        return []
+    return [Path(file) for detector in subject.detectors.values() for file in files_of(detector.command)]
