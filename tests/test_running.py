@@ -207,6 +207,19 @@ os.close(pipe)
     assert ends_soon(job)
 
 
+def test_a_dry_run_ends_quietly_with_the_reader_of_its_output(snakemake):
+    snakemake("""
+while True:
+    print("Building DAG of jobs", flush=True)
+""")
+    command = [sys.executable, "-m", "gspure", "demo", "--dry-run"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "Building DAG of jobs\n"
+        process.stdout.close()
+        assert "BrokenPipeError" not in process.stderr.read()
+    assert process.returncode == 1
+
+
 def test_a_lock_is_removed_unless_a_run_holds_it(snakemake, monkeypatch):
     assert not running.unlock([])
     snakemake('pathlib.Path("arguments").write_text(" ".join(sys.argv))')

@@ -77,6 +77,9 @@ def test_a_failed_variant_fails_alone_and_is_named_with_its_reason(finished, row
     assert reasons["vanilla", "gspure"] == reasons["planted", "gspure"] == ""
     assert "attributes" in reasons["vanilla", "broken"]
     assert "attributes" in (finished.folder / "results/report.html").read_text()
+    log = (finished.folder / "again.log").read_text()
+    assert re.search("^Evaluating broken of vanilla/bot failed: gspure evaluate: .*attributes", log, re.MULTILINE)
+    assert log.endswith("demo] Error 2\n")  # not the status of a lost message
 
 
 def test_an_attack_that_cannot_apply_is_an_outcome(finished, rows):

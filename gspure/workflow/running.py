@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO, Any, Final
+from typing import IO, Final
 
 from gspure.errors import InputError
 from gspure.progress import EVENTS
@@ -32,13 +32,13 @@ def run(options: Sequence[str], *, silent: bool = False) -> bool:
     and if this process is killed, the logger in `plugins` ends them.
     """
     logger = ["--logger", "gspure", *(["--logger-gspure-silent"] if silent else [])]
-    streams: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE} if silent else {}
     with (
         _pipe() as (path, pipe),
         subprocess.Popen(
             [*_SNAKEMAKE, *logger, *options],
             stdin=subprocess.DEVNULL,
-            **streams,
+            stdout=subprocess.DEVNULL if silent else subprocess.PIPE,
+            stderr=subprocess.PIPE if silent else None,
             env=_environment() | {EVENTS: str(path)},
             process_group=0,
         ) as process,
@@ -78,6 +78,8 @@ def _follow(process: subprocess.Popen[bytes], pipe: int, console: Console | None
     streams = {pipe: console.read_event if console else _ignore}
     if process.stderr and console:
         streams[process.stderr.fileno()] = console.read_output
+    if process.stdout:  # through this process, which ends quietly if its own reader does
+        streams[process.stdout.fileno()] = _print
     with selectors.DefaultSelector() as selector:
         for descriptor, read in streams.items():
             os.set_blocking(descriptor, False)
@@ -112,6 +114,10 @@ class _Lines:
 
 def _ignore(line: str) -> None:
     """Leave out a line."""
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)  # noqa: T201
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
