@@ -124,6 +124,16 @@ def test_of_controls_only_the_clean_model_is_read_by_detectors() -> None:
     assert read == {CLEAN}
 
 
+def test_detectors_do_not_read_the_clean_asset_of_a_marked_one_but_a_pair_of_its_name() -> None:
+    Path("key").mkdir()
+    clean = {"model": model_file("a.ply"), "cameras": "orbit"}
+    assets = {"marked": {**clean, "key": "key", "scheme": "planted", "clean": "room"}, "room": clean}
+    detectors = {"mark": {"command": "read"}}
+    plan = plan_of({"assets": assets, "detectors": detectors, "pairs": {"room": {}}, "schemes": {"planted": {}}})
+    read = {model.id.name: bool(model.by_variant["gspure"].detectors) for model in plan.models}
+    assert read == {"vanilla/room": False, "planted/marked": True, "planted/room": True}
+
+
 def test_a_traced_pair_is_made_from_its_settings() -> None:
     plan = planned(pair={"scene": "room", "message": "object-3", "views": 9, "width": 64, "seed": 4})
     training = plan.pairs["mine"]

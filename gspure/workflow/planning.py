@@ -70,6 +70,7 @@ class _Planner:
         self.variants = variants
         self.pairs = pairs
         self.assets = read_assets(config, source)
+        self.clean_assets = {asset.config.clean for asset in self.assets.values()}
         of_keys = [asset.scheme for asset in self.assets.values() if asset.scheme]
         self.schemes = {name: find_scheme(name) for name in dict.fromkeys([*config.schemes, *of_keys])}
         self.detectors = {
@@ -204,7 +205,6 @@ class _Planner:
     ) -> Subject:
         """Return what the jobs of a model have in common."""
         folder = model.folder
-        named_clean = {asset.config.clean for asset in self.assets.values() if asset.scheme == self._scheme_of(model)}
         return Subject(
             id=model.id,
             public=model.public,
@@ -219,16 +219,13 @@ class _Planner:
             targets=model.targets,
             owner=model.owner,
             detectors=self.detectors,
-            is_clean=model.id.scene in named_clean,
+            is_clean=model.embedding is None and model.id.scene in self.clean_assets,
             clean=clean.public if clean else None,
             clean_files=clean.files if clean else (),
             inputs=inputs,
             users_files=model.users_files,
             compares_with_renders=model.embedding is None,
         )
-
-    def _scheme_of(self, model: ModelPlan) -> str | None:
-        return None if model.id.scheme == VANILLA else model.id.scheme
 
 
 def owner_of(
