@@ -75,3 +75,16 @@ def test_a_corrupt_table_is_refused_in_one_line(tmp_path: Path, line: str) -> No
     with pytest.raises(InputError, match=r"r\.csv: (file|header|row): expected") as caught:
         read_table(tmp_path / "r.csv", Sample)
     assert "\n" not in str(caught.value)
+
+
+def test_a_metric_that_a_table_was_written_without_is_unknown(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    write_table(path, Sample, [ONE])
+    first, row = (line.split(",") for line in path.read_text().splitlines())
+    place = first.index("nc")
+    path.write_text("\n".join(",".join([*line[:place], *line[place + 1 :]]) for line in (first, row)))
+    (known,) = read_table(path, Sample)
+    assert known.values == {name: value for name, value in ONE.values.items() if name != "nc"}
+    path.write_text(",".join(first[1:]) + "\n")
+    with pytest.raises(InputError, match="header"):
+        read_table(path, Sample)

@@ -12,8 +12,10 @@ import yaml
 
 from gspure import constants
 from gspure.attacks import BUILT_IN, Measurements, attacks
+from gspure.evaluation.results import read_results
 from gspure.evaluation.survival import Survival
-from gspure.metrics.csv_tables import read_table
+from gspure.metrics.comparison import ViewMetrics
+from gspure.metrics.csv_tables import header, read_table
 from gspure.workflow.config import SchemeConfig, VariantConfig
 from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges
 from tests.models import blobs
@@ -97,6 +99,17 @@ def test_decimals_of_the_results_stand_in_a_linked_table_possibly_with_more_digi
     for number in DECIMAL.findall(text):
         half = 0.5 * 10.0 ** -len(number.partition(".")[2]) + 1e-9
         assert any(abs(float(number) - value) <= half for value in known), number
+
+
+def test_committed_results_can_be_read():
+    for folder in ("large", "networks"):
+        for table in sorted((DOCS / "results" / folder).glob("*.csv")):
+            outcomes, _ = read_results(table)
+            assert any(o.psnr_drop("scene") > 0 for o in outcomes), table
+
+
+def test_the_page_of_formats_names_the_columns_of_the_metrics():
+    assert f"`{','.join(header(ViewMetrics))}`" in (DOCS / "formats.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)

@@ -29,7 +29,7 @@ COMMANDS = {
     "info": "summarize a model: counts, extents, quantiles, suspicious rows, detected scheme",
     "scan": "look for hidden content in a model without a key, and compare the model with clean ones",
     "render": "render a model's views to images",
-    "metrics": "compare two folders of images: PSNR, SSIM, MS-SSIM, correlations (NC, GC), per view and mean",
+    "metrics": "compare two folders of images by all metrics, such as PSNR and SSIM: mean, worst view, every view",
     "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
     "attack": "apply one attack or control to a model: prune, change or move its Gaussians",
     "detect": "read bits from images with a scheme's key, or bits or scores with a program of your own",

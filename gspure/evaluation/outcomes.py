@@ -87,7 +87,7 @@ class Outcome:
         """Return the target's PSNR, dB, or another metric, or the mean reading of a detector; NaN if it is unknown."""
         if target in self.detections:
             return self.detections[target].level
-        return self.targets[target].values[metric] if target in self.targets else math.nan
+        return self.targets[target].values.get(metric, math.nan) if target in self.targets else math.nan
 
     def drop(self, target: str) -> float:
         """Return the drop of the target's level, relative to the unattacked model."""
@@ -100,8 +100,11 @@ class Outcome:
         before = self.before
         if not before or target not in self.targets.keys() & before.targets.keys():
             return dict.fromkeys(METRICS, math.nan)
-        levels = {name: (before.targets[target].values[name], self.targets[target].values[name]) for name in METRICS}
-        drops = {name: difference(a, b) if math.isfinite(a + b) else math.nan for name, (a, b) in levels.items()}
+        drops = {}
+        for name in METRICS:
+            first = before.level(target, name)
+            last = self.level(target, name)
+            drops[name] = difference(first, last) if math.isfinite(first + last) else math.nan
         if target in self.nominal.keys() & before.nominal.keys():
             drops["psnr"] = self.nominal[target] - before.nominal[target]
         return drops

@@ -32,24 +32,32 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
 
 
 def read_table(path: Path, kind: type[RowType]) -> list[RowType]:
-    """Read a table of `write_table`.
+    """Read a table of `write_table`; metrics that it was written without are unknown.
 
     Raise `InputError` if the file cannot be read, has other columns, or a cell has the wrong type.
     """
     columns = header(kind)
     with reading(path, f"a table of {kind.__name__} rows"), Path(path).open(encoding="utf-8", newline="") as stream:
         first, *rows = list(csv.reader(stream, strict=True)) or [[]]
-        if first != columns:
+        absent = {*columns} - {*first}
+        if [name for name in columns if name not in absent] != first or not absent <= _metric_columns(kind):
             raise InputError(path, "header", expected=",".join(columns), found=",".join(first))
         for row in rows:
-            if len(row) != len(columns):
-                raise InputError(path, "row", expected=f"{len(columns)} cells", found=f"{len(row)}")
-        return [_read(kind, iter(cells)) for cells in rows]
+            if len(row) != len(first):
+                raise InputError(path, "row", expected=f"{len(first)} cells", found=f"{len(row)}")
+        by_column = [dict(zip(first, cells, strict=True)) for cells in rows]
+        return [_read(kind, (cells.get(name, "") for name in columns)) for cells in by_column]
 
 
 def header(kind: type) -> list[str]:
     """Return the columns of a table of these rows."""
     return [name for name, _ in _cells(kind)]
+
+
+def _metric_columns(kind: type) -> set[str]:
+    """Return the columns of metrics."""
+    mappings = [hint for hint in _hints(kind).values() if get_origin(_parts(hint)[0]) is Mapping]
+    return {_parts(hint)[1].format(metric) for hint in mappings for metric in METRICS}
 
 
 def csv_text(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:

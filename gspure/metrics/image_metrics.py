@@ -1,6 +1,6 @@
 """Metrics of two images [H,W,C] in 0 .. 1, computed as by 3DGS; images of different shapes are refused.
 
-To add a metric: a function, and a line in `METRICS`.
+To add a metric: a function, and a line in `METRICS`, from which tables get their columns and notes.
 """
 
 import math
@@ -264,6 +264,7 @@ class Metric(NamedTuple):
     compute: Callable[[NDArray[Any], NDArray[Any]], float]  # of a reference and another image [H,W,3] in 0 .. 1
     title: str
     decimals: int  # in tables
+    meaning: str = ""  # for the note below a table, if the title does not say it
 
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""
@@ -279,8 +280,8 @@ def measured(a: NDArray[Any], b: NDArray[Any]) -> dict[str, float]:
 METRICS: Final[Mapping[str, Metric]] = {
     "psnr": Metric(psnr, "PSNR", 2),
     "ssim": Metric(ssim, "SSIM", 3),
-    "region": Metric(region_psnr, "region PSNR", 2),
+    "region": Metric(region_psnr, "region PSNR", 2, "without the reference's most frequent colour"),
     "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3),
-    "nc": Metric(normalized_correlation, "NC", 3),
-    "structure": Metric(gradient_correlation, "GC", 3),
+    "nc": Metric(normalized_correlation, "NC", 3, "normalized correlation"),
+    "structure": Metric(gradient_correlation, "GC", 3, "gradient correlation"),
 }

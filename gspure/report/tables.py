@@ -22,9 +22,8 @@ SHARES: Final = ("pruned_share", "precision", "recall")
 _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
     "identical); in parentheses, the change from the unattacked model, without photographs estimated. Score: drop of "
-    "the message's PSNR minus that of the scene; the highest is in bold. Region PSNR: without the reference's most "
-    "frequent colour. NC: normalized correlation. GC: gradient correlation. TPR: true positive rate over the views at "
-    "this false positive rate. Precision: share of the pruned rows that carry the message. Recall: share of the "
+    "the message's PSNR minus that of the scene; the highest is in bold. {metrics} TPR: true positive rate over the "
+    "views at this false positive rate. Precision: share of the pruned rows that carry the message. Recall: share of the "
     "message's rows that were pruned. †: the attack changed nothing that this extraction reads."
 )
 _SUMMARY: Final = (
@@ -62,7 +61,13 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
             rows.append(TableRow(cells, "control"))
         else:
             rows.append(TableRow(cells, "best" if o.score == best else ""))
-    return Table("Metrics of every variant", [*columns], rows, _MODEL)
+    return Table("Metrics of every variant", [*columns], rows, _MODEL.format(metrics=_meanings()))
+
+
+def _meanings() -> str:
+    """Return a sentence for each metric whose title does not say what it is."""
+    explained = [metric for metric in METRICS.values() if metric.meaning]
+    return " ".join(f"{metric.title[:1].upper()}{metric.title[1:]}: {metric.meaning}." for metric in explained)
 
 
 def _metric_columns(measured: Sequence[Outcome], best: float) -> dict[Column, list[Cell]]:
