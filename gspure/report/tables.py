@@ -23,8 +23,8 @@ _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
     "identical); in parentheses, the change from the unattacked model, without photographs estimated. Score: drop of "
     "the message's PSNR minus that of the scene; the highest is in bold. {metrics} TPR: true positive rate over the "
-    "views at this false positive rate. Precision: share of the pruned rows that carry the message. Recall: share of the "
-    "message's rows that were pruned. †: the attack changed nothing that this extraction reads."
+    "views at this false positive rate. Precision: share of the pruned rows that carry the message. Recall: share of "
+    "the message's rows that were pruned. †: the attack changed nothing that this extraction reads."
 )
 _SUMMARY: Final = (
     "PSNR in dB, mean over scenes; for marks, the column Message shows correct bits in percent, or the score. In "
