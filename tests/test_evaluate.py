@@ -1,6 +1,7 @@
 """The job of one variant or control: what it attacks, renders, extracts, reads and compares, and what it writes."""
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +15,7 @@ import pytest
 from gspure.arrays import Bools, Float32, load_array
 from gspure.codec import read
 from gspure.errors import InputError
+from gspure.evaluation.attacking import Context, attacked
 from gspure.evaluation.evaluate import evaluate
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
 from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused, StrengthValue
@@ -388,6 +390,19 @@ def test_the_provenance_names_the_model_and_the_settings() -> None:
     whole = json.loads((planned.folder / "provenance.json").read_text())
     assert whole["inputs"]["model"]["path"] == str(cases.PUBLIC)
     assert read(Job, whole["settings"], "provenance") == planned
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers"),
+    [("random_pruning", ["45", "60", "45"]), ("inject", ["60", "60", "75"]), ("reorder", ["60"] * 3)],
+)
+def test_an_attack_tells_the_rows_that_it_kept_of_all_and_those_that_there_are_now(
+    name: str, numbers: list[str]
+) -> None:
+    settings = {} if name == "reorder" else {"fraction": 0.25}
+    public = cases.LanternModel(cases.public_rows())
+    sentence = attacked(public, AttackSpec(name, settings=settings), Context()).sentence
+    assert re.findall("[0-9]+", sentence) == numbers
 
 
 def test_a_setting_that_an_attack_does_not_have_is_an_error() -> None:

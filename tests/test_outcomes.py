@@ -1,5 +1,6 @@
 """Outcomes of variants and what identifies their models: drops, effects, titles, the table, and the paper's claims."""
 
+import csv
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -214,6 +215,15 @@ def test_nominal_drops_of_a_table_are_those_of_renders(tmp_path: Path) -> None:
     copies, _ = read_results(tmp_path / "results.csv")
     assert [o.nominal for o in copies] == [{"scene": 0.0}, {"scene": 0.75}]
     assert copies[1].psnr_drop("scene") == 0.75
+
+
+def test_the_score_of_a_row_is_that_of_its_extraction_or_else_of_the_message(tmp_path: Path) -> None:
+    before = outcome("unattacked", targets={"scene": 30.0, "message": 28.0, "message_adaptive": 26.0})
+    after = outcome("noise", targets={"scene": 29.0, "message": 20.0, "message_adaptive": 24.0})
+    write_results(tmp_path / "results.csv", with_references([before, after]), {})
+    rows = csv.DictReader((tmp_path / "results.csv").read_text().splitlines())
+    scores = {row["target"]: float(row["score"]) for row in rows if row["variant"] == "noise"}
+    assert scores == {"scene": 7.0, "message": 7.0, "message_adaptive": 1.0}
 
 
 def renders_only() -> list[Outcome]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from gspure.evaluation.diagnosing import diagnosis_record
+from gspure.evaluation.deciding import diagnosis_record
 from gspure.evaluation.revealing import Revealed, reveal
 from gspure.method.diagnosis import diagnose
 from gspure.method.settings import MethodSettings

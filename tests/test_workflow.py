@@ -157,7 +157,7 @@ def test_a_setting_of_an_attack_concerns_its_variant_alone(project):
 @pytest.mark.parametrize(
     ("file", "before", "after", "jobs"),
     [
-        ("rules/steps/decision.py", "def decide", "# edited\ndef decide", {"decide_pruning": 2}),
+        ("rules/steps/decision.py", "def select_and_prune", "# edited\ndef select_and_prune", {"decide_pruning": 2}),
         ("kernels_cl/blending.cl", "//", "// edited", {"measure_contributions": 2}),
         ("rules/steps/decoys.py", "COARSENESS = 2", "COARSENESS = 3", {"trace_decoys": 1, "evaluate_variant": 4}),
         ("mark.py", "0.5", "0.25", {"evaluate_variant": 8}),
