@@ -33,7 +33,7 @@ def decide(
     thresholded: Path,
     selecting: ClusterSettings,
     factors: PruningFactors,
-    files: DecisionFiles,
+    out: DecisionFiles,
 ) -> None:
     """Select clusters from a tree, decide by weights or opacities which rows of a model to prune, and diagnose both."""
     edges = read_tree(tree)
