@@ -127,6 +127,7 @@ JOBS = {
     "gspure.workflow.assets": _PLANS,
     "gspure.workflow.config": ("test_config_reading.py", "test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_config_reading.py",),
+    "gspure.workflow.console": ("test_console.py",),
     "gspure.workflow.decisions": _PLANS,
     "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
     "gspure.workflow.jobs": _PLANS,
