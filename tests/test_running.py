@@ -37,6 +37,8 @@ time.sleep(60)
 def snakemake(tmp_path, monkeypatch):
     """Write the program that takes the place of Snakemake."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     package = tmp_path / "fake" / "snakemake"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
@@ -205,6 +207,7 @@ os.close(pipe)
     process.kill()
     process.communicate(timeout=20)
     assert ends_soon(job)
+    assert not [*Path("temporary").iterdir()]
 
 
 def test_a_dry_run_ends_quietly_with_the_reader_of_its_output(snakemake):
@@ -240,6 +243,7 @@ def test_the_logger_writes_events_as_lines(tmp_path, monkeypatch):
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     monkeypatch.setenv(EVENTS, str(pipe))
+    monkeypatch.setattr(LogHandler, "_watch", lambda _: None)  # it would end the tests with their reader
     handler = LogHandler(None, LogHandlerSettings(silent=True))
     records = [
         {"event": LogEvent.RUN_INFO, "stats": {"all": 1, "total": 3}},

@@ -6,8 +6,10 @@ import select
 import signal
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from logging import ERROR, LogRecord
+from pathlib import Path
 from typing import Any, Final
 
 from snakemake_interface_logger_plugins.base import LogHandlerBase
@@ -34,7 +36,8 @@ class LogHandler(LogHandlerBase):
     needs_rulegraph = False
 
     def __post_init__(self) -> None:
-        self._pipe = os.open(os.environ["GSPURE_EVENTS"], os.O_WRONLY)
+        self._path = Path(os.environ["GSPURE_EVENTS"])  # alone in a temporary folder
+        self._pipe = os.open(self._path, os.O_WRONLY)
         threading.Thread(target=self._watch, daemon=True).start()
 
     @property
@@ -48,10 +51,13 @@ class LogHandler(LogHandlerBase):
             os.write(self._pipe, f"{json.dumps(event)}\n".encode())
 
     def _watch(self) -> None:
-        """Wait until nobody reads the pipe, then end the process group, which is Snakemake's own."""
+        """Wait until nobody reads the pipe, then remove it, and end the process group, which is Snakemake's own."""
         poll = select.poll()
         poll.register(self._pipe, 0)  # errors only
         poll.poll()
+        with suppress(OSError):
+            self._path.unlink()
+            self._path.parent.rmdir()
         os.killpg(0, signal.SIGINT)
         time.sleep(_GRACE)
         os.killpg(0, signal.SIGKILL)
