@@ -110,6 +110,17 @@ def bounds(function: Callable[..., Any]) -> dict[str, Range | None]:
     return limits
 
 
+def typed_settings(function: Callable[..., Any], settings: Mapping[str, Setting]) -> dict[str, Setting]:
+    """Return settings in which whole numbers are floats where the function takes floats, so that 30 is written as 30.0."""
+    known = bounds(function)
+    typed = dict(settings)
+    for name, value in settings.items():
+        limits = known.get(name)
+        if limits is not None and isinstance(value, int):
+            typed[name] = limits.kind(value)
+    return typed
+
+
 def parsed_settings(source: str, function: Callable[..., Any], texts: Mapping[str, str]) -> dict[str, Setting]:
     """Return settings parsed from texts, numbers where the function takes them; refuse as `require_settings` does."""
     known = bounds(function)

@@ -11,7 +11,7 @@ from gspure.attacks import find_attack
 from gspure.errors import InputError
 from gspure.evaluation.plan import CONFIGURATION
 from gspure.evaluation.plan import PLAN as PLAN_FILE
-from gspure.files import write_json
+from gspure.files import write_json, write_text
 from gspure.plugins import require_packages
 from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
@@ -73,7 +73,7 @@ shell.prefix(prefix)
 def start():
     """Write down configuration and plan, for the report, and refuse to start without the packages that jobs need."""
     write_json(Path("results") / CONFIGURATION, codec.plain(CONFIG))
-    write_json(Path("results") / PLAN_FILE, codec.plain(PLAN))
+    write_text(Path("results") / PLAN_FILE, codec.text(PLAN))  # keeps the order of mappings
     try:
         for name in PLAN.schemes:
             require_packages(find_scheme(name).packages, f"scheme {name}")

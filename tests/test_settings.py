@@ -1,13 +1,14 @@
 """Settings: every number of an attack or a scheme has bounds, which admit its default."""
 
 import math
+from typing import Annotated
 
 import pytest
 
 from gspure.attacks import attacks
 from gspure.errors import InputError
 from gspure.schemes.registry import schemes
-from gspure.settings import Range, bounds, defaults, parsed_settings, require_settings
+from gspure.settings import Range, bounds, defaults, parsed_settings, require_settings, typed_settings
 
 WRONG = (math.nan, math.inf, 10**30, True, None, "1", [])
 NO_NUMBERS = ("", " ", "0x10", "½", "1,5", "nan", "1e400")
@@ -50,3 +51,11 @@ def test_a_range_includes_its_ends_and_only_whole_numbers_if_they_are(value):
     assert (value in Range(1, 10)) == isinstance(value, int)
     assert value in Range(1.0, 10.0)
     assert 1.0 not in Range(1.0, 10.0, above=True)
+
+
+def test_whole_numbers_are_floats_where_a_function_takes_floats() -> None:
+    def turn(*, angle: Annotated[float, Range(0.0, 360.0)] = 90.0, steps: int = 1, axis: str = "z") -> None:
+        del angle, steps, axis
+
+    settings = typed_settings(turn, {"angle": 30, "steps": 2, "axis": "x"})
+    assert repr(settings) == "{'angle': 30.0, 'steps': 2, 'axis': 'x'}"

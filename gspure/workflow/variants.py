@@ -10,7 +10,7 @@ from gspure.external import words_of
 from gspure.metrics.names import CONTROLS, variant_at
 from gspure.metrics.targets import BITS, SCENE, is_picture
 from gspure.schemes.registry import schemes
-from gspure.settings import Setting, require_settings
+from gspure.settings import Setting, require_settings, typed_settings
 from gspure.workflow.assets import require_known
 from gspure.workflow.config import Config, VariantConfig
 
@@ -68,7 +68,8 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
         if strength is not None:
             field = f"{place}.{attack.strength.setting}"
             raise InputError(source, field, expected="nothing beside damage", found=repr(strength))
-    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, entry.settings)
+    settings = typed_settings(attack.function, entry.settings)
+    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, settings)
 
 
 def check_detectors(config: Config, source: str) -> None:
