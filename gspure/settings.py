@@ -111,7 +111,7 @@ def bounds(function: Callable[..., Any]) -> dict[str, Range | None]:
 
 
 def typed_settings(function: Callable[..., Any], settings: Mapping[str, Setting]) -> dict[str, Setting]:
-    """Return settings in which whole numbers are floats where the function takes floats, so that 30 is written as 30.0."""
+    """Return settings in which whole numbers are floats where the function takes floats: 30.0, not 30."""
     known = bounds(function)
     typed = dict(settings)
     for name, value in settings.items():
