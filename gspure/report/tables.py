@@ -115,7 +115,7 @@ def _metric(o: Outcome, target: str, name: str) -> Cell:
     """Return a metric of one target, PSNR with its change against the unattacked model."""
     if target not in o.targets:
         return Cell(REMOVED) if name == "psnr" and target in o.unreadable else Cell()
-    text = METRICS[name].text(o.targets[target].values[name])
+    text = METRICS[name].text(o.level(target, name))
     if name != "psnr":
         return Cell(text)
     if o.variant != UNATTACKED and o.reaches(target) is False:
