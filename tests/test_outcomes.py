@@ -361,11 +361,17 @@ def test_a_title_has_the_range_of_damages_where_any_misses_the_wanted(
     assert title_with_damage("GOF", wanted, *drops) == f"GOF{suffix}"
 
 
-def test_a_rival_of_half_the_scenes_competes_and_the_unattacked_model_does_not() -> None:
-    outcomes = benchmark({"a": {"gspure": (1.0, 10.0), "gof": (1.0, 7.0)}, "b": {"gspure": (1.0, 10.0)}})
-    attacks = {name: [name] for name in ("unattacked", "gspure", "gof")}
-    every = [row for row in leads(outcomes, attacks) if row.against == "all" and row.damage == 1.5]
-    assert [(row.attack, row.difference.mean, row.difference.scenes) for row in every] == [("gof", 3.0, 1)]
+def test_a_rival_of_half_the_scenes_competes() -> None:
+    drops = {"gspure@1dB": (1.0, 10.0), "gof@1dB": (1.0, 7.0)}
+    outcomes = benchmark({"a": drops, "b": {"gspure@1dB": (1.0, 10.0)}})
+    (row,) = leads(outcomes, {"gspure": ["gspure@1dB"], "crop": ["gof@1dB"]})
+    assert (row.attack, row.difference.mean, row.difference.scenes, row.is_bound) == ("crop", 3.0, 1, False)
+
+
+def test_the_unattacked_model_and_controls_are_no_rivals() -> None:
+    outcomes = benchmark({"a": {"gspure": (1.0, 10.0)}})
+    attacks = {name: [name] for name in ("gspure", "unattacked", "clean")}
+    assert leads(outcomes, attacks) == []
 
 
 def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:
