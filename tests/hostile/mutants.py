@@ -112,7 +112,7 @@ JOBS = {
     "gspure.evaluation.attacking": ("test_evaluate.py",),
     "gspure.evaluation.collecting": ("test_outcomes.py", "test_collecting.py", "test_detection.py"),
     "gspure.evaluation.contest": ("test_contest.py", "test_outcomes.py"),
-    "gspure.evaluation.deciding": ("test_revealing.py",),
+    "gspure.evaluation.deciding": ("test_deciding.py",),
     "gspure.evaluation.evaluate": ("test_evaluate.py",),
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.matched": ("test_contest.py", "test_outcomes.py"),
