@@ -108,6 +108,35 @@ def test_quiet_prints_reasons_only(now, monkeypatch, capsys):
     assert capsys.readouterr().err == "Embedding failed: see a.log\n"
 
 
+def test_lines_of_our_programs_are_printed_and_the_last_other_one_is_the_reason_of_an_end(now, capsys):
+    shown = Console()
+    for line in ("warning: doubtful", "Building DAG", "", "no rule to make it", " "):
+        shown.read_output(line)
+    assert capsys.readouterr().err == "warning: doubtful\n"
+    shown.end(1)
+    assert capsys.readouterr().err == "gspure: no rule to make it\n"
+
+
+@pytest.mark.parametrize("refusal", [[], ["gspure: mine.yaml: no"]], ids=["job", "program"])
+def test_after_a_reason_a_failed_run_says_nothing_more(now, capsys, refusal):
+    shown = Console()
+    send(shown, PLANNED, STARTED, *([] if refusal else [{"event": "failed", "job": 4}]))
+    for line in refusal:
+        shown.read_output(line)
+    capsys.readouterr()
+    shown.end(1)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(("events", "line"), [([PLANNED], "0 jobs done in 0:00\n"), ([], "nothing to do")])
+def test_the_end_of_a_run_counts_its_jobs(now, capsys, events, line):
+    shown = Console()
+    send(shown, *events)
+    capsys.readouterr()
+    shown.end(0)
+    assert capsys.readouterr().err.startswith(line)
+
+
 def test_a_full_disk_is_the_reason_of_an_empty_log(now, monkeypatch, capsys):
     monkeypatch.setattr(console, "_LITTLE", float("inf"))
     shown = Console()

@@ -7,18 +7,22 @@ from pathlib import Path
 
 import pytest
 
+from gspure.evaluation.collecting import collect
+from gspure.evaluation.contest import leads
 from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.matched import title_with_damage
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
-from gspure.evaluation.paper import Check, Claim, check_claims, read_rows
+from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
 from gspure.evaluation.results import read_results, write_results
 from gspure.evaluation.summary import summarize
-from gspure.evaluation.survival import not_embedded
+from gspure.evaluation.survival import not_embedded, survival
 from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.detection import Detection, detection
-from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, MARGIN
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, MARGIN, rms_ratio
 from gspure.metrics.readings import Reading
 from gspure.metrics.retrieval import Retrieval
-from tests.contest_cases import CONTROLS, attacked, benchmark, measured, outcome
+from gspure.metrics.statistics import Interval
+from tests.contest_cases import CONTROLS, attacked, benchmark, measured, model_plan, outcome
 
 
 @pytest.mark.parametrize(
@@ -305,3 +309,77 @@ def test_claims_of_ablations_name_the_column_of_their_table() -> None:
     words = [check.claim.words for check in check_claims(read_rows()) if check.claim.place in ("Table 2", "Table 3")]
     columns = [text.rpartition(", ")[2] for text in words]
     assert columns == ["GS-Hider PSNR", "SecureGS PSNR", "Scene PSNR", "Message PSNR"]
+
+
+def test_the_papers_score_of_an_attack_is_that_of_its_means() -> None:
+    printed = read_rows()
+    means = mean_psnr(printed)
+    scores = {(row.condition.scheme, row.variant): row.paper_score for row in beside(printed)}
+    assert scores == {key: pytest.approx(score(means, *key)) for key in scores}
+
+
+INTERVAL = Interval(1.1, 0.9, 1.3, 0.95, 9)
+
+
+@pytest.mark.parametrize(
+    ("scene_drop", "name"),
+    [
+        (INTERVAL, "GOF, 1 dB (1.10 dB reached on average)"),
+        (INTERVAL._replace(level=0.75), "GOF, 1 dB (0.90 to 1.30 dB reached)"),
+        (Interval(1.0, 0.98, 1.02, 0.95, 9), "GOF, 1 dB"),
+        (Interval(1.0, 0.98, 1.02, 0.75, 3), "GOF, 1 dB"),
+        (Interval(0.5, 0.5, 0.5, 0.0, 1), "GOF, 1 dB (0.50 dB reached)"),
+        (None, "GOF, 1 dB"),
+    ],
+)
+def test_the_name_of_a_variant_has_the_damage_where_the_search_missed_it(
+    scene_drop: Interval | None, name: str
+) -> None:
+    row = survival(benchmark({"a": {"gof@1dB": (1.0, 5.0)}}))[1]
+    assert row._replace(scene_drop=scene_drop).name == name
+    assert row._replace(scene_drop=Interval(1.0, 1.0, 1.0, 0.0, 1), damage=scene_drop).name == name
+
+
+def test_the_rms_ratio_of_a_variant_is_that_of_its_levels() -> None:
+    row = survival(benchmark({"a": {"gof": (1.0, 10.0)}}))[1]
+    assert row.rms_ratio == pytest.approx(rms_ratio([[28.0, 18.0]], [[30.0, 29.0]]))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "drops", "suffix"),
+    [
+        (1.0, (1.02, 0.98), ""),
+        (1.0, (1.0, 2.0, 0.5), " (0.50 to 2.00 dB reached)"),
+        (1.0, (0.5, math.inf), " (0.50 dB reached)"),
+        (1.0, (), ""),
+        (math.nan, (0.5, 2.0), ""),
+    ],
+)
+def test_a_title_has_the_range_of_damages_where_any_misses_the_wanted(
+    wanted: float, drops: tuple[float, ...], suffix: str
+) -> None:
+    assert title_with_damage("GOF", wanted, *drops) == f"GOF{suffix}"
+
+
+def test_a_rival_of_half_the_scenes_competes() -> None:
+    drops = {"gspure@1dB": (1.0, 10.0), "gof@1dB": (1.0, 7.0)}
+    outcomes = benchmark({"a": drops, "b": {"gspure@1dB": (1.0, 10.0)}})
+    (row,) = leads(outcomes, {"gspure": ["gspure@1dB"], "crop": ["gof@1dB"]})
+    assert (row.attack, row.difference.mean, row.difference.scenes, row.is_bound) == ("crop", 3.0, 1, False)
+
+
+def test_the_unattacked_model_and_controls_are_no_rivals() -> None:
+    outcomes = benchmark({"a": {"gspure": (1.0, 10.0)}})
+    attacks = {name: [name] for name in ("gspure", "unattacked", "clean")}
+    assert leads(outcomes, attacks) == []
+
+
+def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:
+    names = ["b/room", "a/vault", "a/room"]
+    models = [model_plan(name, ("crop", "unattacked", "blur"), ("clean",)) for name in names]
+    repetition = replace(models[2], id=ModelId("a", "room", 1))
+    outcomes = collect(tmp_path, [repetition, *models])
+    order = [(o.scheme, o.scene, o.seed) for o in outcomes[::4]]
+    assert order == [("a", "room", 0), ("a", "room", 1), ("a", "vault", 0), ("b", "room", 0)]
+    assert [o.variant for o in outcomes[:4]] == ["unattacked", "crop", "blur", "clean"]
+    assert {o.failure for o in outcomes} == {"not run"}

@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from gspure.cameras import write_cameras
+from gspure.codec import plain
 from gspure.errors import InputError
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.plan import AttackSpec, Detector, ModelPlan, Plan
+from gspure.evaluation.plan import PLAN, AttackSpec, Detector, ModelPlan, Owner, Plan, read_plan
+from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.names import BLACK, CLEAN, CLEAN_GSPURE, WRONG_KEY
 from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.model import write_model
+from gspure.workflow.config import DetectorConfig
+from gspure.workflow.inputs import capture_files, model_files
 from tests.models import blobs, tilted_camera
 from tests.training_cases import colmap_project, ring
 from tests.workflow_cases import plan_of
@@ -36,7 +40,7 @@ def capture(name: str) -> str:
     return name
 
 
-def model_file(name: str) -> str:
+def written_model(name: str) -> str:
     write_model(Path(name), blobs(4))
     return name
 
@@ -104,7 +108,7 @@ def test_a_command_that_is_no_command_is_refused_at_its_place() -> None:
 
 
 def test_only_an_asset_without_a_clean_model_is_the_clean_model_of_another() -> None:
-    entry = {"model": model_file("a.ply"), "cameras": "orbit"}
+    entry = {"model": written_model("a.ply"), "cameras": "orbit"}
     assets = {"a": {**entry, "clean": "b"}, "b": {**entry, "clean": "c"}, "c": entry}
     assert refused_at({"assets": assets}) == "assets.a.clean"
     assert refused_at({"assets": {"a": {**entry, "clean": "a"}}}) == "assets.a.clean"
@@ -126,12 +130,19 @@ def test_of_controls_only_the_clean_model_is_read_by_detectors() -> None:
 
 def test_detectors_do_not_read_the_clean_asset_of_a_marked_one_but_a_pair_of_its_name() -> None:
     Path("key").mkdir()
-    clean = {"model": model_file("a.ply"), "cameras": "orbit"}
+    clean = {"model": written_model("a.ply"), "cameras": "orbit"}
     assets = {"marked": {**clean, "key": "key", "scheme": "planted", "clean": "room"}, "room": clean}
     detectors = {"mark": {"command": "read"}}
     plan = plan_of({"assets": assets, "detectors": detectors, "pairs": {"room": {}}, "schemes": {"planted": {}}})
     read = {model.id.name: bool(model.by_variant["gspure"].detectors) for model in plan.models}
     assert read == {"vanilla/room": False, "planted/marked": True, "planted/room": True}
+
+
+def test_bits_are_read_from_all_models_but_a_clean_one_after_gspure() -> None:
+    model = only_model(planned(schemes={"marked_clones": {}}, variants={**EVERY, "crop": {"damage": 1}}))
+    read = {job.variant: job.reads_bits for job in model.jobs}
+    assert read.pop(CLEAN_GSPURE) is False
+    assert all(read.values())
 
 
 def test_a_traced_pair_is_made_from_its_settings() -> None:
@@ -193,7 +204,7 @@ def test_a_pair_at_own_poses_reads_photographs_of_both() -> None:
 
 
 def test_a_trained_message_is_read_in_place() -> None:
-    plan = planned(pair={"scene": capture("scene"), "message": model_file("message.ply")})
+    plan = planned(pair={"scene": capture("scene"), "message": written_model("message.ply")})
     training = plan.pairs["mine"]
     assert (training.sources, training.inputs, plan.messages) == (("scene", "message.ply"), (), {})
     assert Path("message.ply") in training.users_files
@@ -240,7 +251,7 @@ def test_measurements_are_the_files_of_their_steps() -> None:
 
 def test_generated_views_are_those_of_their_settings() -> None:
     generated = {"count": 5, "fov": 60}
-    asset = {"model": model_file("a.ply"), "cameras": "shells", "generated": generated, "resolution": "64px"}
+    asset = {"model": written_model("a.ply"), "cameras": "shells", "generated": generated, "resolution": "64px"}
     source = only_model(plan_of({"assets": {"a": asset}})).cameras[SCENE]
     assert (source.source, source.resolution) == ("shells", "native")
     assert source.generated == {"count": 5, "width": 640, "height": 480, "fov_degrees": 60.0}
@@ -250,12 +261,26 @@ def test_generated_views_are_those_of_their_settings() -> None:
 
 def test_the_files_of_a_training_run_are_read_with_its_model() -> None:
     file = Path("runs/bot/point_cloud/iteration_7/point_cloud.ply")
-    model_file(str(file))
+    written_model(str(file))
     for folder in ("runs", "runs/bot", "runs/bot/point_cloud"):
         Path(folder, "cfg_args").touch()
     model = only_model(plan_of({"assets": {"bot": {"model": "runs/bot", "cameras": "orbit"}}}))
     assert model.users_files == (file, Path("runs/bot/cfg_args"))
     assert {*model.users_files} <= {*model.by_variant["gspure"].users_files}
+
+
+def test_the_images_of_an_unpacked_sog_model_are_read_with_its_index() -> None:
+    for name in ("meta.json", "means.webp", "other.ply"):
+        Path(name).touch()
+    assert model_files("meta.json") == (Path("meta.json"), Path("means.webp"))
+    assert model_files("other.ply") == (Path("other.ply"),)
+
+
+def test_the_points_of_a_capture_are_those_beside_its_cameras() -> None:
+    file = views_with_photographs("photos/views.json")
+    for folder in (".", "photos"):
+        Path(folder, "points3D.ply").touch()
+    assert capture_files(file) == (Path(file), Path("photos/points3D.ply"), Path("photos/v.png"))
 
 
 def views_with_photographs(file: str, *, are_there: bool = True) -> str:
@@ -268,7 +293,7 @@ def views_with_photographs(file: str, *, are_there: bool = True) -> str:
 
 
 def test_views_of_a_users_model_are_files_that_its_jobs_read() -> None:
-    asset = {"model": model_file("a.ply"), "cameras": views_with_photographs("views.json"), "resolution": "4px"}
+    asset = {"model": written_model("a.ply"), "cameras": views_with_photographs("views.json"), "resolution": "4px"}
     model = only_model(plan_of({"assets": {"a": asset}}))
     assert model.camera_files == (Path("views.json"),)
     assert (model.cameras[SCENE].source, model.cameras[SCENE].resolution) == ("views.json", "4px")
@@ -279,7 +304,7 @@ def test_views_of_a_users_model_are_files_that_its_jobs_read() -> None:
 def test_a_marked_model_is_compared_with_photographs_that_are_there(are_there: bool) -> None:
     Path("key").mkdir()
     cameras = views_with_photographs("views.json", are_there=are_there)
-    asset = {"model": model_file("a.ply"), "cameras": cameras, "key": "key", "scheme": "planted"}
+    asset = {"model": written_model("a.ply"), "cameras": cameras, "key": "key", "scheme": "planted"}
     model = only_model(plan_of({"assets": {"a": asset}}))
     job = model.by_variant["gspure"]
     assert job.views.photographed == ((SCENE,) if are_there else ())
@@ -299,7 +324,7 @@ def test_an_adaptive_owner_learns_from_photographs_only_where_the_scheme_does() 
 
 def test_a_trained_clean_model_is_an_input() -> None:
     assets = {
-        "marked": {"model": model_file("a.ply"), "cameras": "orbit", "clean": "desk"},
+        "marked": {"model": written_model("a.ply"), "cameras": "orbit", "clean": "desk"},
         "desk": {"train": capture("desk")},
     }
     marked = plan_of({"assets": assets}).by_name["vanilla/marked"]
@@ -345,3 +370,23 @@ def test_the_meaning_of_a_variant_has_no_marks_of_code() -> None:
     meanings = planned().meanings
     assert meanings["gspure"] == "Remove the rows that GSPure decided on."
     assert not any("`" in meaning or "(paper" in meaning for meaning in meanings.values())
+
+
+def test_a_plan_is_read_back_from_its_file() -> None:
+    plan = planned(schemes={"planted": {}, "splats_in_splats": {}})
+    write_json(Path("results") / PLAN, plain(plan))
+    copy = read_plan(Path("results"))
+    assert copy == plan
+    assert [*copy.schemes] == ["planted", "splats_in_splats"]
+    assert [*copy.by_name] == ["planted/raised", "splats_in_splats/raised"]
+    with pytest.raises(InputError, match=PLAN):
+        read_plan(Path())
+
+
+def test_defaults_of_a_plan_are_those_of_a_configuration() -> None:
+    entry = DetectorConfig("read")
+    assert Detector("read") == Detector(entry.command, entry.message, entry.timeout)
+    plan = plan_of({"assets": {"desk": {"train": capture("desk")}}})
+    assert not only_model(plan).has_small_images
+    assert not plan.trained["desk"].has_small_images
+    assert not Owner("planted", Path("key"), Path("cameras.json"), "picture").reveals

@@ -1,18 +1,15 @@
-"""With the owner's key: the rows that hold a message, and the record of a decision."""
+"""With the owner's key: the rows that hold a message, and what they show."""
 
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
-from gspure.evaluation.deciding import diagnosis_record
 from gspure.evaluation.revealing import Revealed, reveal
-from gspure.method.diagnosis import diagnose
 from gspure.method.settings import MethodSettings
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import choose_device
 from tests import evaluation_cases as cases
-from tests.models import blobs
 
 LOST = 5  # row of the message whose centre is no number
 
@@ -50,19 +47,3 @@ def test_the_first_extraction_of_a_model_is_shown_in_a_training_view(revealed: R
     public = cases.LanternModel(cases.public_rows())
     image = cases.lantern_key().message(public, MESSAGE)
     np.testing.assert_array_equal(revealed.extracted(public), image(cases.views()[4]))
-
-
-def test_the_record_of_a_decision_has_diagnosis_suspicions_and_scans() -> None:
-    model = blobs(40, sh_degree=0)
-    x = model.table["x"].copy()
-    x[3] = np.nan
-    model = model.with_columns({"x": x})
-    labels = np.zeros(40, np.int32)
-    weights = np.linspace(0, 1, 40, dtype=np.float32)
-    diagnosis = diagnose(labels, weights)
-    mask = np.arange(40) < 10
-    record = diagnosis_record(diagnosis, model, mask)
-    assert record["gaussians"] == 40
-    assert any(3 in rows for rows in record["suspicious"].values())
-    assert record["scan"].keys() == {"before", "after"}
-    assert diagnosis_record(diagnosis, model, np.ones(40, np.bool_))["scan"].keys() == {"before"}

@@ -13,6 +13,8 @@ MODULES = {
     "middle/__init__": "from gspure.middle.deep import depth\nimport gspure.stage\n",
     "middle/deep": "import numpy\ndepth = 1\n",
     "unrelated": "number = 1\n",
+    "opencl/__init__": "",
+    "drawing": "import gspure.opencl\n",
 }
 PLUGIN = {
     "__init__": "",
@@ -75,6 +77,14 @@ def test_a_script_counts_with_what_it_imports(package):
     edited = code_digest(script)
     script.write_text("import gspure.middle.deep  # edited\n")
     assert len({before, edited, code_digest(script)}) == 3
+
+
+def test_kernels_count_where_the_device_is_used(package, monkeypatch):
+    drawing = code_digest("gspure.drawing")
+    stage = code_digest("gspure.stage")
+    monkeypatch.setattr(sources, "kernel_digest", lambda: "edited")
+    assert code_digest("gspure.drawing") != drawing
+    assert code_digest("gspure.stage") == stage
 
 
 def test_files_count_by_name_size_and_time(tmp_path):

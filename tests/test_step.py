@@ -1,13 +1,16 @@
 """The start of a step: arguments as JSON objects, and bad input as one line."""
 
+import gc
 import json
 import warnings
 from pathlib import Path
+from typing import Annotated
 
 import pytest
 
 from gspure.errors import InputError
 from gspure.evaluation.plan import Detector
+from gspure.settings import Range
 from gspure.workflow.step import run
 
 
@@ -66,6 +69,25 @@ def test_an_argument_that_does_not_fit_names_step_and_place(arguments: None) -> 
     with pytest.raises(InputError) as refusal:
         run(sketch)
     assert (refusal.value.source, refusal.value.field) == ("sketch", "model")
+
+
+def test_bounds_of_an_argument_hold(arguments: None) -> None:
+    def sketch(model: Path, detector: Detector, limit: Annotated[int, Range(4, 9)]) -> None:
+        pass
+
+    with pytest.raises(InputError) as refusal:
+        run(sketch)
+    assert refusal.value.field == "limit"
+
+
+def test_after_a_step_nothing_is_collected_at_exit(arguments: None) -> None:
+    def sketch(model: Path, detector: Detector, limit: float) -> None:
+        pass
+
+    run(sketch)
+    frozen = gc.get_freeze_count()
+    gc.unfreeze()
+    assert frozen > 0
 
 
 def test_a_mistake_in_a_step_is_not_hidden(arguments: None) -> None:
