@@ -36,7 +36,7 @@ with suppress(OSError):
 source = ", ".join(map(os.path.relpath, workflow.configfiles)) or "--config"
 try:
     # Read again from the files: Snakemake takes the keys `no` and `2024_05` for False and 202405.
-    CONFIG = read_config(map(Path, workflow.configfiles), workflow.config_settings.overwrite_config, source)
+    CONFIG = read_config(map(Path, workflow.configfiles), workflow.config_settings.config, source)
     PLAN = plan_of(CONFIG, source)
 except InputError as error:
     refuse(error)

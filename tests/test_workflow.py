@@ -142,6 +142,11 @@ def test_a_model_replaced_by_an_older_file_is_read_again(project):
     assert jobs.items() >= {**dict.fromkeys(every, 1), "evaluate_variant": len(CONFIG["variants"]) - 1}.items()
 
 
+def test_a_model_may_be_called_no(project):
+    (project.folder / "no.yaml").write_text("assets: {no: {model: bot.ply, cameras: views.json}}")
+    assert "vanilla/no" in project.run("--dry-run", "--configfile", "no.yaml")
+
+
 def test_braces_in_the_name_of_a_model_are_no_wildcards(project):
     shutil.copy(project.folder / "bot.ply", project.folder / "b{1}.ply")
     project.configure({**CONFIG, "assets": {"bot": {"model": "b{1}.ply", "cameras": "views.json"}}})
