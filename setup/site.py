@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import os
 import posixpath
 import re
@@ -73,7 +74,8 @@ def settings_page() -> str:
 
 def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
     for name, setting in schema.get("properties", {}).items():
-        default = f"`{setting['default']}`" if "default" in setting else ""
+        has_default = "default" in setting and not isinstance(setting["default"], dict)
+        default = f"`{json.dumps(setting['default'])}`" if has_default else ""
         meaning = " ".join(setting.get("description", "").split()).replace("|", "\\|")
         yield f"| `{prefix}{name}` | {default} | {meaning} |"
         yield from _settings(setting, f"{prefix}{name}.")
