@@ -125,6 +125,10 @@ def public_rows() -> Gaussians:
     return blobs(ROWS, sh_degree=1)
 
 
+def clean_rows() -> Gaussians:
+    return blobs(ROWS, seed=1, sh_degree=1)
+
+
 def lantern_key() -> LanternKey:
     return LanternKey(public_rows().means[MESSAGE_ROWS], np.array([1.5, -1.0, 0.5], np.float32))
 
@@ -152,7 +156,7 @@ def project(folder: Path) -> Iterator[Path]:
 def prepare() -> None:
     """Write models, key and cameras to the current folder."""
     LanternModel(public_rows()).write(PUBLIC)
-    LanternModel(blobs(ROWS, seed=1, sh_degree=1)).write(CLEAN)
+    LanternModel(clean_rows()).write(CLEAN)
     KEY.mkdir()
     lantern_key().write(KEY)
     cameras = views()

@@ -17,7 +17,7 @@ class Terminal(io.StringIO):
         return True
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def now(monkeypatch):
     """The time, as a list of one number."""
     time = [0.0]
@@ -25,22 +25,23 @@ def now(monkeypatch):
     return time
 
 
-def terminal_for(monkeypatch):
+def terminal_for(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """A terminal of 60 columns in place of standard error; not a fixture, since pytest replaces that before a test."""
-    monkeypatch.setattr(sys, "stderr", Terminal())
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("COLUMNS", "60")
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(progress, "_shown", "")
-    return sys.stderr
+    return terminal
 
 
-def send(shown, *events):
+def send(shown: Console, *events: dict[str, object]) -> None:
     for event in events:
         shown.read_event(json.dumps(event))
     shown.refresh()
 
 
-def part(share, left):
+def part(share: float, left: float) -> dict[str, object]:
     return {"event": "part", "log": "a.log", "part": "train", "share": share, "left": left}
 
 
@@ -48,6 +49,7 @@ PLANNED = {"event": "planned", "jobs": 9}
 STARTED = {"event": "started", "job": 4, "text": "Embedding", "log": "a.log"}
 LATER = {"event": "started", "job": 5, "text": "Drawing", "log": "b.log"}
 WHOLE = {"event": "started", "job": 6, "text": "All", "log": ""}
+FAILED = {"event": "failed", "job": 4}
 
 
 def test_a_terminal_has_one_live_line(now, monkeypatch):
@@ -75,10 +77,9 @@ def test_a_terminal_has_one_live_line(now, monkeypatch):
     ]
 
 
-def test_a_line_that_is_too_long_loses_its_middle(now, monkeypatch):
+def test_a_line_that_is_too_long_loses_its_middle(monkeypatch):
     terminal = terminal_for(monkeypatch)
-    shown = Console()
-    send(shown, PLANNED, STARTED | {"text": "a" * 99}, part(0.41, 48.2))
+    send(Console(), PLANNED, STARTED | {"text": "a" * 99}, part(0.41, 48.2))
     assert terminal.getvalue().startswith("[0/9] aaaa")
     assert terminal.getvalue().endswith("aaa: train 41%, 0:48 left")
     assert len(terminal.getvalue()) == 59
@@ -103,44 +104,37 @@ def test_quiet_prints_reasons_only(now, monkeypatch, capsys):
     shown = Console()
     send(shown, PLANNED, STARTED)
     now[0] = 99.0
-    send(shown, {"event": "failed", "job": 4})
+    send(shown, FAILED)
     shown.end(1)
     assert capsys.readouterr().err == "Embedding failed: see a.log\n"
 
 
-def test_lines_of_our_programs_are_printed_and_the_last_other_one_is_the_reason_of_an_end(now, capsys):
-    shown = Console()
-    for line in ("warning: doubtful", "Building DAG", "", "no rule to make it", " "):
-        shown.read_output(line)
-    assert capsys.readouterr().err == "warning: doubtful\n"
-    shown.end(1)
-    assert capsys.readouterr().err == "gspure: no rule to make it\n"
-
-
-@pytest.mark.parametrize("refusal", [[], ["gspure: mine.yaml: no"]], ids=["job", "program"])
-def test_after_a_reason_a_failed_run_says_nothing_more(now, capsys, refusal):
-    shown = Console()
-    send(shown, PLANNED, STARTED, *([] if refusal else [{"event": "failed", "job": 4}]))
-    for line in refusal:
-        shown.read_output(line)
-    capsys.readouterr()
-    shown.end(1)
-    assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(("events", "line"), [([PLANNED], "0 jobs done in 0:00\n"), ([], "nothing to do")])
-def test_the_end_of_a_run_counts_its_jobs(now, capsys, events, line):
+@pytest.mark.parametrize(
+    ("events", "output", "status", "last"),
+    [
+        ([PLANNED], [], 0, "0 jobs done in 0:00\n"),
+        ([], [], 0, "nothing to do: all results are up to date\n"),
+        ([], ["Building DAG", "", "no rule to make it", " "], 1, "gspure: no rule to make it\n"),
+        ([PLANNED, STARTED, FAILED], [], 1, ""),
+        ([PLANNED, STARTED], ["gspure: mine.yaml: no"], 1, ""),
+        ([], ["warning: doubtful", "no rule to make it"], 1, "gspure: no rule to make it\n"),
+    ],
+    ids=["done", "up to date", "reason", "reason of a job", "reason of a program", "warning"],
+)
+def test_the_end_of_a_run_counts_its_jobs_or_gives_a_reason_if_none_was_printed(capsys, events, output, status, last):
     shown = Console()
     send(shown, *events)
     capsys.readouterr()
-    shown.end(0)
-    assert capsys.readouterr().err.startswith(line)
+    for line in output:
+        shown.read_output(line)
+    assert capsys.readouterr().err.splitlines() == [line for line in output if line.startswith(("gspure", "warning"))]
+    shown.end(status)
+    assert capsys.readouterr().err == last
 
 
-def test_a_full_disk_is_the_reason_of_an_empty_log(now, monkeypatch, capsys):
+def test_a_full_disk_is_the_reason_of_an_empty_log(monkeypatch, capsys):
     monkeypatch.setattr(console, "_LITTLE", float("inf"))
-    shown = Console()
-    send(shown, PLANNED, STARTED, {"event": "failed", "job": 4})
+    send(Console(), PLANNED, STARTED, FAILED)
     assert "Embedding failed: no space left on the disk" in capsys.readouterr().err
 
 

@@ -1,147 +1,136 @@
-"""Outcomes of variants and what identifies their models: drops, effects, titles, the table, and the paper's claims."""
+"""Outcomes of variants, from their files to the table and back: identities, drops, effects, titles and failures."""
 
 import csv
 import math
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from gspure.evaluation.collecting import collect
-from gspure.evaluation.contest import leads
+from gspure.arrays import save_array
+from gspure.codec import plain
+from gspure.errors import InputError
+from gspure.evaluation.collecting import MESSAGE_ROWS, collect
 from gspure.evaluation.identity import Condition, ModelId
-from gspure.evaluation.matched import title_with_damage
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
 from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
+from gspure.evaluation.plan import Control, ModelPlan
 from gspure.evaluation.results import read_results, write_results
-from gspure.evaluation.summary import summarize
-from gspure.evaluation.survival import not_embedded, survival
-from gspure.evaluation.verdict import StrengthValue
+from gspure.evaluation.summary import specificity, summarize
+from gspure.evaluation.survival import survival
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
+from gspure.files import write_json, write_text
+from gspure.metrics.comparison import read_metrics, write_metrics
 from gspure.metrics.detection import Detection, detection
-from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, MARGIN, rms_ratio
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.readings import Reading
 from gspure.metrics.retrieval import Retrieval
-from gspure.metrics.statistics import Interval
-from tests.contest_cases import CONTROLS, attacked, benchmark, measured, model_plan, outcome
+from tests.contest_cases import BEFORE, attacked, measured, model_plan, outcome, write_model
 
 
 @pytest.mark.parametrize(
-    ("model", "folder", "title"),
+    ("named", "key", "title"),
     [
-        (ModelId("gs_hider", "room"), "results/gs_hider/room", "GS-Hider, room"),
-        (ModelId("gs_hider", "room", 2), "results/gs_hider/room@2", "GS-Hider, room, repetition 2"),
-    ],
-)
-def test_a_model_has_a_folder_of_its_scheme_scene_and_repetition(model: ModelId, folder: str, title: str) -> None:
-    assert (model.folder, model.title) == (Path(folder), title)
-    assert folder.endswith(f"{model.scheme}/{model.folder_name}")
-
-
-@pytest.mark.parametrize(
-    ("condition", "key", "title"),
-    [
+        (ModelId("gs_hider", "room"), "gs_hider/room", "GS-Hider, room"),
+        (ModelId("gs_hider", "room", 2), "gs_hider/room@2", "GS-Hider, room, repetition 2"),
         (Condition("vanilla"), "vanilla", "Own model"),
         (Condition("gs_hider", "own", "both"), "gs_hider-own-both", "GS-Hider, own poses"),
         (Condition("gs_hider", "shared", "scene"), "gs_hider-shared-scene", "GS-Hider, shared poses, scene's points"),
     ],
 )
-def test_a_condition_is_named_after_what_its_models_share(condition: Condition, key: str, title: str) -> None:
-    assert (condition.key, condition.title) == (key, title)
+def test_models_and_conditions_have_a_folder_and_a_title(named: ModelId | Condition, key: str, title: str) -> None:
+    folder = Path("results") / named.key if isinstance(named, Condition) else named.folder
+    assert (folder, named.title) == (Path("results") / key, title)
 
 
 def mark(level: float) -> Detection:
     return detection([Reading(view, level, 32) for view in "abcd"], [])
 
 
-RETRIEVED = Retrieval(0.5, 0.75, 0.25, 4, 17)
+NOISE = attacked("noise", 1.5, 6.0)
+MISSED = attacked("noise@1dB", 0.75, 2.0, strength=StrengthValue("sigma", 0.123456), search_damage=0.5)
+FAILED = outcome("crop", failure="no memory", detector_errors={"mark": "too slow"})
+EXACT = {"scene": measured("scene", math.inf)}
 
 
-def test_a_drop_is_the_level_before_minus_that_after() -> None:
-    o = attacked("noise", 1.5, 6.0)
-    assert (o.psnr_drop("scene"), o.drop("message"), o.score) == (1.5, 6.0, 4.5)
-    assert o.drops("scene")["ssim"] == 0.0
+def test_a_drop_is_the_level_before_minus_that_after_and_a_score_their_difference() -> None:
+    assert (NOISE.psnr_drop("scene"), NOISE.drop("message"), NOISE.score) == (1.5, 6.0, 4.5)
+    assert NOISE.drops("scene")["ssim"] == 0.0
+    control = attacked("wrong_key", 0.0, 6.0)
+    assert control.is_control
+    assert math.isnan(control.score)
 
 
-def test_a_drop_from_or_to_an_exact_image_is_unknown() -> None:
-    exact = measured("scene", math.inf)
-    o = attacked("noise", 1.5, 6.0)
-    assert o.before is not None
-    assert math.isnan(replace(o, targets={"scene": exact}).psnr_drop("scene"))
-    before = replace(o.before, targets={"scene": exact})
-    assert math.isnan(replace(o, before=before).psnr_drop("scene"))
-
-
-def test_without_a_reference_no_drop_is_known() -> None:
-    o = replace(attacked("noise", 1.5, 6.0), before=None)
-    assert math.isnan(o.psnr_drop("scene"))
-    assert math.isnan(attacked("noise", 1.5, 6.0).drop("message_adaptive"))
+@pytest.mark.parametrize(
+    ("o", "target"),
+    [
+        (replace(NOISE, targets=EXACT), "scene"),
+        (replace(NOISE, before=replace(outcome("unattacked"), targets=EXACT)), "scene"),
+        (replace(NOISE, before=None), "scene"),
+        (NOISE, "message_adaptive"),
+    ],
+    ids=["to an exact image", "from an exact image", "without a reference", "without an image"],
+)
+def test_a_drop_is_unknown(o: Outcome, target: str) -> None:
+    assert math.isnan(o.psnr_drop(target))
 
 
 def test_without_photographs_the_drop_is_the_nominal_one() -> None:
-    o = attacked("noise", 1.5, 6.0)
-    assert o.before is not None
-    o = replace(o, nominal={"scene": 2.25}, before=replace(o.before, nominal={"scene": 0.25}))
+    before = outcome("unattacked", targets=BEFORE, nominal={"scene": 0.25})
+    o = replace(NOISE, nominal={"scene": 2.25}, before=before)
     assert (o.psnr_drop("scene"), o.psnr_drop("message")) == (2.0, 6.0)
 
 
 def test_the_drop_of_a_detector_is_that_of_its_mean_reading() -> None:
-    before = outcome("unattacked", targets={"scene": 30.0}, detections={"mark": mark(90.0)})
-    after = outcome("noise", targets={"scene": 29.0}, detections={"mark": mark(60.0)})
-    assert with_references([before, after])[1].drop("mark") == 30.0
+    levels = {"unattacked": 90.0, "noise": 60.0}
+    outcomes = [outcome(name, targets={"scene": 30.0}, detections={"mark": mark(n)}) for name, n in levels.items()]
+    assert with_references(outcomes)[1].drop("mark") == 30.0
 
 
-def test_a_control_has_no_score() -> None:
-    assert math.isnan(attacked("wrong_key", 0.0, 6.0).score)
-    assert attacked("wrong_key", 0.0, 6.0).is_control
-
-
-@pytest.mark.parametrize(("change", "contradicts"), [(0.0, False), (UNCHANGED, False), (2 * UNCHANGED, True)])
-def test_a_change_beyond_rounding_contradicts_that_an_extraction_is_unaffected(
-    change: float, contradicts: bool
-) -> None:
+@pytest.mark.parametrize(
+    ("change", "affects", "contradicts", "reaches"),
+    [
+        (0.0, {"message": False}, False, False),
+        (UNCHANGED, {"message": False}, False, False),
+        (2 * UNCHANGED, {"message": False}, True, True),
+        (6.0, {"message": True}, False, True),
+        (6.0, {}, False, None),
+    ],
+)
+def test_a_change_beyond_rounding_contradicts_that_an_extraction_is_unaffected(change, affects, contradicts, reaches):
     before = outcome("unattacked", targets={"message": change})
-    after = outcome("noise", targets={"message": 0.0}, affects={"message": False})
-    _, o = with_references([before, after])
+    _, o = with_references([before, outcome("noise", targets={"message": 0.0}, affects=affects)])
     assert o.contradicts("message") is contradicts
-    assert o.reaches("message") is contradicts
+    assert o.reaches("message") is reaches
 
 
-@pytest.mark.parametrize("affected", [True, None])
-def test_what_is_not_declared_unaffected_is_not_contradicted(affected: bool | None) -> None:
-    o = attacked("noise", 1.0, 6.0, affects={} if affected is None else {"message": affected})
-    assert not o.contradicts("message")
-    assert o.reaches("message") is affected
-
-
-STRENGTH = StrengthValue("sigma", 0.123456)
-
-
-@pytest.mark.parametrize(("ended", "text"), [(1.0, "sigma=0.1235"), (0.5, "sigma=0.1235, 0.50 dB reached")])
-def test_a_strength_names_the_damage_that_its_search_missed(ended: float, text: str) -> None:
-    o = attacked("noise@1dB", 1.0, 2.0, strength=STRENGTH, search_damage=ended)
-    assert o.strength_text == text
-    assert replace(o, strength=None).strength_text == ""
-    assert replace(o, wanted=math.nan).strength_text == "sigma=0.1235"
-
-
-def test_the_damage_is_that_of_the_search_where_the_drop_is_unknown() -> None:
-    exact = {"scene": measured("scene", math.inf)}
-    o = replace(attacked("noise@1dB", 0.75, 2.0), search_damage=1.25)
-    assert o.damage == 0.75
-    assert replace(o, targets=exact).damage == 1.25
-    assert replace(o, targets=exact, search_damage=1 + DAMAGE_TOLERANCE / 2).damage == 1.0
-
-
-def test_titles_are_those_of_entries_with_their_damage() -> None:
-    assert attacked("gaussian_noise@1dB", 1.0, 2.0).title == "Gaussian noise, 1 dB"
-    assert attacked("gaussian_noise", 1.0, 2.0).title == "Gaussian noise"
+@pytest.mark.parametrize(
+    ("o", "name", "expected"),
+    [
+        (MISSED, "strength_text", "sigma=0.1235, 0.50 dB reached"),
+        (replace(MISSED, search_damage=1.0), "strength_text", "sigma=0.1235"),
+        (replace(MISSED, wanted=math.nan), "strength_text", "sigma=0.1235"),
+        (replace(MISSED, strength=None), "strength_text", ""),
+        (MISSED, "damage", 0.75),
+        (replace(MISSED, targets=EXACT), "damage", 0.5),
+        (replace(MISSED, targets=EXACT, search_damage=1 + DAMAGE_TOLERANCE / 2), "damage", 1.0),
+        (MISSED, "title", "noise, 1 dB"),
+        (attacked("gaussian_noise", 1.0, 2.0), "title", "Gaussian noise"),
+        (FAILED, "failures", {"crop": "no memory", "mark of crop": "too slow"}),
+        (NOISE, "failures", {}),
+    ],
+)
+def test_an_outcome_names_its_strength_and_damage_and_why_numbers_are_missing(o, name, expected) -> None:
+    assert getattr(o, name) == expected
 
 
 def test_an_image_without_structure_is_flat() -> None:
-    flat = measured("message", 10.0, others=0.0)
-    assert replace(attacked("noise", 1.0, 2.0), targets={"message": flat}).is_flat("message")
-    assert not attacked("noise", 1.0, 2.0).is_flat("message")
-    assert not attacked("noise", 1.0, 2.0).is_flat("message_adaptive")
+    assert replace(NOISE, targets={"message": measured("message", 10.0, others=0.0)}).is_flat("message")
+    assert not NOISE.is_flat("message")
+    assert not NOISE.is_flat("message_adaptive")
 
 
 def test_targets_are_ordered_from_the_scene_to_detectors() -> None:
@@ -151,18 +140,12 @@ def test_targets_are_ordered_from_the_scene_to_detectors() -> None:
     assert extractions([o, replace(o, detections={"mark": mark(60.0)})]) == ["message", "message_x", "mark"]
 
 
-def test_failures_name_the_variant_and_its_detectors() -> None:
-    o = outcome("crop", failure="no memory", detector_errors={"mark": "too slow"})
-    assert o.failures == {"crop": "no memory", "mark of crop": "too slow"}
-    assert attacked("crop", 1.0, 2.0).failures == {}
-
-
 def test_gspure_on_a_clean_model_is_compared_with_that_model() -> None:
-    variants = [outcome(name, targets={"scene": level}) for name, level in (("unattacked", 30.0), ("clean", 29.0))]
-    purified = outcome("clean_gspure", targets={"scene": 28.5})
+    levels = {"unattacked": 30.0, "clean": 29.0, "clean_gspure": 28.5}
+    outcomes = [outcome(name, targets={"scene": level}) for name, level in levels.items()]
     elsewhere = outcome("unattacked", "vault", targets={"scene": 20.0})
-    drops = {o.variant: o.psnr_drop("scene") for o in with_references([*variants, purified, elsewhere])[1:]}
-    assert (drops["clean"], drops["clean_gspure"]) == (1.0, 0.5)
+    drops = [o.psnr_drop("scene") for o in with_references([*outcomes, elsewhere])]
+    assert drops == [0.0, 1.0, 0.5, 0.0]
 
 
 def table_rows() -> list[Outcome]:
@@ -177,11 +160,12 @@ def table_rows() -> list[Outcome]:
         "search_damage": 1.03,
         "affects": {"message": True, "mark": False},
         "identical": {"scene": 0, "message": 2},
-        "retrieval": {"message": RETRIEVED},
+        "retrieval": {"message": Retrieval(0.5, 0.75, 0.25, 4, 17)},
         "detections": {"mark": mark(60.0)},
     }
     noise = outcome("noise@1dB", targets={"scene": 29.0, "message": 20.0}, **where, **known)
     of_renders = {name: measured(name, level, reference="render") for name, level in targets.items()}
+    repeated = outcome("noise", "vault", 1, targets=targets, nominal={"scene": 0.5, "message": 2.0})
     return [
         outcome("unattacked", targets=targets, detections={"mark": mark(90.0)}, **where),
         noise,
@@ -189,33 +173,37 @@ def table_rows() -> list[Outcome]:
         outcome("gof", targets=targets, detector_errors={"mark": "too slow"}, **where),
         outcome("distil", targets={"scene": 28.0}, unreadable={"message": "removed"}, **where),
         outcome("unattacked", "vault", 1, targets=targets),
-        replace(
-            outcome("noise", "vault", 1, targets=targets), targets=of_renders, nominal={"scene": 0.5, "message": 2.0}
-        ),
+        replace(repeated, targets=of_renders),
     ]
+
+
+def comparable(o: Outcome) -> Outcome:
+    """Return an outcome without what a table leaves out, and without NaN, which differs from itself."""
+    unknown = {name: None for name, value in vars(o).items() if isinstance(value, float) and math.isnan(value)}
+    detections = {name: str(read) for name, read in o.detections.items()}
+    return replace(o, before=None, nominal={}, **unknown, detections=detections)
+
+
+def written(folder: Path, outcomes: Sequence[Outcome], attacks: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+    """Write the table, and return its cells."""
+    write_results(folder / "results.csv", outcomes, attacks)
+    return [*csv.DictReader((folder / "results.csv").read_text().splitlines())]
 
 
 def test_a_table_is_read_back_with_every_number_and_reason(tmp_path: Path) -> None:
     outcomes = with_references(table_rows())
-    attacks = {"noise sweep": ["noise@1dB", "noise"], "crop": ["crop"]}
-    write_results(tmp_path / "results.csv", outcomes, attacks)
-    copies, known_attacks = read_results(tmp_path / "results.csv")
-    assert [replace(o, before=None, nominal={}) for o in map(comparable, copies)] == [
-        replace(o, before=None, nominal={}) for o in map(comparable, outcomes)
-    ]
-    assert known_attacks["noise sweep"] == ["noise@1dB", "noise"]
-    assert known_attacks[""] == ["unattacked", "gof", "distil"]
-
-
-def comparable(o: Outcome) -> Outcome:
-    """Return an outcome without NaN, which differs from itself."""
-    unknown = {name: None for name, value in vars(o).items() if isinstance(value, float) and math.isnan(value)}
-    detections = {name: str(read) for name, read in o.detections.items()}
-    return replace(o, **unknown, detections=detections)
+    written(tmp_path, outcomes, {"noise sweep": ["noise@1dB", "noise"], "crop": ["crop"]})
+    copies, attacks = read_results(tmp_path / "results.csv")
+    assert [*map(comparable, copies)] == [*map(comparable, outcomes)]
+    assert attacks["noise sweep"] == ["noise@1dB", "noise"]
+    assert attacks[""] == ["unattacked", "gof", "distil"]
 
 
 def test_nominal_drops_of_a_table_are_those_of_renders(tmp_path: Path) -> None:
-    write_results(tmp_path / "results.csv", with_references(renders_only()), {})
+    rendered = {"scene": measured("scene", 40.0, reference="render")}
+    nominal = {"unattacked": 0.25, "noise": 1.0}
+    rows = [outcome(name, targets={"scene": 40.0}, nominal={"scene": drop}) for name, drop in nominal.items()]
+    written(tmp_path, with_references([replace(o, targets=rendered) for o in rows]), {})
     copies, _ = read_results(tmp_path / "results.csv")
     assert [o.nominal for o in copies] == [{"scene": 0.0}, {"scene": 0.75}]
     assert copies[1].psnr_drop("scene") == 0.75
@@ -224,56 +212,122 @@ def test_nominal_drops_of_a_table_are_those_of_renders(tmp_path: Path) -> None:
 def test_the_score_of_a_row_is_that_of_its_extraction_or_else_of_the_message(tmp_path: Path) -> None:
     before = outcome("unattacked", targets={"scene": 30.0, "message": 28.0, "message_adaptive": 26.0})
     after = outcome("noise", targets={"scene": 29.0, "message": 20.0, "message_adaptive": 24.0})
-    write_results(tmp_path / "results.csv", with_references([before, after]), {})
-    rows = csv.DictReader((tmp_path / "results.csv").read_text().splitlines())
+    rows = written(tmp_path, with_references([before, after]), {})
     scores = {row["target"]: float(row["score"]) for row in rows if row["variant"] == "noise"}
     assert scores == {"scene": 7.0, "message": 7.0, "message_adaptive": 1.0}
-
-
-def renders_only() -> list[Outcome]:
-    levels = {"unattacked": 0.25, "noise": 1.0}
-    return [
-        replace(
-            outcome(name),
-            targets={"scene": measured("scene", 40.0, reference="render")},
-            nominal={"scene": drop},
-            views={"scene": 3},
-        )
-        for name, drop in levels.items()
-    ]
 
 
 def test_a_model_without_readings_is_no_scene_where_others_are_read() -> None:
     marked = outcome("unattacked", targets={"scene": 30.0}, detections={"mark": mark(90.0)})
     clean = outcome("unattacked", "clean", targets={"scene": 20.0})
-    (row,) = (row for row in summarize([marked, clean]) if row.extraction == "mark")
-    assert row.scene is not None
-    assert (row.scene.mean, row.scene.scenes) == (30.0, 1)
     failed = outcome("unattacked", "vault", failure="not run")
-    assert len(summarize([clean, failed])) == 1
-    (row,) = summarize([clean])
-    assert row.scene is not None
-    assert row.scene.mean == 20.0
+    for outcomes, mean in (([marked, clean], 30.0), ([clean, failed], 20.0), ([clean], 20.0)):
+        (row,) = summarize(outcomes)
+        assert row.scene is not None
+        assert (row.scene.mean, row.scene.scenes) == (mean, 1)
 
 
-@pytest.mark.parametrize(("margin", "is_embedded"), [(MARGIN, True), (MARGIN - 0.25, False)])
-def test_a_message_near_the_controls_is_not_embedded(margin: float, is_embedded: bool) -> None:
-    level = max(CONTROLS[name] for name in ("clean", "other_scene", "black", "mean_colour")) + margin
-    outcomes = [
-        replace(o, targets={**o.targets, "message": measured("message", level)}) if o.variant == "unattacked" else o
-        for o in benchmark({"a": {"noise": (1.0, 2.0)}})
-    ]
-    assert not_embedded(outcomes) == ([] if is_embedded else [ModelId("sis", "a")])
+ATTACKS = {"gspure": (0.055, 0.5), "noise": (0.2, 0.02)}
+MODEL = "sis/room"
 
 
-def test_without_controls_any_message_is_embedded_unless_it_is_flat() -> None:
-    o = outcome("unattacked", targets={"message": 3.0})
-    assert not_embedded([o]) == []
-    flat = measured("message", 3.0, others=0.0)
-    assert not_embedded([replace(o, targets={"message": flat})]) == [ModelId("sis", "room")]
+@pytest.fixture
+def plan(tmp_path: Path) -> ModelPlan:
+    """The plan of a model whose results are there."""
+    return write_model(tmp_path, MODEL, ATTACKS)
 
 
-CLAIM = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", "=", 1.0)
+def by_variant(results: Path, plan: ModelPlan) -> dict[str, Outcome]:
+    return {o.variant: o for o in collect(results, [plan])}
+
+
+def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_path, plan) -> None:
+    found = by_variant(tmp_path, plan)
+    assert [*found] == ["unattacked", "gspure", "noise", "clean", "black"]
+    gspure = found["gspure"]
+    assert (gspure.scheme, gspure.scene, gspure.seed, gspure.condition) == ("sis", "room", 0, ("sis", "shared", "both"))
+    assert gspure.views == {"scene": 3, "message": 3}
+    assert gspure.before.targets == found["unattacked"].targets
+    assert (gspure.strength, gspure.affects) == (("sigma", 0.1), {"message": True})
+
+
+def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:
+    models = [model_plan(name, ("crop", "unattacked", "blur"), ("clean",)) for name in ("b/room", "a/vault", "a/room")]
+    repetition = replace(models[2], id=ModelId("a", "room", 1))
+    outcomes = collect(tmp_path, [repetition, *models])
+    order = [(o.scheme, o.scene, o.seed) for o in outcomes[::4]]
+    assert order == [("a", "room", 0), ("a", "room", 1), ("a", "vault", 0), ("b", "room", 0)]
+    assert [o.variant for o in outcomes[:4]] == ["unattacked", "crop", "blur", "clean"]
+    assert {o.failure for o in outcomes} == {"not run"}
+
+
+def test_masks_and_known_rows_give_shares_precision_and_recall(tmp_path, plan) -> None:
+    folder = tmp_path / MODEL
+    save_array(folder / "gspure" / "prune_mask.npy", np.array([1, 1, 1, 1, 0, 0, 0, 0], bool))
+    assert by_variant(tmp_path, plan)["gspure"].pruned_share == 0.5
+    save_array(folder / "key" / MESSAGE_ROWS, np.array([1, 0, 0, 0, 1, 0, 0, 0], bool))
+    gspure = by_variant(tmp_path, plan)["gspure"]
+    assert (gspure.precision, gspure.recall) == (0.25, 0.5)
+    save_array(folder / "key" / MESSAGE_ROWS, np.zeros(3, bool))
+    with pytest.raises(InputError, match=MESSAGE_ROWS):
+        by_variant(tmp_path, plan)
+
+
+def test_an_unreadable_message_survives_in_no_outcome_and_in_no_copy_of_it(tmp_path, plan) -> None:
+    folder = tmp_path / MODEL / "gspure"
+    verdict = AttackRecord(Applied(affects={"message": True}, removed="no such format"))
+    write_json(folder / VERDICT, plain(verdict))
+    rows = read_metrics(folder / "metrics.csv")
+    write_metrics(folder / "metrics.csv", [row for row in rows if row.target == "scene"])
+    outcomes = collect(tmp_path, [plan])
+    written(tmp_path, outcomes, {})
+    again, _ = read_results(tmp_path / "results.csv")
+    assert survival(again) == survival(outcomes)
+    gspure = next(row for row in survival(again) if row.variant == "gspure")
+    assert (gspure.present, gspure.survived, gspure.message_drop) == (1, 0, None)
+    assert again[1].unreadable == {"message": "removed: no such format"}
+
+
+def test_a_clean_model_is_compared_with_itself_before_gspure(tmp_path) -> None:
+    plan = write_model(tmp_path, MODEL, {**ATTACKS, "clean_gspure": (0.3, 0.6)})
+    save_array(tmp_path / MODEL / "clean_gspure" / "prune_mask.npy", np.array([True, False, False, False]))
+    clean = replace(plan.variants[-1], case=Control("clean_gspure"))
+    plan = replace(plan, variants=plan.variants[:-1], controls=(*plan.controls, clean))
+    found = by_variant(tmp_path, plan)
+    (row,) = specificity([*found.values()])
+    assert row.clean_pruned.mean == 0.25
+    assert row.clean_scene_drop.mean == found["clean"].level("scene") - found["clean_gspure"].level("scene")
+    assert row.scene_drop.mean == found["gspure"].psnr_drop("scene")
+
+
+def test_a_missing_variant_names_the_last_line_of_its_failed_log(tmp_path, plan) -> None:
+    def reason_after(name: str, text: str, age: float) -> str:
+        file = tmp_path / "logs" / MODEL / name
+        write_text(file, text)
+        os.utime(file, (1e9 - age, 1e9 - age))
+        return by_variant(tmp_path, plan)["noise"].failure
+
+    (tmp_path / MODEL / "noise" / "metrics.csv").unlink()
+    assert by_variant(tmp_path, plan)["noise"].failure == "not run"
+    assert reason_after("embed.log", "gspure embed: no memory\n", 9) == "gspure embed: no memory"
+    expected = "gspure attack: sigma: expected a number"
+    assert reason_after("noise/attack.log", f"device 0\n{expected}\n\n", 5) == expected
+    assert reason_after("noise/render.log", "render: 8 done in 0.2 s\n", 0) == expected
+    found = by_variant(tmp_path, plan)
+    assert (found["noise"].targets, found["gspure"].failures) == ({}, {})
+    (row,) = (row for row in written(tmp_path, [*found.values()], {}) if row["variant"] == "noise")
+    assert (row["failure"], row["target"], row["psnr"]) == (expected, "", "")
+
+
+def test_the_run_is_known_and_two_runs_in_one_model_are_warned_of(tmp_path, plan, capsys) -> None:
+    folder = tmp_path / MODEL
+    write_json(folder / "public" / "provenance.json", {"run": "abc"})
+    write_json(folder / "clean" / "public" / "provenance.json", {"run": "of the clean model"})
+    assert {o.run for o in by_variant(tmp_path, plan).values() if o.variant != "clean"} == {"abc"}
+    assert "runs" not in capsys.readouterr().err
+    write_json(folder / "noise" / "provenance.json", {"run": "def"})
+    collect(tmp_path, [plan])
+    assert "room: results of 2 runs: abc, def" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -284,25 +338,22 @@ CLAIM = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", "=", 1.0)
     ],
 )
 def test_a_claim_holds_within_rounding_or_below_its_bound(relation: str, recomputed: float, holds: bool) -> None:
-    assert Check(CLAIM._replace(relation=relation), recomputed).holds is holds
+    claim = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", relation, 1.0)
+    assert Check(claim, recomputed).holds is holds
 
 
 def test_the_papers_numbers_that_do_not_follow_from_its_tables() -> None:
-    checks = check_claims(read_rows())
-    failed = [(check.claim.place, check.claim.value) for check in checks if not check.holds]
-    assert failed == [
-        ("Table 1", 15.21),
-        ("Table 1", 5.03),
-        ("Table 3", 25.62),
-        ("Table 3", 10.19),
-        ("Abstract", 16.34),
-        ("Abstract", 1.0),
-        ("Original Scene Fidelity", 9.68),
-        ("Original Scene Fidelity", 2.21),
-        ("Watermark Purification Effectiveness", 5.44),
-        ("Watermark Purification Effectiveness", 12.97),
-        ("Watermark Purification Effectiveness", 4.39),
-    ]
+    failed: dict[str, list[float]] = {}
+    for check in check_claims(read_rows()):
+        if not check.holds:
+            failed.setdefault(check.claim.place, []).append(check.claim.value)
+    assert failed == {
+        "Table 1": [15.21, 5.03],
+        "Table 3": [25.62, 10.19],
+        "Abstract": [16.34, 1.0],
+        "Original Scene Fidelity": [9.68, 2.21],
+        "Watermark Purification Effectiveness": [5.44, 12.97, 4.39],
+    }
 
 
 def test_claims_of_ablations_name_the_column_of_their_table() -> None:
@@ -316,70 +367,3 @@ def test_the_papers_score_of_an_attack_is_that_of_its_means() -> None:
     means = mean_psnr(printed)
     scores = {(row.condition.scheme, row.variant): row.paper_score for row in beside(printed)}
     assert scores == {key: pytest.approx(score(means, *key)) for key in scores}
-
-
-INTERVAL = Interval(1.1, 0.9, 1.3, 0.95, 9)
-
-
-@pytest.mark.parametrize(
-    ("scene_drop", "name"),
-    [
-        (INTERVAL, "GOF, 1 dB (1.10 dB reached on average)"),
-        (INTERVAL._replace(level=0.75), "GOF, 1 dB (0.90 to 1.30 dB reached)"),
-        (Interval(1.0, 0.98, 1.02, 0.95, 9), "GOF, 1 dB"),
-        (Interval(1.0, 0.98, 1.02, 0.75, 3), "GOF, 1 dB"),
-        (Interval(0.5, 0.5, 0.5, 0.0, 1), "GOF, 1 dB (0.50 dB reached)"),
-        (None, "GOF, 1 dB"),
-    ],
-)
-def test_the_name_of_a_variant_has_the_damage_where_the_search_missed_it(
-    scene_drop: Interval | None, name: str
-) -> None:
-    row = survival(benchmark({"a": {"gof@1dB": (1.0, 5.0)}}))[1]
-    assert row._replace(scene_drop=scene_drop).name == name
-    assert row._replace(scene_drop=Interval(1.0, 1.0, 1.0, 0.0, 1), damage=scene_drop).name == name
-
-
-def test_the_rms_ratio_of_a_variant_is_that_of_its_levels() -> None:
-    row = survival(benchmark({"a": {"gof": (1.0, 10.0)}}))[1]
-    assert row.rms_ratio == pytest.approx(rms_ratio([[28.0, 18.0]], [[30.0, 29.0]]))
-
-
-@pytest.mark.parametrize(
-    ("wanted", "drops", "suffix"),
-    [
-        (1.0, (1.02, 0.98), ""),
-        (1.0, (1.0, 2.0, 0.5), " (0.50 to 2.00 dB reached)"),
-        (1.0, (0.5, math.inf), " (0.50 dB reached)"),
-        (1.0, (), ""),
-        (math.nan, (0.5, 2.0), ""),
-    ],
-)
-def test_a_title_has_the_range_of_damages_where_any_misses_the_wanted(
-    wanted: float, drops: tuple[float, ...], suffix: str
-) -> None:
-    assert title_with_damage("GOF", wanted, *drops) == f"GOF{suffix}"
-
-
-def test_a_rival_of_half_the_scenes_competes() -> None:
-    drops = {"gspure@1dB": (1.0, 10.0), "gof@1dB": (1.0, 7.0)}
-    outcomes = benchmark({"a": drops, "b": {"gspure@1dB": (1.0, 10.0)}})
-    (row,) = leads(outcomes, {"gspure": ["gspure@1dB"], "crop": ["gof@1dB"]})
-    assert (row.attack, row.difference.mean, row.difference.scenes, row.is_bound) == ("crop", 3.0, 1, False)
-
-
-def test_the_unattacked_model_and_controls_are_no_rivals() -> None:
-    outcomes = benchmark({"a": {"gspure": (1.0, 10.0)}})
-    attacks = {name: [name] for name in ("gspure", "unattacked", "clean")}
-    assert leads(outcomes, attacks) == []
-
-
-def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:
-    names = ["b/room", "a/vault", "a/room"]
-    models = [model_plan(name, ("crop", "unattacked", "blur"), ("clean",)) for name in names]
-    repetition = replace(models[2], id=ModelId("a", "room", 1))
-    outcomes = collect(tmp_path, [repetition, *models])
-    order = [(o.scheme, o.scene, o.seed) for o in outcomes[::4]]
-    assert order == [("a", "room", 0), ("a", "room", 1), ("a", "vault", 0), ("b", "room", 0)]
-    assert [o.variant for o in outcomes[:4]] == ["unattacked", "crop", "blur", "clean"]
-    assert {o.failure for o in outcomes} == {"not run"}

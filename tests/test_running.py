@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -42,8 +43,7 @@ def snakemake(tmp_path, monkeypatch):
     package = tmp_path / "fake" / "snakemake"
     package.mkdir(parents=True)
     (package / "__init__.py").touch()
-    paths = [str(package.parent), os.environ.get("PYTHONPATH", "")]
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, paths)))
+    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=os.pathsep)
     return lambda program: (package / "__main__.py").write_text(PROGRAM + program)
 
 
@@ -72,23 +72,17 @@ sys.exit(1)
     }
 
 
-def test_without_silence_output_is_snakemake_s(snakemake, capfd):
+def test_without_silence_output_is_snakemake_s_which_gets_no_settings_of_the_user(snakemake, monkeypatch, capfd):
+    monkeypatch.setenv("SNAKEMAKE_PROFILE", "slurm")
+    monkeypatch.setenv("SNAKEMAKE_CONDA_PREFIX", "conda")
     snakemake("""
 for number in range(10_000):  # more than a pipe holds, which somebody must read
     send(event="started", job=number, text="Attacking", log="a.log")
-print(*sys.argv[1:])
+print(*sys.argv[1:], *(name for name in os.environ if name.startswith("SNAKEMAKE")))
 print("Building DAG of jobs", file=sys.stderr)
 """)
     assert running.run(["--cores", "1"])
     assert capfd.readouterr() == ("--logger gspure --cores 1\n", "Building DAG of jobs\n")
-
-
-def test_the_user_s_settings_of_snakemake_do_not_reach_it(snakemake, monkeypatch, capfd):
-    monkeypatch.setenv("SNAKEMAKE_PROFILE", "slurm")
-    monkeypatch.setenv("SNAKEMAKE_CONDA_PREFIX", "conda")
-    snakemake('print(*(name for name in os.environ if name.startswith("SNAKEMAKE")))')
-    running.run([])
-    assert capfd.readouterr().out == "\n"
 
 
 @pytest.mark.parametrize(
@@ -107,12 +101,6 @@ def test_the_reason_of_a_failure_is_one_line(snakemake, capfd, end, reason):
     assert capfd.readouterr().err == f"gspure: {reason}\n"
 
 
-def test_nothing_to_do_is_said(snakemake, capfd):
-    snakemake("")
-    assert running.run([], silent=True)
-    assert "nothing to do" in capfd.readouterr().err
-
-
 DEMO = """
 import sys
 from gspure.__main__ import main
@@ -123,78 +111,55 @@ sys.exit(main())
 """
 
 
-def started(ignored=(), grace=0.2):
+def started(ignored: tuple[int, ...] = (), grace: float = 0.2) -> tuple[subprocess.Popen[str], int]:
     """`gspure demo`, when a job runs, and that job; the process ignores some signals from its beginning."""
 
-    def ignore():
+    def ignore() -> None:
         for number in ignored:
             signal.signal(number, signal.SIG_IGN)
 
     command = [sys.executable, "-c", DEMO.format(grace=grace)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=ignore)  # noqa: PLW1509
-    deadline = time.monotonic() + 30
-    while not (Path("job").is_file() and Path("job").read_text()):
-        assert process.poll() is None, process.stderr.read()
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    assert comes(lambda: Path("job").is_file() and Path("job").read_text() != "")
     return process, int(Path("job").read_text())
 
 
-def runs(process: int) -> bool:
-    """Return whether a process runs; one that has ended may wait for its parent."""
+def comes(condition: Callable[[], bool]) -> bool:
+    """Wait for a condition, and return whether it came."""
+    deadline = time.monotonic() + 30
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return condition()
+
+
+def has_ended(process: int) -> bool:
+    """Return whether a process has ended, even if it waits for its parent."""
     try:
-        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:
-        return False
-    return state != "Z"
-
-
-def ends_soon(process: int) -> bool:
-    deadline = time.monotonic() + 10
-    while runs(process) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not runs(process)
+        return True
 
 
 @pytest.mark.parametrize(
-    ("number", "ignored", "status"),
+    ("numbers", "ignored", "grace", "status"),
     [
-        (signal.SIGINT, (), 130),
-        (signal.SIGINT, (signal.SIGINT,), 130),  # as in the background of a script
-        (signal.SIGTERM, (), 143),
-        (signal.SIGHUP, (), 129),
+        ((signal.SIGINT,), (), 0.2, 130),
+        ((signal.SIGINT,), (signal.SIGINT,), 0.2, 130),  # as in the background of a script
+        ((signal.SIGTERM,), (), 0.2, 143),
+        ((signal.SIGHUP,), (), 0.2, 129),
+        ((signal.SIGHUP, signal.SIGTERM), (signal.SIGHUP,), 0.2, 143),  # by `nohup`, it goes on without its terminal
+        ((signal.SIGINT, signal.SIGINT), (), 60, 130),  # the second one kills at once
     ],
 )
-def test_a_signal_ends_the_run_with_its_jobs_and_one_line(snakemake, number, ignored, status):
+def test_a_signal_ends_the_run_with_its_jobs_and_one_line(snakemake, numbers, ignored, grace, status):
     snakemake(WITH_JOB)
-    process, job = started(ignored)
-    process.send_signal(number)
+    process, job = started(ignored, grace)
+    for number in numbers:
+        process.send_signal(number)
+        time.sleep(0.3)
     _, errors = process.communicate(timeout=20)
     assert (process.returncode, errors) == (status, "gspure demo: interrupted\n")
-    assert ends_soon(job)
-
-
-def test_a_second_interruption_kills_at_once(snakemake):
-    snakemake(WITH_JOB)
-    process, job = started(grace=60)
-    process.send_signal(signal.SIGINT)
-    time.sleep(0.3)
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert ends_soon(job)
-
-
-def test_a_run_without_hang_ups_goes_on(snakemake):
-    snakemake(WITH_JOB)
-    process, job = started(ignored=(signal.SIGHUP,))  # by `nohup`
-    process.send_signal(signal.SIGHUP)
-    time.sleep(0.3)
-    assert process.poll() is None
-    assert runs(job)
-    process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=20)
-    assert process.returncode == 143
+    assert comes(lambda: has_ended(job))
 
 
 def test_jobs_end_when_audit_is_killed(snakemake):
@@ -206,7 +171,7 @@ os.close(pipe)
     process, job = started()
     process.kill()
     process.communicate(timeout=20)
-    assert ends_soon(job)
+    assert comes(lambda: has_ended(job))
     assert not [*Path("temporary").iterdir()]
 
 

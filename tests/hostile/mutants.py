@@ -60,7 +60,7 @@ CORE = {
     "gspure.method.pruning": ("test_pruning.py",),
     "gspure.metrics.image_metrics": (
         "test_metrics.py",
-        "test_survival.py::test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before",
+        "test_contest.py::test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before",
     ),
     "gspure.schemes.splats_in_splats.bits": (
         "test_hidden_scene.py::test_the_shift_is_the_papers_and_its_range_the_widest_that_works",
@@ -105,25 +105,25 @@ CORE = {
     ),
 }
 
-_OUTCOMES = ("test_outcomes.py", "test_contest.py", "test_survival.py", "test_collecting.py")
+_OUTCOMES = ("test_outcomes.py", "test_contest.py")
 _PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_config_reading.py"),
     "gspure.evaluation.attacking": ("test_evaluate.py",),
-    "gspure.evaluation.collecting": ("test_outcomes.py", "test_collecting.py", "test_detection.py"),
+    "gspure.evaluation.collecting": ("test_outcomes.py", "test_detection.py"),
     "gspure.evaluation.contest": ("test_contest.py", "test_outcomes.py"),
-    "gspure.evaluation.deciding": ("test_deciding.py",),
+    "gspure.evaluation.deciding": ("test_step.py",),
     "gspure.evaluation.evaluate": ("test_evaluate.py",),
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.matched": ("test_contest.py", "test_outcomes.py"),
     "gspure.evaluation.outcomes": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
     "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
     "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
-    "gspure.evaluation.results": ("test_outcomes.py", "test_collecting.py"),
-    "gspure.evaluation.revealing": ("test_revealing.py",),
-    "gspure.evaluation.summary": ("test_outcomes.py", "test_survival.py", "test_collecting.py"),
+    "gspure.evaluation.results": ("test_outcomes.py",),
+    "gspure.evaluation.revealing": ("test_step.py",),
+    "gspure.evaluation.summary": ("test_outcomes.py", "test_contest.py"),
     "gspure.evaluation.survival": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
-    "gspure.evaluation.verdict": ("test_evaluate.py", "test_collecting.py"),
+    "gspure.evaluation.verdict": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.assets": _PLANS,
     "gspure.workflow.config": ("test_config_reading.py", "test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_config_reading.py",),
