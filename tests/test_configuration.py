@@ -1,42 +1,229 @@
-"""The configuration: its schema, its defaults, and what is refused before any job starts."""
+"""Configurations: YAML as people write it, several files, overrides, defaults, and what is refused where."""
 
 import re
+from collections.abc import Callable
+from copy import deepcopy
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
-from jsonschema import Draft202012Validator
 
-from gspure.attacks import attacks
-from gspure.errors import InputError
+from gspure.errors import InputError, MissingFileError
+from gspure.files import Json
 from gspure.method.features import PARTS
-from gspure.method.settings import FEATURES
+from gspure.method.settings import FEATURES, MethodSettings
 from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
+from gspure.workflow import planning
+from gspure.workflow.config import DEFAULT_VARIANTS
+from gspure.workflow.config_reading import load_yaml, read_config
 from gspure.workflow.schema import config_schema
-from tests.training_cases import colmap_project, ring
-from tests.workflow_cases import ROOT, configuration, plan_of
+from tests.workflow_cases import ROOT, SOURCE, configuration
 
-BOT = {"model": __file__, "cameras": "orbit"}
-PLANTED = {"pairs": {"room": {}}, "schemes": {"planted": {}}}
-EVERY = {"unattacked": {}, "gspure": {}}
-BASES = ("config.yaml", "mini.yaml", "six_pairs.yaml")
-OVERLAYS = ("ablations.yaml", "severity.yaml", "sweep.yaml", "views.yaml")
+SHIPPED = sorted((ROOT / "config").glob("*.yaml"))
+EVERY: dict[str, Any] = {"unattacked": {}, "gspure": {}}
+BOT = {"model": "bot.ply", "cameras": "orbit"}
+MARK = {"command": "read"}
+KEYS = ("no", "Yes", "on", "null", "~", "2024_05", "1", "0x10", "1.50", "1e3", "2024-05-01")
 
-
-def test_the_schema_is_valid():
-    Draft202012Validator.check_schema(config_schema())
+Write = Callable[..., list[Path]]
 
 
-def test_naming_a_model_and_its_cameras_is_enough():
-    (model,) = plan_of({"assets": {"bot": BOT}}).models
-    assert model.id.scene == "bot"
-    assert {job.case.name for job in model.variants} <= attacks().keys()
-    assert {job.views.split for job in model.variants} == {"test"}
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def write_files(*contents: str) -> list[Path]:
+        files = [tmp_path / f"{i}.yaml" for i in range(len(contents))]
+        for file, content in zip(files, contents, strict=True):
+            file.write_text(content, encoding="utf-8")
+        return files
+
+    return write_files
 
 
-def test_choices_are_those_of_the_code():
+@pytest.mark.parametrize(
+    ("text", "content"),
+    [
+        ("a: no\nb: 1.5\nc: 0110\nd: ~\ne: 'no'", {"a": False, "b": 1.5, "c": 72, "d": None, "e": "no"}),
+        ("\n".join(f"{key}: {{inner: 1}}" for key in KEYS), {key: {"inner": 1} for key in KEYS}),
+        ("", {}),
+        ("# nothing\n", {}),
+        ("---\n", {}),
+        ("\ufeffthreads: 2", {"threads": 2}),
+        ("x: &x {a: 1, b: 2}\ny: {<<: *x, b: 3}", {"x": {"a": 1, "b": 2}, "y": {"a": 1, "b": 3}}),
+        ("x: &x {a: 1, b: 2}\ny: {b: 3, <<: *x}", {"x": {"a": 1, "b": 2}, "y": {"a": 1, "b": 3}}),
+        ("x: {<<: [{a: 1}, {a: 2, b: 2}]}", {"x": {"a": 1, "b": 2}}),
+        ("x: {<<: &y {<<: {a: 0, c: 0}, a: 1}, b: 2}", {"x": {"a": 1, "b": 2, "c": 0}}),
+        ("x: {y: &y {<<: {a: 0, c: 0}, a: 1}}\nz: *y", {"x": {"y": {"a": 1, "c": 0}}, "z": {"a": 1, "c": 0}}),
+    ],
+)
+def test_keys_are_texts_as_written_and_values_and_merges_those_of_yaml(
+    write: Write, text: str, content: dict[str, Any]
+) -> None:
+    assert load_yaml(*write(text)) == content
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("- 1", "content"),
+        ("3", "content"),
+        ("text", "content"),
+        ("a: [", "file"),
+        ("a: 1\n b: 2", "file"),
+        ("a: *b", "file"),
+        ("a: !!python/object/apply:os.getcwd []", "file"),
+        ("[1]: 2", "file"),
+        ("? {a: 1}\n: 2", "file"),
+        ("\x00", "file"),
+        ("a: 1\nb: 2\na: 3", "a in line 3"),
+        ("a:\n  b: 1\n  c: 2\n  b: 3\n", "b in line 4"),
+        ("no: 1\n'no': 2", "no in line 2"),
+        ("1: 1\n1: 2", "1 in line 2"),
+        ("a: [{b: 1,\n  b: 2}]", "b in line 2"),
+        ("a: &x {b: 1}\n<<: *x\n<<: *x", "<< in line 3"),
+    ],
+)
+def test_a_file_that_is_no_mapping_with_each_key_once_is_refused(write: Write, text: str, place: str) -> None:
+    (file,) = write(text)
+    with pytest.raises(InputError) as refusal:
+        load_yaml(file)
+    assert (refusal.value.source, refusal.value.field) == (str(file), place)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(MissingFileError):
+        load_yaml(tmp_path / "no.yaml")
+
+
+CROP = "variants: {unattacked: {}, gspure: {}, crop: &c {fraction: 0.5, seed: 3}, b: *c, d: {<<: *c, seed: 1}}"
+HALF = {"fraction": 0.5, "seed": 3}
+CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {"fraction": 0.5, "seed": 1}}
+
+
+@pytest.mark.parametrize(
+    ("files", "overrides", "content"),
+    [
+        ([""], {}, {}),
+        (["threads: 1", "extractions: [message]"], {}, {"threads": 1, "extractions": ["message"]}),
+        (["extractions: [message]", "extractions: [message, b]"], {}, {"extractions": ["message", "b"]}),
+        ([CROP, "variants: {crop: {fraction: 0.7}, gof: {}}"], {}, {"variants": {**CHANGED_CROP, "gof": {}}}),
+        ([CROP], {"variants": {"crop": {"fraction": 0.7}}}, {"variants": CHANGED_CROP}),
+        (["views: {parts: 2}", ""], {"views": {"evaluate": "all"}}, {"views": {"parts": 2, "evaluate": "all"}}),
+        (["threads: 1", "threads: 2"], {"threads": 3}, {"threads": 3}),
+        (["threads: 1"], {"threads": None}, {}),
+        (["detectors: {}"], {"detectors": {"mark": MARK}}, {"detectors": {"mark": MARK}}),
+    ],
+)
+def test_files_are_overlaid_entry_by_entry(write: Write, files: list[str], overrides: Json, content: Json) -> None:
+    given = deepcopy(overrides)
+    merged = read_config(write(*files), overrides, SOURCE)
+    assert repr(merged) == repr(configuration(content))
+    assert overrides == given
+
+
+def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:
+    decisions = {"mild": {"tau_n": 2}, "same": {}}
+    config = configuration({"method": {"tau_n": 3, "energy": "ewa"}, "decisions": decisions})
+    assert config.decisions["same"] == config.method == MethodSettings(tau_n=3.0, energy="ewa")
+    assert config.decisions["mild"] == MethodSettings(tau_n=2.0, energy="ewa")
+    assert configuration({"decisions": decisions}).decisions["mild"] == MethodSettings(tau_n=2.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        ({"asets": {}}, "asets"),
+        ({"method": {"tau_n": 0}}, "method.tau_n"),
+        ({"method": 3, "decisions": {"a": {}}}, "method"),
+        ({"decisions": None}, "decisions"),
+        ({"method": {"tau_n": 2}, "decisions": {"a": 3}}, "decisions.a"),
+        ({"method": {"tau_n": 2}, "decisions": ["a"]}, "decisions"),
+        ({"decisions": {"method": {}}}, "decisions.method"),
+        ({"decisions": {"a": {"cluster_on": ["position"]}}}, "decisions.a.cluster_on"),
+        ({"pairs": {"a/b": {}}}, "pairs.a/b"),
+        ({"pairs": {"-a": {}}}, "pairs.-a"),
+        ({"pairs": {"": {}}}, "pairs."),
+        ({"pairs": {"ab" * 50 + "c": {}}}, f"pairs.{'ab' * 50}c"),
+        ({"pairs": {"x" * 20: {}}}, f"pairs.{'x' * 20}"),
+        ({"pairs": {"a\n": {}}}, "pairs.a\\n"),
+        ({"detectors": {"mark": {**MARK, "message": 72}}}, "detectors.mark.message"),
+        ({"detectors": {"mark": {**MARK, "message": "012"}}}, "detectors.mark.message"),
+        ({"detectors": {"mark": {"command": ""}}}, "detectors.mark.command"),
+        ({"variants": {"gspure": {}}}, "variants.unattacked"),
+        ({"variants": {"unattacked": {}}}, "variants.gspure"),
+        ({"variants": {**EVERY, "crop": {"damage": [1, -1]}}}, "variants.crop.damage[1]"),
+        ({"variants": {**EVERY, "crop": {"damage": 0}}}, "variants.crop.damage"),
+        ({"extractions": ["message_adaptive"]}, "extractions"),
+        ({"extractions": []}, "extractions"),
+        ({"assets": {"my bot": BOT}}, "assets.my bot"),
+        ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras"),
+        ({"assets": {"bot": {"cameras": "orbit"}}}, "assets.bot.model"),
+        ({"assets": {"bot": {"train": "x", "model": "y"}}}, "assets.bot.model"),
+        ({"assets": {"bot": {"train": "x", "key": "y"}}}, "assets.bot.key"),
+        ({"assets": {"bot": {**BOT, "scheme": "keyss"}}}, "assets.bot.scheme"),
+        ({"assets": {"bot": {**BOT, "message": "photos"}}}, "assets.bot.message"),
+        ({"assets": {"bot": {**BOT, "resolution": "1600"}}}, "assets.bot.resolution"),
+        ({"assets": {"bot": {**BOT, "resolution": "1/0"}}}, "assets.bot.resolution"),
+        ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up"),
+    ],
+    ids=str,
+)
+def test_what_no_job_could_use_is_refused_with_its_place(content: dict[str, Any], place: str) -> None:
+    with pytest.raises(InputError) as refusal:
+        configuration(content)
+    assert (refusal.value.source, refusal.value.field) == (SOURCE, place)
+
+
+def test_a_refusal_of_a_misspelt_key_in_a_file_names_the_source_and_has_a_suggestion(write: Write) -> None:
+    with pytest.raises(InputError) as refusal:
+        read_config(write("method: {min_sample: 3}"), {}, "mine.yaml, severity.yaml")
+    assert refusal.value.source == "mine.yaml, severity.yaml"
+    assert refusal.value.expected == "min_samples?"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"pairs": {"ab3_-" * 19 + "abcde": {}}},
+        {"pairs": {"x" * 19: {}}},
+        {"pairs": {name: {"resolution": name} for name in ("native", "photographs")}},
+        {"pairs": {"a": {"resolution": "1/8"}}},
+        {"pairs": {"a": {"scene": "a\nb"}}},
+        {"decisions": {"a": {"cluster_on": ["weight"]}}},
+        {"decisions": {"a": {"cluster_on": ["opacity", "position"]}}},
+        {"extractions": ["message_adaptive", "message"]},
+    ],
+    ids=str,
+)
+def test_what_a_job_can_use_is_admitted(content: dict[str, Any]) -> None:
+    configuration(content)
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_a_shipped_configuration_is_read(file: Path) -> None:
+    entries = yaml.safe_load(file.read_text())
+    shipped = read_config([file], {}, SOURCE)
+    assert entries.keys() == {name for name in entries if getattr(shipped, name)}
+    assert {*shipped.variants} == {*entries.get("variants", DEFAULT_VARIANTS)}
+
+
+BASES = ("config", "mini", "six_pairs")
+OVERLAYS = ("ablations", "severity", "sweep", "views")
+
+
+@pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS), ("mini", "paper")])
+def test_a_shipped_overlay_adds_to_a_configuration(base: str, overlay: str) -> None:
+    files = [ROOT / "config" / f"{name}.yaml" for name in (base, overlay)]
+    below, above = (load_yaml(file) for file in files)
+    merged = read_config(files, {}, SOURCE)
+    assert merged.pairs.keys() == below["pairs"].keys()
+    assert merged.variants == configuration({"variants": {**below.get("variants", {}), **above["variants"]}}).variants
+    assert len(planning.plan_of(merged, SOURCE).models[0].variants) >= len(merged.variants)
+
+
+def test_choices_are_those_of_the_code() -> None:
     pair = config_schema()["properties"]["pairs"]["additionalProperties"]["properties"]
     assert tuple(pair["protocol"]["enum"]) == PROTOCOLS
     assert tuple(pair["initialization"]["enum"]) == INITIALIZATIONS
@@ -44,103 +231,10 @@ def test_choices_are_those_of_the_code():
     assert tuple(PARTS) == FEATURES
 
 
-@pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS)])
-def test_shipped_configurations_can_be_combined(base, overlay):
-    config, changes = (yaml.safe_load((ROOT / "config" / name).read_text()) for name in (base, overlay))
-    for name, value in changes.items():
-        config[name] = {**config.get(name, {}), **value} if isinstance(value, dict) else value
-    assert len(plan_of(config).models[0].variants) >= len(config["variants"])
-
-
-@pytest.mark.parametrize(
-    ("config", "place"),
-    [
-        ({"asets": {}}, "asets"),
-        ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras"),
-        ({"assets": {"bot": {**BOT, "message": "m"}}}, "assets.bot.message"),
-        ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up"),
-        ({"method": {"selection": "best"}}, "method.selection"),
-        ({"method": {"tau_n": 0}}, "method.tau_n"),
-        ({"decisions": {"blind": {"cluster_on": ["position"]}}}, "decisions.blind.cluster_on"),
-        ({"extractions": ["message_oracle"]}, "extractions"),
-        ({"variants": {"gspure": {}}}, "variants.unattacked"),
-    ],
-    ids=str,
-)
-def test_a_wrong_setting_is_refused_at_its_place(config, place):
-    with pytest.raises(InputError, match=f"^mine.yaml: {re.escape(place)}: "):
-        configuration(config)
-
-
-def variants(**changed):
-    return {**PLANTED, "variants": {**EVERY, **changed}, "decisions": {"gentle": {}}}
-
-
-@pytest.mark.parametrize(
-    ("config", "line"),
-    [
-        ({}, "assets: expected at least one model, or a pair and a scheme, found none"),
-        ({**PLANTED, "pairs": {"a": {"scene": "no", "message": "no"}}}, "pairs.a.scene: .* file or folder, found no"),
-        (
-            {**PLANTED, "schemes": {"splats": {}}},
-            "schemes.splats: expected one of .*splats_in_splats.*, found 'splats'",
-        ),
-        ({**PLANTED, "schemes": {"planted": {"bits": 3}}}, "schemes.planted.bits: expected one of .*unknown key"),
-        ({**PLANTED, "extractions": ["message", "message_x"]}, "extractions: expected one of message.*'message_x'"),
-        ({**PLANTED, "decisions": {"method": {}}}, "decisions.method: "),
-        ({"assets": {"bot": {**BOT, "model": "no.ply"}}}, "assets.bot.model: expected .* found no.ply"),
-        ({"assets": {"bot": {**BOT, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
-        ({"assets": {"bot": {"train": ".", "model": __file__}}}, "assets.bot.model: expected nothing beside train"),
-        (variants(clean={"attack": "crop"}), "variants.clean: expected a name of no control"),
-        (variants(gspur={}), "variants.gspur: expected one of .*plain_weight.*, found 'gspur'"),
-        (variants(crop={"fraction": 2}), "variants.crop.fraction: expected a number from 0 to 1"),
-        (variants(gspure={"decision": "mild"}), "variants.gspure.decision: expected one of gentle, found 'mild'"),
-        (variants(gspure={"damage": 1}), "variants.gspure.damage: expected an attack with a strength, found gspure"),
-    ],
-    ids=str,
-)
-def test_a_setting_that_no_job_could_use_is_refused_in_one_line(config, line):
-    with pytest.raises(InputError, match="^mine.yaml: " + line) as refusal:
-        plan_of(config)
-    assert "\n" not in str(refusal.value)
-
-
-def test_a_list_of_damages_is_a_variant_for_each():
-    plan = plan_of(variants(gspure_scaled={"damage": [0.3, 2]}, noise={"attack": "gaussian_noise", "damage": 1}))
-    jobs = plan.models[0].variants
-    names = [job.variant for job in jobs]
-    assert names == ["gspure", "gspure_scaled@0.3dB", "gspure_scaled@2dB", "noise@1dB", "unattacked"]
-    assert (jobs[3].case.name, jobs[3].case.damage) == ("gaussian_noise", 1.0)
-
-
-def test_the_output_folder_of_a_training_run_stands_for_its_newest_model(tmp_path):
-    for iteration in (7, 30):
-        file = tmp_path / f"point_cloud/iteration_{iteration}/point_cloud.ply"
-        file.parent.mkdir(parents=True)
-        file.touch()
-    (model,) = plan_of({"assets": {"bot": {**BOT, "model": str(tmp_path)}}}).models
-    assert model.public == file
-
-
-def test_photographs_are_files_of_the_training_and_a_missing_one_is_named(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    colmap_project(Path("garden"), ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
-    files = plan_of({"assets": {"garden": {"train": "garden"}}}).trained["garden"].users_files
-    photographs = [file for file in files if file.suffix == ".png"]
-    assert len(photographs) == 9
-    assert all(image.is_file() and not image.is_absolute() for image in photographs)
-    photographs[0].unlink()
-    with pytest.raises(InputError, match=photographs[0].name):
-        plan_of({"assets": {"garden": {"train": "garden"}}})
-
-
-PROFILE = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text())
-
-
-def rules_on_the_device():
+def rules_on_the_device() -> set[str]:
     """The rules whose jobs have as many threads as the device needs."""
     text = "\n".join(path.read_text() for path in sorted((ROOT / "rules").glob("*.smk")))
-    on_device = {}
+    on_device: dict[str, bool] = {}
     pattern = r"^(?:use )?rule (?:(\w+) as )?(\w+)(?: with)?:\n(.*?)(?=^\S|\Z)"
     for base, name, rule in re.findall(pattern, text, re.MULTILINE | re.DOTALL):
         threads = re.search(r"threads: (.*)", rule)
@@ -148,6 +242,7 @@ def rules_on_the_device():
     return {name for name, asks in on_device.items() if asks and not name.startswith("base_")}
 
 
-def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has():
-    asked = {rule for rule, resources in PROFILE["set-resources"].items() if resources.get("gpu")}
+def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has() -> None:
+    profile = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text())
+    asked = {rule for rule, resources in profile["set-resources"].items() if resources.get("gpu")}
     assert asked == rules_on_the_device()

@@ -106,9 +106,9 @@ CORE = {
 }
 
 _OUTCOMES = ("test_outcomes.py", "test_contest.py")
-_PLANS = ("test_planning.py", "test_plan.py", "test_configuration.py")
+_PLANS = ("test_plan.py", "test_configuration.py")
 JOBS = {
-    "gspure.codec": ("test_codec.py", "test_config_reading.py"),
+    "gspure.codec": ("test_codec.py", "test_configuration.py"),
     "gspure.evaluation.attacking": ("test_evaluate.py",),
     "gspure.evaluation.collecting": ("test_outcomes.py", "test_detection.py"),
     "gspure.evaluation.contest": ("test_contest.py", "test_outcomes.py"),
@@ -125,8 +125,8 @@ JOBS = {
     "gspure.evaluation.survival": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
     "gspure.evaluation.verdict": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.assets": _PLANS,
-    "gspure.workflow.config": ("test_config_reading.py", "test_codec.py", *_PLANS),
-    "gspure.workflow.config_reading": ("test_config_reading.py",),
+    "gspure.workflow.config": ("test_codec.py", *_PLANS),
+    "gspure.workflow.config_reading": ("test_configuration.py",),
     "gspure.workflow.console": ("test_console.py",),
     "gspure.workflow.decisions": _PLANS,
     "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
