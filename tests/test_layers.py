@@ -158,24 +158,24 @@ def test_the_core_does_not_import_torch() -> None:
 
 
 STATEMENTS = {
-    "": 1407,
+    "": 1416,
     "attacks": 777,
     "cameras": 1096,
     "cli": 1854,
-    "evaluation": 1531,
+    "evaluation": 1562,
     "figures": 1050,
     "method": 670,
-    "metrics": 751,
+    "metrics": 758,
     "model": 1274,
     "opencl": 1529,
-    "report": 900,
+    "report": 945,
     "scan": 208,
     "scenes": 647,
     "schemes": 2356,
     "surface": 219,
     "training": 756,
     "viewer": 185,
-    "workflow": 1179,
+    "workflow": 1187,
 }
 """Statements of each folder when it was last measured."""
 
