@@ -332,20 +332,20 @@ def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared() -> None
 @pytest.mark.parametrize(
     ("pair", "users_files"),
     [
-        ({"scene": "room", "message": "object-3"}, set()),
-        ({"scene": "scene", "message": "photos", "protocol": "own"}, {"scene", "photos"}),
-        ({"scene": "scene", "message": "message.ply"}, {"scene", "message.ply"}),
+        ({"scene": "room", "message": "object-3"}, []),
+        ({"scene": "scene", "message": "photos", "protocol": "own"}, ["scene", "photos"]),
+        ({"scene": "scene", "message": "message.ply"}, ["scene", "message.ply"]),
     ],
     ids=str,
 )
-def test_a_pair_is_made_from_traced_scenes_photographs_or_a_model(pair: dict[str, str], users_files: set[str]) -> None:
+def test_a_pair_is_made_from_traced_scenes_photographs_or_a_model(pair: dict[str, str], users_files: list[str]) -> None:
     for name in ("scene", "photos"):
         capture(name)
     written_model("message.ply")
     plan = planned(pairs={"mine": pair})
     training = plan.pairs["mine"]
     assert (training.sources, training.inputs, plan.messages) == ((pair["scene"], pair["message"]), (), {})
-    assert {file.parts[0] for file in training.users_files} == users_files
+    assert {file.parts[0] for file in training.users_files} == {*users_files}
     assert plan.models[0].condition == Condition("planted", pair.get("protocol", "shared"), "both")
 
 
