@@ -14,12 +14,10 @@ from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from gspure.errors import InputError
 from gspure.settings import Range
-
-Value = TypeVar("Value")
 
 KIND: Final = "kind"  # entry that names the class of an object in a union of classes
 REST: Final = "rest"  # annotation of a mapping field that takes all keys which no other field has
@@ -40,12 +38,6 @@ class Text(NamedTuple):
 def text(value: object) -> str:
     """Return a value as JSON on one line."""
     return json.dumps(plain(value), ensure_ascii=False)
-
-
-def parsed(kind: type[Value], content: str) -> Value:
-    """Return the value of a type that `text` wrote."""
-    value: Value = read(kind, json.loads(content), "text")
-    return value
 
 
 def plain(value: Any) -> Any:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from gspure import codec
-from gspure.codec import KIND, REST, Text, parsed, plain, read, schema
+from gspure.codec import KIND, REST, Text, plain, read, schema
 from gspure.errors import InputError
 from gspure.evaluation.plan import AttackSpec
 from gspure.settings import Range, Setting
@@ -75,7 +75,7 @@ DRAWINGS = {
 @pytest.mark.parametrize("drawing", DRAWINGS.values(), ids=DRAWINGS)
 def test_a_value_survives_a_round_trip_as_one_line_without_escaped_letters(drawing: Drawing) -> None:
     line = codec.text(drawing)
-    assert parsed(Drawing, line) == drawing
+    assert read(Drawing, json.loads(line), SOURCE) == drawing
     assert "\n" not in line
     assert "\\u" not in line
 
@@ -243,4 +243,4 @@ ATTACKS = st.builds(AttackSpec, settings=SETTINGS, seed=st.integers(), damage=st
 def test_any_attack_survives_a_round_trip(attack: AttackSpec) -> None:
     line = codec.text(attack)
     assert "\n" not in line
-    assert parsed(AttackSpec, line) == attack
+    assert read(AttackSpec, json.loads(line), SOURCE) == attack

@@ -1,4 +1,4 @@
-// The 3-D view: splats in WebGL 2, blended from the farthest to the nearest; the data are those of gspure.figures.viewer.
+// The 3-D view: splats in WebGL 2, blended from the farthest to the nearest; the data are those of gspure.viewer.data.
 const VERTEX = `#version 300 es
 precision highp float;
 precision highp isampler2D;
@@ -55,7 +55,7 @@ function turned(vector, axis, angle) {
     return c * value + s * (axis[j] * vector[k] - axis[k] * vector[j]) + along * axis[i];
   });
 }
-const percent = share => {  // 0% and 100% are exact, as in gspure.progress
+const percent = share => {  // 0% and 100% are exact, as in gspure.text
   const text = (100 * share).toFixed(1);
   return share > 0 && text === "0.0" ? "<0.1%" : share < 1 && text === "100.0" ? ">99.9%" : text + "%";
 };
