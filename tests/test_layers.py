@@ -183,7 +183,7 @@ SLACK = 1.1  # growth beyond this is a decision, which edits that table
 
 MOST_LINES = 60  # of a function
 MOST_PARAMETERS = 8
-SIGNATURES = {"purify", "gspure_repair"}  # the public method, and an attack whose signature declares its settings
+SIGNATURES = {"purify"}  # the public method
 
 PRIVATE = re.compile(
     r"workflow\._|\._build_dag|update_needrun|persistence\.|exit_gracefully|_user_kill|scheduler\.failed|"

@@ -4,10 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from gspure.arrays import Bools, Float32, Int32
+from gspure.arrays import Bools, Float32
 from gspure.attacks.attack import Rng, Teacher, named
 from gspure.attacks.attacked import Attacked, NotApplicable
-from gspure.constants import TAU_C, TAU_N
+from gspure.constants import TAU_N
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
@@ -47,18 +47,13 @@ def prune_repair(
 def gspure_repair(
     _model: Gaussians,
     rng: Rng,
-    weights: Float32,
-    labels: Int32,
+    prune_mask: Bools,
     teacher: Teacher,
     *,
-    scale: Factor = 1.0,
-    tau_c: Factor = TAU_C,
-    tau_n: Factor = TAU_N,
     iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Remove the rows that `gspure_scaled` removes, then train the rest as `prune_repair`."""
-    prune_mask = pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n)
+    """Remove the rows that GSPure decided on, as `gspure` does, then train the rest as `prune_repair`."""
     return _repaired(teacher, prune_mask, rng, iterations, learn)
 
 
