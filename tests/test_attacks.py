@@ -1,5 +1,6 @@
 """Every attack of the registry: pure, seeded, behind one protocol; and plug-ins."""
 
+import inspect
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -17,6 +18,7 @@ from gspure.attacks import (
     compression,
     find_attack,
     learning,
+    pruning,
     renders,
 )
 from gspure.errors import InputError
@@ -26,31 +28,6 @@ from tests.models import blobs
 COUNT = 40
 ELSEWHERE = (*compression.ATTACKS, *learning.ATTACKS, *renders.ATTACKS)  # need a package or views, or act on these
 HERE = [attack for attack in BUILT_IN if attack not in ELSEWHERE]
-KEEPS_ALL_ROWS = {
-    "gaussian_noise",
-    "opacity_noise",
-    "position_noise",
-    "feature_scaling",
-    "quantize",
-    "sh_truncation",
-    "rigid_transform",
-    "densify_clone",
-    "inject",
-    "merge",
-    "reorder",
-}
-
-RANDOM = {
-    "random_pruning",
-    "random_matched",
-    "densify_clone",
-    "inject",
-    "merge",
-    "reorder",
-    "gaussian_noise",
-    "opacity_noise",
-    "position_noise",
-}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -67,13 +44,14 @@ def test_an_attack_is_pure_seeded_and_removes_or_changes_rows(attack: Attack, ki
     after = attacked.model.table.tobytes()
     assert after == again.model.table.tobytes()
     assert attacked.model.comments == again.model.comments
-    if attack.name in KEEPS_ALL_ROWS:
-        assert not attacked.prune_mask.any()
-        assert after != before
-    else:
-        assert after == model.table[~attacked.prune_mask].tobytes()
+    kept = model.table[~attacked.prune_mask].tobytes()
+    if attack in pruning.ATTACKS:
+        assert after == kept
         np.testing.assert_array_equal(attacked.rows, np.flatnonzero(~attacked.prune_mask))
-    assert (after != other_seed.model.table.tobytes()) == (attack.name in RANDOM)
+    else:
+        assert after != kept or attacked.prune_mask.any()
+    is_random = "rng" in inspect.signature(attack.function).parameters  # else `_rng`
+    assert (after != other_seed.model.table.tobytes()) == is_random
 
 
 @pytest.mark.parametrize("attack", renders.ATTACKS, ids=lambda attack: attack.name)
