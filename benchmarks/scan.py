@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from roc import detectability
 from scipy.stats import binomtest
 
 from gspure.attacks import Measurements, NotApplicable, find_attack
@@ -23,7 +24,6 @@ from gspure.grouping import grouped
 from gspure.method.purify import purify
 from gspure.method.weights import accumulate
 from gspure.metrics.csv_tables import csv_text, write_table
-from gspure.metrics.statistics import detectability
 from gspure.model import Gaussians, read_model
 from gspure.public_model import PublicModel
 from gspure.scan.statistics import STATISTICS, measure

@@ -13,7 +13,6 @@ from gspure.evaluation.plan import CONFIGURATION
 from gspure.evaluation.plan import PLAN as PLAN_FILE
 from gspure.files import write_json, write_text
 from gspure.plugins import require_packages
-from gspure.scenes.procedural import DECOYS
 from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
 from gspure.workflow.decisions import decision_folders

@@ -9,7 +9,7 @@ use rule base_step as evaluate_variant with:
         directory(expand("results/{{scheme}}/{{scene}}/{{variant}}/{part}", part=["public", "renders", "detections"])),
         expand(
             "results/{{scheme}}/{{scene}}/{{variant}}/{file}",
-            file=["verdict.json", "prune_mask.npy", "metrics.csv", "retrieval.csv"],
+            file=["verdict.json", "prune_mask.npy", "metrics.csv", "evidence.json"],
         ),
     log:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",
@@ -38,27 +38,24 @@ use rule base_step as evaluate_controls with:
         "Evaluating the negative controls of {wildcards.scheme}/{wildcards.scene}"
 
 
-use rule base_step as trace_decoys with:
+use rule base_step as trace_candidates with:
     output:
-        directory(expand("results/decoys/{{width}}x{{height}}x{{views}}/{seed}", seed=DECOYS)),
+        candidates="results/candidates/{candidates}.npy",
     log:
-        "results/logs/decoys/{width}x{height}x{views}.log",
+        "results/logs/candidates/{candidates}.log",
     benchmark:
-        "results/benchmarks/decoys/{width}x{height}x{views}.tsv"
+        "results/benchmarks/candidates/{candidates}.tsv"
     wildcard_constraints:
-        width="[0-9]+",
-        height="[0-9]+",
-        views="[0-9]+",
+        candidates="|".join(PLAN.candidates) or "none",
     threads: 1
     params:
         **step(
-            "decoys",
-            version=code_of("decoys"),
-            folder=lambda wildcards: "results/decoys/{width}x{height}x{views}".format(**wildcards),
-            **{name: lambda wildcards, name=name: int(wildcards[name]) for name in ("views", "width", "height")},
+            "candidates",
+            version=code_of("candidates"),
+            settings=lambda wildcards: PLAN.candidates[wildcards.candidates],
         ),
     message:
-        "Ray-tracing random scenes as candidates of the retrieval"
+        "Ray-tracing candidates: scenes of the message's kind"
 
 
 REPORTED = [f"{model.folder}/{variant}/metrics.csv" for model in PLAN.models for variant in VARIANTS]

@@ -13,7 +13,7 @@ from gspure.arrays import Float32, Float64
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.images import read_back
-from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, nominal_drop, psnr
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
 from gspure.public_model import PublicModel
 
 if TYPE_CHECKING:
@@ -91,37 +91,26 @@ def search(strength: Strength, damage_at: Callable[[float], float], wanted: floa
 
 
 def scene_damage(
-    public: PublicModel, views: Sequence[Camera], photographs: Images | None = None, device: Device | None = None
+    public: PublicModel, views: Sequence[Camera], photographs: Images, device: Device | None = None
 ) -> Damage:
     r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
 
-    With photographs, the damage is the drop of the mean PSNR, as in the tables; views that equal their photograph
-    before or after the attack do not count. Without, it is the mean `nominal_drop` against the unattacked renders.
+    The damage is the drop of the mean PSNR against the photographs, as in the tables; views that equal their photograph
+    before or after the attack do not count. Views move with the model, by the transform of the attack.
 
-    Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
-    unattacked render, so that no PSNR can drop.
+    Raise `InputError` if every photograph equals the unattacked render, so that no PSNR can drop.
     """
 
-    def renders(
+    def psnrs(
         model: PublicModel,
         transform: Float64 | None = None,
         retouched: Callable[[Float32, str], Float32] = lambda image, _view: image,
-    ) -> list[Float32]:
+    ) -> Float64:
         scene = model.scene(device, model.model.background)
         moved = views if transform is None else [view.moved(transform) for view in views]
-        return [retouched(read_back(scene(view)), view.name) for view in moved]
+        renders = [retouched(read_back(scene(view)), view.name) for view in moved]
+        return np.array([psnr(photograph, render) for photograph, render in zip(photographs, renders, strict=True)])
 
-    references = renders(public) if photographs is None else photographs
-
-    def psnrs(*attacked: Any) -> Float64:
-        pairs = zip(references, renders(*attacked), strict=True)
-        return np.array([psnr(reference, render) for reference, render in pairs])
-
-    def mean_nominal_drop(*attacked: Any) -> float:
-        return float(np.mean([nominal_drop(value) for value in psnrs(*attacked)]))
-
-    if photographs is None:
-        return mean_nominal_drop
     before = psnrs(public)
     if not np.isfinite(before).any():
         raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")

@@ -9,6 +9,7 @@ from gspure.arrays import save_array
 from gspure.attacks import BUILT_IN, find_attack
 from gspure.attacks.strength import Damage, Match, scene_damage
 from gspure.cameras import Camera
+from gspure.cameras.photographs import missing_photographs
 from gspure.cameras.splits import views_of_split
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
@@ -22,6 +23,7 @@ from gspure.progress import warn
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model
 from gspure.settings import DECIBELS, SEED, parsed_settings
+from gspure.training.dataset import read_photographs
 
 EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random/point_cloud.ply
@@ -55,7 +57,7 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--damage", "DB", meaning, DECIBELS)
     options.add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
     parser.choice("--split", options.SPLITS, "views that --damage renders", "test")
-    meaning = "photographs VIEW.png of the scene, for --damage (default: assume 30 dB for MODEL in every view)"
+    meaning = "photographs VIEW.png of the scene, for --damage (default: those that the cameras name)"
     parser.reads("--photographs", "DIR", meaning, required=False)
     options.add_device(parser)
 
@@ -93,7 +95,7 @@ def run(args: Arguments) -> None:
     public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
     attack_result = attacked(public, spec, _context(wanted, spec))
     if attack_result.match and wanted.damage is not None:
-        _mention(attack_result, attack_result.match, wanted.damage, is_estimated=not wanted.photographs)
+        _mention(attack_result, attack_result.match, wanted.damage)
     attack_result.public.write(wanted.out)
     if wanted.removed:
         save_array(wanted.removed, attack_result.attacked.prune_mask)
@@ -135,17 +137,21 @@ def _context(wanted: AttackOptions, spec: AttackSpec) -> Context:
 
 def _damage(views: Sequence[Camera], folder: Path | None, device: Device, public: PublicModel) -> Damage:
     """Return the function that measures the damage to the scene in some views, against photographs in a folder."""
-    photographs = None
+    background = public.model.background
     if folder:
-        background = public.model.background
         photographs = [read_image(folder / f"{v.name}.png", (v.width, v.height), background) for v in views]
+    elif missing_photographs(views):
+        hint = "damage is a drop of the PSNR against them"
+        raise InputError("attack", "--photographs", expected="photographs of the views", found="none", hint=hint)
+    else:
+        photographs = read_photographs(views, background)
     return scene_damage(public, views, photographs, device)
 
 
-def _mention(attack_result: AttackResult, match: Match, wanted: float, *, is_estimated: bool) -> None:
+def _mention(attack_result: AttackResult, match: Match, wanted: float) -> None:
     """Print the strength at which a search ended; warn if it misses the damage."""
-    amount = f"an estimated {match.damage:z.2f} dB" if is_estimated else f"{match.damage:z.2f} dB"
-    sentence = f"{attack_result.attack.name}: {attack_result.strength} lowers the scene's PSNR by {amount}"
+    drop = f"{match.damage:z.2f} dB"
+    sentence = f"{attack_result.attack.name}: {attack_result.strength} lowers the scene's PSNR by {drop}"
     if match.misses(wanted):
         warn(f"{sentence}, not by {wanted:g} dB")
     else:

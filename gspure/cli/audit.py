@@ -140,15 +140,10 @@ def audited(run_options: RunOptions, configuration: Path) -> int:
 
 def _answer(*, as_json: bool) -> float:
     """Print the verdict of every condition; return the least damage, dB, at which a message is lost."""
-    from gspure.evaluation.collecting import collect
-    from gspure.evaluation.plan import read_plan
-    from gspure.evaluation.survival import Survival
-    from gspure.metrics.csv_tables import read_table
+    from gspure.evaluation.results import read_results
     from gspure.report.answer import answers
 
-    outcomes = collect(_RESULTS, read_plan(_RESULTS).models)
-    survivals = read_table(_RESULTS / "tables" / "survival.csv", Survival)
-    conditions = answers(outcomes, survivals)
+    conditions = answers(read_results(_RESULTS / "tables" / "results.csv"))
     if as_json:
         print(json.dumps([answer.facts() for answer in conditions], indent=2))
     else:
@@ -199,7 +194,7 @@ def _write_configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> 
     scheme = recognized(rows)
     if scheme:
         content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
-    variants = _variants(wanted)
+    variants = _variants(wanted, has_photographs=_has_photographs(asset["cameras"]))
     if variants:
         content["variants"] = variants
     _require_same_scene(scene)
@@ -207,7 +202,15 @@ def _write_configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> 
     return target
 
 
-def _variants(wanted: AuditOptions) -> Json:
+def _has_photographs(cameras: str) -> bool:
+    """Return whether the views of the scene name photographs, by which damage is measured."""
+    from gspure.cameras import GENERATED, read_cameras
+    from gspure.cameras.photographs import missing_photographs
+
+    return cameras not in GENERATED and not missing_photographs(read_cameras(cameras))
+
+
+def _variants(wanted: AuditOptions, *, has_photographs: bool) -> Json:
     """Return what is done to the model; nothing for the attacks of a run that names none."""
     from gspure.workflow.config import DEFAULT_VARIANTS
     from gspure.workflow.config_reading import load_yaml
@@ -215,7 +218,9 @@ def _variants(wanted: AuditOptions) -> Json:
     if wanted.everyday:
         variants: Json = load_yaml(snakefile().parent / "config" / "everyday.yaml")["variants"]
         return variants
-    return {name: {} for name in DEFAULT_VARIANTS} | _SEARCHED if wanted.key else {}
+    if not wanted.key:
+        return {}
+    return {name: {} for name in DEFAULT_VARIANTS} | (_SEARCHED if has_photographs else {})
 
 
 def _require_same_scene(scene: str) -> None:

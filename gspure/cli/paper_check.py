@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from gspure.cli.parser import Arguments, Parser
 from gspure.evaluation import paper
-from gspure.evaluation.survival import Survival
+from gspure.evaluation.results import read_results
 from gspure.files import write_text
-from gspure.metrics.csv_tables import csv_text, read_table
+from gspure.metrics.csv_tables import csv_text
 from gspure.metrics.names import display_name
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
@@ -14,12 +14,12 @@ from gspure.text import decimal, signed
 
 EXAMPLES = """\
   gspure paper-check --out paper.csv     # one row per number
-  gspure paper-check --survival results/tables/survival.csv
+  gspure paper-check --results results/tables/results.csv
 """
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("--survival", "CSV", "survival.csv of `gspure report`: our results beside the paper's", required=False)
+    parser.reads("--results", "CSV", "results.csv of `gspure report`: our results beside the paper's", required=False)
     parser.writes("--out", "CSV", "also write all checks to this table", required=False)
 
 
@@ -27,7 +27,7 @@ def run(args: Arguments) -> None:
     """Write and print every check."""
     printed = paper.read_rows()
     checks = paper.check_claims(printed)
-    ours = read_table(args.survival, Survival) if args.survival else []
+    ours = read_results(args.results) if args.results else []
     if args.out:
         write_text(args.out, _as_csv(checks))
     title = "Scores in dB, recomputed from Table 1 with the 95% interval over its scenes"

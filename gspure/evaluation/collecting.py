@@ -10,25 +10,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from gspure.arrays import Bools, load_array
+from gspure.arrays import load_array
 from gspure.codec import read
 from gspure.errors import InputError, printable
+from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.outcomes import Outcome, by_model, with_references
 from gspure.evaluation.plan import AttackSpec, Job, ModelPlan
 from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import read_json
 from gspure.grouping import grouped
-from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics, identical, means, read_metrics
-from gspure.metrics.csv_tables import read_table
+from gspure.metrics.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
 from gspure.metrics.detection import DETECTIONS, Detection, read_detections
-from gspure.metrics.image_metrics import nominal_drop
 from gspure.metrics.names import UNATTACKED
-from gspure.metrics.retrieval import Retrieved
 from gspure.metrics.targets import BITS
 from gspure.progress import warn
 from gspure.provenance import run_of
 
-MESSAGE_ROWS: Final = "message_rows.npy"  # file of a key, of schemes that know which rows carry the message: bool [K]
 REMOVED: Final = "removed"  # why no extraction can read the attacked model
 _ERROR: Final = re.compile(r"gspure \S+: |killed by signal|\S*(Error|Exception|Interrupt)\b")
 
@@ -85,8 +82,7 @@ def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
     for job in jobs:
         outcome = _unmeasured_outcome(model, job, files[job.variant], detections.get(job.variant, {}))
         if job.variant in metrics:
-            rows_file = None if job.control else place / "key" / MESSAGE_ROWS
-            outcome = replace(outcome, **_metric_fields(place / job.variant, metrics[job.variant], rows_file))
+            outcome = replace(outcome, **_metric_fields(place / job.variant, metrics[job.variant]))
         yield outcome
 
 
@@ -134,37 +130,23 @@ def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: M
     )
 
 
-def _metric_fields(folder: Path, rows: Sequence[ViewMetrics], rows_file: Path | None) -> dict[str, Any]:
+def _metric_fields(folder: Path, rows: Sequence[ViewMetrics]) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
     targets = {mean.target: mean for mean in means(rows)}
     same = identical(rows)
-    rendered = grouped((row for row in rows if row.reference == RENDER), lambda row: row.target)
     fields: dict[str, Any] = {
         "targets": targets,
         "views": Counter(row.target for row in rows),
         "identical": {name: same[name] for name in targets},
-        "nominal": {
-            name: float(np.mean([nominal_drop(row.psnr) for row in views])) for name, views in rendered.items()
-        },
     }
-    table = folder / "retrieval.csv"
-    if table.is_file():
-        fields["retrieval"] = {row.target: row.retrieval for row in read_table(table, Retrieved)}
+    if (folder / EVIDENCE).is_file():
+        evidence: JobEvidence = read(JobEvidence, read_json(folder / EVIDENCE), folder / EVIDENCE)
+        fields |= {"evidence": evidence.pictures, "bits": evidence.bits}
     mask_file = folder / "prune_mask.npy"
     if mask_file.is_file():
         pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))
         fields["pruned_share"] = float(np.mean(pruned))
-        if rows_file and rows_file.is_file():
-            message_rows = load_array(rows_file, dtype=np.bool_, shape=(len(pruned),))
-            fields["precision"] = _share(pruned & message_rows, pruned)
-            fields["recall"] = _share(pruned & message_rows, message_rows)
     return fields
-
-
-def _share(part: Bools, whole: Bools) -> float:
-    """Return the share of the true entries of a mask that are true in a part of it."""
-    count = int(whole.sum())
-    return np.count_nonzero(part) / count if count else math.nan
 
 
 def _reason(results: Path, variant: Path) -> str:

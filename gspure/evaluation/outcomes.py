@@ -1,27 +1,29 @@
-"""The outcome of a variant: metrics of scene and message, and precision and recall of its pruning."""
+"""The outcome of a variant: what its files say about the scene, the message, and the attack."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from gspure.evaluation.evidence import Evidence
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
-from gspure.metrics.comparison import ViewMetrics
+from gspure.metrics.bit_evidence import BitEvidence
+from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics
 from gspure.metrics.detection import Detection
-from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, METRICS
-from gspure.metrics.names import CLEAN, CLEAN_GSPURE, CONTROLS, UNATTACKED, variant_title
-from gspure.metrics.retrieval import Retrieval
-from gspure.metrics.statistics import Interval, difference, known_interval
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
+from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
+from gspure.metrics.statistics import Interval, difference, known_interval, scene_means
 from gspure.metrics.targets import BITS, MESSAGE, SCENE, is_picture
+from gspure.text import decimal
 
 UNCHANGED: Final = 0.05  # largest change of an extraction, dB or points, due to rounding, as of reordered rows
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One variant of one model: its mean metrics by target, and the quality of its pruning.
+    """One variant or control of one model: its mean metrics by target, and the evidence of the message.
 
     Unknown numbers are NaN; so are drops from an infinite PSNR, as of a model compared with its own renders.
     """
@@ -32,8 +34,6 @@ class Outcome:
     targets: Mapping[str, ViewMetrics] = field(default_factory=dict)
     views: Mapping[str, int] = field(default_factory=dict)
     pruned_share: float = math.nan
-    precision: float = math.nan
-    recall: float = math.nan
     entry: str = ""  # the variant's entry in the configuration, which several damages share; empty for `variant`
     wanted: float = math.nan  # drop of the scene's PSNR for which the strength was searched, dB
     strength: StrengthValue | None = None  # of the attack, if it has one
@@ -41,9 +41,9 @@ class Outcome:
     affects: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
     failure: str = ""  # why there are no metrics; empty if there are
     identical: Mapping[str, int] = field(default_factory=dict)  # views of infinite PSNR, in no mean unless all are
-    retrieval: Mapping[str, Retrieval] = field(default_factory=dict)  # by extraction of the message
+    evidence: Mapping[str, Evidence] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
-    nominal: Mapping[str, float] = field(default_factory=dict)  # of targets without photographs: `nominal_drop`, dB
+    bits: Mapping[str, BitEvidence] = field(default_factory=dict)  # by detector of bits
     detector_errors: Mapping[str, str] = field(default_factory=dict)  # by detector without readings: the reason
     unreadable: Mapping[str, str] = field(default_factory=dict)  # by extraction: why it cannot read the attacked model
     seed: int = 0  # number of the repetition on the same scene, each with its own random seeds
@@ -69,11 +69,15 @@ class Outcome:
 
     @property
     def damage(self) -> float:
-        """The drop of the scene's PSNR, dB; if it is unknown, that of the search for the strength."""
-        drop = self.psnr_drop(SCENE)
-        if math.isfinite(drop):
-            return drop
-        return self.wanted if abs(self.search_damage - self.wanted) <= DAMAGE_TOLERANCE else self.search_damage
+        """The drop of the scene's PSNR against photographs, dB."""
+        is_photographed = SCENE in self.targets and self.targets[SCENE].reference == TRUTH
+        return self.psnr_drop(SCENE) if is_photographed else math.nan
+
+    @property
+    def fidelity(self) -> float:
+        """The PSNR of the scene's renders against those of the unattacked model, dB; NaN if there are photographs."""
+        is_rendered = SCENE in self.targets and self.targets[SCENE].reference == RENDER
+        return self.level(SCENE) if is_rendered and self.variant != UNATTACKED else math.nan
 
     @property
     def strength_text(self) -> str:
@@ -95,23 +99,13 @@ class Outcome:
             return difference(self.before.level(target), self.level(target))
         return self.psnr_drop(target)
 
-    def drops(self, target: str) -> dict[str, float]:
-        """Return the drop of each metric from the unattacked model; without photographs, the nominal one of PSNR."""
-        before = self.before
-        if not before or target not in self.targets.keys() & before.targets.keys():
-            return dict.fromkeys(METRICS, math.nan)
-        drops = {}
-        for name in METRICS:
-            first = before.level(target, name)
-            last = self.level(target, name)
-            drops[name] = difference(first, last) if math.isfinite(first + last) else math.nan
-        if target in self.nominal.keys() & before.nominal.keys():
-            drops["psnr"] = self.nominal[target] - before.nominal[target]
-        return drops
-
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
-        return self.drops(target)["psnr"]
+        if self.before is None:
+            return math.nan
+        first = self.before.level(target)
+        last = self.level(target)
+        return difference(first, last) if math.isfinite(first + last) else math.nan
 
     def reaches(self, extraction: str) -> bool | None:
         """Return whether the attack affected an extraction: the columns that it reads, or its result; None if unknown.
@@ -130,28 +124,10 @@ class Outcome:
         """Whether it is a negative control (`gspure.metrics.names`)."""
         return self.variant in CONTROLS
 
-    def is_flat(self, target: str) -> bool:
-        """Return whether its images of the target are of one colour each: they correlate with no photograph."""
-        return target in self.targets and self.targets[target].values["structure"] == 0
-
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first, and its detectors."""
         return ordered([*filter(is_picture, {**self.targets, **self.unreadable}), *self.detections])
-
-    def score_of(self, target: str) -> float:
-        r"""Return the paper's measure of an attack, in dB; NaN for a control.
-
-        .. math:: Score = \Delta PSNR_{message} - \Delta PSNR_{scene}
-
-        (paper, §Metrics.) `target` is an extraction of the message.
-        """
-        return math.nan if self.is_control else self.psnr_drop(target) - self.psnr_drop(SCENE)
-
-    @property
-    def score(self) -> float:
-        """The Score of the extraction ``message``."""
-        return self.score_of(MESSAGE)
 
     @property
     def failures(self) -> dict[str, str]:
@@ -171,13 +147,11 @@ def extractions(outcomes: Iterable[Outcome]) -> list[str]:
 
 
 def with_references(outcomes: Iterable[Outcome]) -> list[Outcome]:
-    """Return outcomes, sorted by model, with that of their unattacked model; of a clean model, with the clean one's."""
+    """Return outcomes, sorted by model, with that of their unattacked model."""
     complete: list[Outcome] = []
     for variants in by_model(outcomes).values():
-        before = {o.variant: o for o in variants}
-        complete += [
-            replace(o, before=before.get(CLEAN if o.variant == CLEAN_GSPURE else UNATTACKED)) for o in variants
-        ]
+        before = {o.variant: o for o in variants}.get(UNATTACKED)
+        complete += [replace(o, before=before) for o in variants]
     return complete
 
 
@@ -199,3 +173,21 @@ def cells(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> dic
 def mean_of(outcomes: Iterable[Outcome], value: Callable[[Outcome], float]) -> Interval | None:
     """Return the mean over scenes where it is finite, with its interval; None if it is so nowhere."""
     return known_interval(cells(outcomes, value))
+
+
+def title_with_damage(title: str, wanted: float, *scene_drops: float) -> str:
+    """Return the title of a variant, with the range of its drops, in dB, where any misses the wanted damage."""
+    known = sorted(filter(math.isfinite, scene_drops))
+    if not any(abs(drop - wanted) > DAMAGE_TOLERANCE for drop in known):  # False without a wanted damage
+        return title
+    bounds = dict.fromkeys([decimal(known[0]), decimal(known[-1])])
+    return f"{title} ({' to '.join(bounds)} dB reached)"
+
+
+def titles_with_damage(outcomes: Iterable[Outcome]) -> dict[str, str]:
+    """Return the `title_with_damage` of every variant, from the mean over seeds in each of its scenes."""
+    titles = {}
+    for variant, alike in grouped(outcomes, lambda o: o.variant).items():
+        means = scene_means(cells(alike, lambda o: o.damage))
+        titles[variant] = title_with_damage(alike[0].title, alike[0].wanted, *means.values())
+    return titles

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.identity import Condition, OfCondition
-from gspure.evaluation.survival import Survival
+from gspure.evaluation.results import Result
+from gspure.grouping import grouped
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.image_metrics import rms_ratio
 from gspure.metrics.names import GSPURE, UNATTACKED, display_name
-from gspure.metrics.statistics import Interval, mean_interval
+from gspure.metrics.statistics import Cells, Interval, mean_interval, scene_means
 from gspure.metrics.targets import MESSAGE, SCENE
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
@@ -99,16 +99,6 @@ QUANTITIES: Final[Mapping[str, Callable[[Means, str, str, str], float]]] = {
 }
 
 
-def rms_ratio_of(rows: Sequence[PrintedRow], scheme: str, variant: str) -> float:
-    """Return the damage to the message, divided by that to the scene, over the nine scenes of Table 1."""
-    psnr = {}
-    for target in TARGETS:
-        before = psnr_by_scene(rows, scheme, UNATTACKED, target)
-        after = psnr_by_scene(rows, scheme, variant, target)
-        psnr[target] = np.transpose([[*before.values()], [*after.values()]])
-    return rms_ratio(psnr[MESSAGE], psnr[SCENE])
-
-
 def score_interval(rows: Sequence[PrintedRow], scheme: str, variant: str) -> Interval:
     """Return the mean Score of Table 1 with its interval over the nine scenes, which the paper does not print."""
     drops = {}
@@ -180,29 +170,28 @@ class Beside(NamedTuple):
     paper_scene_drop: float  # dB, like the other drops and Scores
     paper_message_drop: float
     paper_score: float  # recomputed
-    paper_rms_ratio: float
     scenes: int = 0  # number of our scenes
     scene_drop: float = nan
     message_drop: float = nan
     score: float = nan
-    rms_ratio: float = nan
 
 
-def beside(rows: Sequence[PrintedRow], survivals: Sequence[Survival] = ()) -> list[Beside]:
-    """Return every attack of Table 1 beside our results for the paper's schemes, for each of our conditions.
-
-    Our results count if the message was present in any scene.
-    """
-    ours = {(row.condition, row.variant): row for row in survivals if row.extraction == MESSAGE}
-    conditions = dict.fromkeys(condition for condition, _ in ours)
+def beside(rows: Sequence[PrintedRow], results: Sequence[Result] = ()) -> list[Beside]:
+    """Return every attack of Table 1 beside our results as published, for each of our conditions."""
+    published = [row for row in results if row.extraction == MESSAGE]
+    by_condition = grouped(published, lambda row: row.condition)
     compared = []
     for scheme in SCHEMES:
-        for condition in [known for known in conditions if known.scheme == scheme] or [Condition(scheme)]:
-            compared += [_beside(rows, condition, attack, ours.get((condition, attack))) for attack in ATTACKS]
+        for condition in [known for known in by_condition if known.scheme == scheme] or [Condition(scheme)]:
+            by_variant = grouped(by_condition.get(condition, []), lambda row: row.variant)
+            compared += [_beside(rows, condition, attack, by_variant) for attack in ATTACKS]
     return compared
 
 
-def _beside(rows: Sequence[PrintedRow], condition: Condition, attack: str, ours: Survival | None) -> Beside:
+def _beside(
+    rows: Sequence[PrintedRow], condition: Condition, attack: str, ours: Mapping[str, Sequence[Result]]
+) -> Beside:
+    """Return one attack of Table 1 beside our results of one condition, by variant."""
     means = mean_psnr(rows)
     scene_drop = drop(means, condition.scheme, attack, SCENE)
     message_drop = drop(means, condition.scheme, attack, MESSAGE)
@@ -212,14 +201,22 @@ def _beside(rows: Sequence[PrintedRow], condition: Condition, attack: str, ours:
         paper_scene_drop=scene_drop,
         paper_message_drop=message_drop,
         paper_score=message_drop - scene_drop,
-        paper_rms_ratio=rms_ratio_of(rows, condition.scheme, attack),
     )
-    if not (ours and ours.present and ours.scene_drop and ours.message_drop):
+    before = {(one.scene, one.seed): one.message_values[PSNR] for one in ours.get(UNATTACKED, ())}
+    after = {(one.scene, one.seed): one for one in ours.get(attack, ()) if one.message_values}
+    message_drops = {cell: before[cell] - one.message_values[PSNR] for cell, one in after.items() if cell in before}
+    if not message_drops:
         return row
+    our_message_drop = _mean(message_drops)
+    our_scene_drop = _mean({cell: after[cell].damage for cell in message_drops})
     return row._replace(
-        scenes=ours.message_drop.scenes,
-        scene_drop=ours.scene_drop.mean,
-        message_drop=ours.message_drop.mean,
-        score=ours.message_drop.mean - ours.scene_drop.mean,
-        rms_ratio=ours.rms_ratio,
+        scenes=len(scene_means(message_drops)),
+        scene_drop=our_scene_drop,
+        message_drop=our_message_drop,
+        score=our_message_drop - our_scene_drop,
     )
+
+
+def _mean(cells: Cells) -> float:
+    """Return the mean over scenes of the means over their seeds."""
+    return float(np.mean([*scene_means(cells).values()]))

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Final, Literal
 
 from gspure.codec import read
-from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.identity import RESULTS, Condition, ModelId
 from gspure.files import read_json
 from gspure.method.settings import MethodSettings
-from gspure.metrics.names import BASELINES, WRONG_KEY
+from gspure.metrics.names import WRONG_KEY
 from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.settings import Setting
 
@@ -50,15 +50,9 @@ class AttackSpec:
 
 @dataclass(frozen=True)
 class Control:
-    """A negative control; a `purified` model is shown after GSPure with these settings."""
+    """A negative control."""
 
     name: str
-    purified: MethodSettings | None = None
-
-    @property
-    def is_baseline(self) -> bool:
-        """Whether blank images stand in for its renders."""
-        return self.name in BASELINES
 
     @property
     def has_wrong_key(self) -> bool:
@@ -81,7 +75,8 @@ class Owner:
     """What only the owner of a message has.
 
     The adaptive extraction matches rows with the `published` model, and learns from `photographs` of the message. Where
-    these are None, it is not evaluated, or does not learn. `decoys` are folders of false candidates of the retrieval.
+    these are None, it is not evaluated, or does not learn. `candidates` are pictures of the message's kind
+    (`gspure.scenes.candidates`), and `twins` the number of models whose carriers are drawn again.
     """
 
     scheme: str
@@ -91,7 +86,8 @@ class Owner:
     reveals: bool = False  # whether the key tells which rows show the message
     published: Path | None = None
     photographs: Path | None = None
-    decoys: tuple[Path, ...] = ()
+    candidates: Path | None = None
+    twins: int = 0
 
 
 @dataclass(frozen=True)
@@ -200,6 +196,29 @@ class ModelPlan:
 
 
 @dataclass(frozen=True)
+class Candidates:
+    """Pictures of the kind of ray-traced messages: the pairs' settings, and the number of scenes."""
+
+    builder: str
+    placement: str
+    views: int  # of a pair, of which some are held out
+    width: int
+    height: int
+    count: int
+
+    @property
+    def name(self) -> str:
+        """The name of its file, without ``.npy``."""
+        kind = f"{self.builder}-{self.placement}"
+        return f"{kind}-{self.width}x{self.height}x{self.views}-{self.count}"
+
+    @property
+    def file(self) -> Path:
+        """Its file: uint8 [N,V,H/2,W/2,3]."""
+        return RESULTS / "candidates" / f"{self.name}.npy"
+
+
+@dataclass(frozen=True)
 class Preparation:
     """A command that makes a pair, or trains a model: its sources, its options, and the user's files it reads."""
 
@@ -223,6 +242,7 @@ class Plan:
     pairs: Mapping[str, Preparation] = field(default_factory=dict)
     messages: Mapping[str, Preparation] = field(default_factory=dict)
     trained: Mapping[str, Preparation] = field(default_factory=dict)  # models of the user's photographs, by scene
+    candidates: Mapping[str, Candidates] = field(default_factory=dict)  # by name
     sweeps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     attacks: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     factors: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gspure.arrays import Bools, Float64
-from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.summary import summarize
+from gspure.evaluation.outcomes import Outcome, extractions, mean_of
 from gspure.figures import style
 from gspure.figures.clouds import Purified
 from gspure.method.pruning import mean_weight
@@ -113,17 +112,18 @@ def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, t
     `points` are (tau_n, tau_c) by variant, the method's first: a ring marks it. Targets unknown at any point are left
     out. None if the method's point or every other one is unknown.
     """
-    means = {row.variant: row for row in reversed(summarize(outcomes))}  # the first extraction
-    by_factors = {factors: means[name] for name, factors in points.items() if name in means and means[name].scene}
+    extraction = next(iter(extractions(outcomes)), MESSAGE)
+    by_factors = {factors: _means(outcomes, name, extraction) for name, factors in points.items()}
+    by_factors = {factors: levels for factors, levels in by_factors.items() if SCENE in levels}
     method = next(iter(points.values()), (0.0, 0.0))
     if method not in by_factors or len(by_factors) < 2:
         return None
-    labels = {SCENE: "scene PSNR (dB)", MESSAGE: _message_label(by_factors[method].extraction, outcomes)}
-    targets = [target for target in labels if all(getattr(row, target) for row in by_factors.values())]
+    labels = {SCENE: "scene PSNR (dB)", MESSAGE: _message_label(extraction, outcomes)}
+    targets = [target for target in labels if all(target in levels for levels in by_factors.values())]
     with style.page(path, style.COLUMN, 0.45 + 1.05 * len(targets), vector=True) as figure:
         grid = figure.subplots(len(targets), 2, sharex="col", sharey="row", squeeze=False)
         for target, row in zip(targets, grid, strict=True):
-            levels = {factors: getattr(summary, target) for factors, summary in by_factors.items()}
+            levels = {factors: known[target] for factors, known in by_factors.items()}
             for axis, axes in enumerate(row):
                 fixed = 1 - axis  # the factor that is the method's
                 curve = {at[axis]: level for at, level in levels.items() if at[fixed] == method[fixed]}
@@ -131,7 +131,7 @@ def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, t
             row[0].set_ylabel(fill(labels[target], _LETTERS))
         for axes, label in zip(grid[-1], _FACTORS, strict=True):
             axes.set_xlabel(label, parse_math=True)
-    scenes = max(mean.scenes for row in by_factors.values() for mean in (row.scene, row.message) if mean)
+    scenes = max(mean.scenes for levels in by_factors.values() for mean in levels.values())
     noun = "scene" if scenes == 1 else "scenes"
     if scenes == 1:
         band = ""
@@ -143,6 +143,16 @@ def draw_factors(path: Path, outcomes: Sequence[Outcome], points: Mapping[str, t
         f"PSNR after GSPure with other pruning factors: one varies, the other is τ_n = {method[0]:g} or τ_c = "
         f"{method[1]:g} (ring: both). Mean over {scenes} {noun}{band}."
     )
+
+
+def _means(outcomes: Sequence[Outcome], variant: str, extraction: str) -> dict[str, Interval]:
+    """Return the means of the levels of scene and message after a variant, where they are known."""
+    alike = [o for o in outcomes if o.variant == variant]
+    levels = {
+        SCENE: mean_of(alike, lambda o: o.level(SCENE)),
+        MESSAGE: mean_of(alike, lambda o: o.level(extraction)),
+    }
+    return {target: level for target, level in levels.items() if level}
 
 
 def _message_label(extraction: str, outcomes: Sequence[Outcome]) -> str:

@@ -13,8 +13,7 @@ import numpy as np
 from gspure.arrays import Float32
 from gspure.cameras.orbit import Up, orbit_cameras
 from gspure.errors import InputError
-from gspure.evaluation.matched import Sweeps, title_with_damage
-from gspure.evaluation.outcomes import Outcome, ordered
+from gspure.evaluation.outcomes import Outcome, ordered, title_with_damage
 from gspure.figures import style
 from gspure.images import levels, read_image
 from gspure.metrics.image_metrics import METRICS, psnr
@@ -117,23 +116,29 @@ def _common_views(folders: Iterable[Path]) -> list[str]:
     return views
 
 
-def shown_variants(outcomes: Sequence[Outcome], sweeps: Sweeps) -> list[Outcome]:
+def shown_variants(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> list[Outcome]:
     """Return one variant of each attack, in the order of `outcomes`.
 
-    Of an attack at several strengths (`sweeps`), it is the variant with the highest Score, or the first if no Score is
-    known; of GSPure's variants, the method itself.
+    Of an attack at several strengths (`sweeps`), it is the variant with the largest drop of the message, or the first
+    if no drop is known; of GSPure's variants, the method itself.
     """
     by_name = {outcome.variant: outcome for outcome in outcomes}
     left_out = set()
     for names in sweeps.values():
         variants = [by_name[name] for name in names if name in by_name]
-        variants.sort(key=lambda o: (o.variant == GSPURE, o.score if isfinite(o.score) else -np.inf), reverse=True)
+        drops = {o.variant: o.psnr_drop(MESSAGE) for o in variants}
+        known = {name: drop if isfinite(drop) else -np.inf for name, drop in drops.items()}
+        variants.sort(key=lambda o: (o.variant == GSPURE, known[o.variant]), reverse=True)
         left_out |= {o.variant for o in variants[1:]}
     return [o for o in outcomes if o.variant not in left_out and not o.is_control]
 
 
 def draw_attacks(
-    path: Path, folder: Path, outcomes: Sequence[Outcome], sweeps: Sweeps, photographs: Path | None = None
+    path: Path,
+    folder: Path,
+    outcomes: Sequence[Outcome],
+    sweeps: Mapping[str, Sequence[str]],
+    photographs: Path | None = None,
 ) -> tuple[str, dict[str, str]] | None:
     """Draw one view of scene and message after every attack, and return the caption and the view of each target.
 
@@ -174,7 +179,9 @@ def draw_attacks(
     if any(_UNAFFECTED in tile.label for row in rows for tile in row):
         caption += f" {_UNAFFECTED} The attack changed nothing that this extraction reads."
     if len(shown) < len(folders):
-        caption += " Attacks with several strengths are shown at the one with the highest Score, GSPure at its default."
+        caption += (
+            " Attacks with several strengths are shown at the one that harms the message most, GSPure at its default."
+        )
     return caption, views
 
 

@@ -1,1 +1,1 @@
-"""Metrics: of images, of what detectors read, of retrieval; their statistics, and their tables in CSV files."""
+"""Metrics of images, evidence of messages, their statistics, and tables in CSV files."""

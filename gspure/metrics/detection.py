@@ -14,8 +14,8 @@ from gspure.errors import InputError
 from gspure.metrics.csv_tables import read_table
 from gspure.metrics.names import CLEAN
 from gspure.metrics.readings import Reading
-from gspure.metrics.retrieval import CHANCE, FALSE_POSITIVES
 
+FALSE_POSITIVES: Final = 0.01  # rate of unmarked views above the threshold of `Detection.tpr`
 DETECTIONS: Final = "detections"  # name of the folder of readings: `SCHEME/SCENE/VARIANT/detections/DETECTOR.csv`
 STRICT: Final = 0.001  # false positive rate of `Detection.tpr_strict`
 
@@ -27,7 +27,8 @@ class Detection(NamedTuple):
     spread: float  # standard deviation over views
     tpr: float  # share of the views above the threshold that `FALSE_POSITIVES` of unmarked views exceed; NaN if unknown
     tpr_strict: float  # the same for `STRICT`
-    present: bool | None  # whether chance explains fewer views above the threshold of `tpr`; None if it explains all
+    p: float  # probability that as many views, or more, exceed the threshold of `tpr` in a model without the mark
+    least_p: float  # the same of all views: the smallest that can be shown
     views: int
     bits: int
 
@@ -84,7 +85,8 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
         spread=float(levels.std()),
         tpr=hits / views if threshold.rate <= FALSE_POSITIVES else math.nan,
         tpr_strict=strict_hits / views if strict_threshold.rate <= STRICT else math.nan,
-        present=chance(hits) <= CHANCE if chance(views) <= CHANCE else None,
+        p=chance(hits),
+        least_p=chance(views),
         views=views,
         bits=bits,
     )

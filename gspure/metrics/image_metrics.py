@@ -8,17 +8,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gspure.arrays import Float64
 from gspure.constants import MS_SSIM_WEIGHTS, SSIM_C1, SSIM_C2, SSIM_SIGMA, SSIM_WINDOW
 from gspure.errors import InputError
 from gspure.text import decimal
 
-MARGIN: Final = 1.0  # smallest margin above the control level at which a message counts as present, dB
 DAMAGE_TOLERANCE: Final = 0.04  # dB: the size of the smallest differences shown
-
-NOMINAL_PSNR: Final = 30.0  # assumed PSNR of every view of an unattacked model without photographs, dB; ours
 _STRIP: Final = 1 << 20  # values processed at once: a large image takes little memory beside itself
 _ROWS: Final = 16  # rows blurred at a time: they fit into the cache of a core
 
@@ -68,29 +65,14 @@ def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
     index = np.ones(a.shape[2])
     for scale, weight in enumerate(weights, start=1):
         if scale > 1:
-            a = _halved(a)
-            b = _halved(b)
+            a = halved(a)
+            b = halved(b)
         everywhere, whole, contrast = _mean_similarities(a, b)
         if scale == 1:
             single = float(np.mean(everywhere))
         similarity = whole if scale == len(weights) else contrast
         index *= np.maximum(0.0, similarity) ** (weight / sum(weights))
     return single, float(np.mean(index))
-
-
-def region_psnr(reference: NDArray[Any], image: NDArray[Any]) -> float:
-    """Return the PSNR in dB without the background: the pixels of the reference's most frequent colour, in 8 bits.
-
-    If the reference has one colour only, all pixels count.
-    """
-    _check_same_shape(reference, image)
-    colours = np.concatenate([_colours(rows) for (rows,) in _strips(reference)])
-    distinct, counts = np.unique(colours, return_counts=True)
-    region = colours != distinct[np.argmax(counts)]
-    if not region.any():
-        return psnr(reference, image)
-    total = sum(float(np.sum(np.square((x - y)[inner]))) for x, y, inner in _strips(reference, image, region))
-    return _decibels(total, int(region.sum()) * reference.shape[2])
 
 
 def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -102,43 +84,6 @@ def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
     """
     _check_same_shape(a, b)
     return _correlation(zip(_gradients(a), _gradients(b), strict=True))
-
-
-def normalized_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
-    r"""Return the normalized correlation of two images, -1 to 1.
-
-    .. math:: \frac{\sum (a - \bar a)(b - \bar b)}{\sqrt{\sum (a - \bar a)^2 \sum (b - \bar b)^2}}
-
-    over pixels and channels, with the mean of each channel; 0 if either image is flat.
-    """
-    _check_same_shape(a, b)
-    means = [np.mean(image, axis=(0, 1), dtype=np.float64) for image in (a, b)]
-    return _correlation((x - means[0], y - means[1]) for x, y in _strips(a, b))
-
-
-def rms_ratio(message: ArrayLike, scene: ArrayLike) -> float:
-    r"""Return the root-mean-square damage to the message, divided by that to the scene.
-
-    .. math:: \sqrt{\frac{\sum \Delta \mathrm{MSE}_{message}}{\sum \Delta \mathrm{MSE}_{scene}}}, \quad
-        \mathrm{MSE} = 10^{-\mathrm{PSNR} / 10}
-
-    0 if the message loses nothing, NaN if the scene loses nothing.
-
-    `message` and `scene` [N,2] are PSNR before and after an attack in the same N scenes, dB.
-    """
-    message_rise, scene_rise = (float(np.sum(np.diff(10.0 ** (-np.asarray(psnr) / 10)))) for psnr in (message, scene))
-    return float(np.sqrt(max(message_rise, 0.0) / scene_rise)) if scene_rise > 0 else math.nan
-
-
-def nominal_drop(level: float) -> float:
-    r"""Return the drop of the PSNR, dB, of a view without a photograph, from its PSNR against the unattacked render.
-
-    .. math:: 10 \log_{10}(1 + 10^{(NOMINAL\_PSNR - p) / 10})
-
-    This assumes that the unattacked view has `NOMINAL_PSNR`, and that its errors are independent of the attack's. It is
-    0 dB for a view that the attack leaves as it is.
-    """
-    return 10 * math.log10(1 + 10 ** ((NOMINAL_PSNR - level) / 10))
 
 
 def _decibels(squares: float, count: int) -> float:
@@ -224,7 +169,7 @@ def _add_under(window: Float64, shifted: Sequence[Float64], total: Float64, spar
         total += spare
 
 
-def _halved(image: NDArray[Any]) -> Float64:
+def halved(image: NDArray[Any]) -> Float64:
     """Return the means of 2 x 2 pixels, without an odd last row or column."""
     height, width = (side // 2 for side in image.shape[:2])
     squares = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1)
@@ -246,11 +191,6 @@ def _gradients(image: NDArray[Any]) -> Iterator[Float64]:
         down = np.diff(np.asarray(image[rows.start : rows.stop + 1], np.float64), axis=0)
         across = np.diff(np.asarray(image[rows], np.float64), axis=1)
         yield np.concatenate([down.ravel(), across.ravel()])
-
-
-def _colours(reference: Float64) -> NDArray[np.uint32]:
-    red, green, blue = np.moveaxis(np.rint(255 * reference).astype(np.uint32), -1, 0)
-    return np.asarray(red << 16 | green << 8 | blue)
 
 
 def _check_same_shape(a: NDArray[Any], b: NDArray[Any]) -> None:
@@ -280,8 +220,5 @@ def measured(a: NDArray[Any], b: NDArray[Any]) -> dict[str, float]:
 METRICS: Final[Mapping[str, Metric]] = {
     "psnr": Metric(psnr, "PSNR", 2),
     "ssim": Metric(ssim, "SSIM", 3),
-    "region": Metric(region_psnr, "region PSNR", 2, "without the reference's most frequent colour"),
     "ms_ssim": Metric(ms_ssim, "MS-SSIM", 3),
-    "nc": Metric(normalized_correlation, "NC", 3, "normalized correlation"),
-    "structure": Metric(gradient_correlation, "GC", 3, "gradient correlation"),
 }

@@ -9,17 +9,12 @@ GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of t
 CLEAN: Final = "clean"
 WRONG_KEY: Final = "wrong_key"
 OTHER_SCENE: Final = "other_scene"
-CLEAN_GSPURE: Final = "clean_gspure"  # control: GSPure applied to the clean model
 BLACK: Final = "black"
 MEAN_COLOUR: Final = "mean_colour"
 MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)  # models that never held the message: trained without it, or with another
 BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
 
-LEVEL_CONTROLS: Final = (*MESSAGE_FREE, *BASELINES)
-"""Controls whose highest PSNR is the control level of a scene: a message is present only above it. The wrong key is
-none of them, since it is applied to a model with the message."""
-
-CONTROLS: Final = (CLEAN, CLEAN_GSPURE, WRONG_KEY, OTHER_SCENE, *BASELINES)
+CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE)
 """Negative controls: extractions without the message or without the right key."""
 
 SCHEMES: Final = {  # display names of the built-in schemes and of the examples
@@ -36,7 +31,6 @@ SCHEMES: Final = {  # display names of the built-in schemes and of the examples
 
 _NAMES: Final = SCHEMES | {
     CLEAN: "clean model",
-    CLEAN_GSPURE: "clean model after GSPure",
     OTHER_SCENE: "other scene's model",
     BLACK: "black image",
     MEAN_COLOUR: "mean-colour image",
@@ -44,7 +38,6 @@ _NAMES: Final = SCHEMES | {
     "lowest_weight_matched": "count-matched lowest-weight pruning",
     "lowest_opacity_matched": "count-matched lowest-opacity pruning",
     "message_adaptive": "message (adaptive)",
-    "message_oracle": "message (oracle)",
     "tradeoff": "trade-off",
     "vanilla": "Own model",
 }

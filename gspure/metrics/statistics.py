@@ -1,4 +1,4 @@
-r"""Numbers by scene and seed: bootstrap intervals of their means, paired tests, and detectability.
+r"""Numbers by scene and seed: bootstrap intervals of their means, and paired tests.
 
 Views of a scene and seeds of one embedding are not independent, so the scene is the unit everywhere.
 
@@ -16,13 +16,6 @@ probability its level.
 The null hypothesis of the paired test is that two attacks are exchangeable: the difference in each scene then has
 either sign with equal probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of a scene change their sign
 together.
-
-Detectability is how well a statistic, such as the PSNR of the message, separates attacked models from negative
-controls: the area under its ROC curve (AUC) is
-
-.. math:: \theta = P(X > Y) + \tfrac{1}{2} P(X = Y)
-
-(Mann and Whitney 1947; Hanley and McNeil 1982): 1 if the two never overlap, 1/2 if the message cannot be detected.
 """
 
 import math
@@ -177,54 +170,3 @@ def holm(p: ArrayLike) -> Float64:
     adjusted = np.empty_like(values)
     adjusted[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
     return adjusted
-
-
-class Detectability(NamedTuple):
-    """An area under the ROC curve, with its interval at `LEVEL`."""
-
-    auc: float
-    low: float
-    high: float
-    attacked: int  # number of attacked models
-    controls: int  # number of controls
-
-
-def detectability(attacked: ArrayLike, controls: ArrayLike) -> Detectability:
-    r"""Return how well a statistic separates attacked models from negative controls.
-
-    `attacked` [m] and `controls` [n] hold one value each; they must be independent, so not one per view. Infinities are
-    permitted.
-
-    The interval holds every :math:`\theta` that the data does not reject, by the variance of Hanley and McNeil with
-    both counts replaced by their mean,
-
-    .. math::
-        \frac{\theta (1 - \theta)}{mn} \left[ 1 + N \frac{1 - \theta}{2 - \theta} + N \frac{\theta}{1 + \theta} \right],
-        \quad N = \frac{m + n}{2} - 1
-
-    (Newcombe 2006, method 5). It does not shrink to a point if every model exceeds every control.
-    """
-    x = np.ravel(attacked)
-    y = np.ravel(controls)
-    wins = np.count_nonzero(x[:, None] > y)
-    ties = np.count_nonzero(x[:, None] == y)
-    auc = float(wins + ties / 2) / (len(x) * len(y))
-    low = _low(auc, len(x), len(y))
-    high = 1 - _low(1 - auc, len(x), len(y))
-    return Detectability(auc, low, high, len(x), len(y))
-
-
-def _low(auc: float, m: int, n: int) -> float:
-    """Return the lower end of the interval; the upper one is its mirror image."""
-    from scipy.optimize import brentq
-    from scipy.special import ndtri
-
-    z = float(ndtri((1 + LEVEL) / 2))
-    mean_count = (m + n) / 2 - 1  # N of `detectability`
-
-    def excess(theta: float) -> float:
-        spread = 1 + mean_count * (1 - theta) / (2 - theta) + mean_count * theta / (1 + theta)
-        return auc - theta - z * math.sqrt(theta * (1 - theta) * spread / (m * n))
-
-    highest = min(auc, 1 - 1e-12)  # at 1 the variance is 0: a spurious root
-    return float(brentq(excess, 0.0, highest)) if auc > 0 else 0.0

@@ -1,26 +1,27 @@
-"""The answer in a terminal or as JSON: for every condition the attacks by damage, the controls, and the verdict."""
+"""The answer in a terminal or as JSON: for every condition the radius, and the attacks by damage."""
 
+from collections import Counter
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from gspure.codec import plain
-from gspure.evaluation.outcomes import Outcome, mean_of
-from gspure.evaluation.survival import Survival
+from gspure.evaluation.outcomes import title_with_damage
+from gspure.evaluation.radius import Radius
+from gspure.evaluation.results import ADAPTS, IN_ORDER, PUBLISHED, OwnerName, Result, known_cells
 from gspure.files import Json
-from gspure.metrics.image_metrics import MARGIN
+from gspure.grouping import grouped
 from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
-from gspure.metrics.statistics import LEVEL, Interval
-from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
-from gspure.report.audit import NO_VERDICT, Audit, Loss, audits
+from gspure.metrics.statistics import scene_means
+from gspure.metrics.targets import SCENE, is_picture
+from gspure.report.audit import Audit, audits
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from gspure.text import UNKNOWN, decimal, percent, significant
 
-Left = Literal["survives", "in part", "traces", "lost", "unknown"]
-
 _DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
-_ALIGNMENTS: Final = "<>>><<"  # of the columns in a terminal
 
 
 class AttackRow(NamedTuple):
@@ -29,21 +30,29 @@ class AttackRow(NamedTuple):
     variant: str
     attack: str  # its display name
     damage: float  # drop of the scene's PSNR, dB
+    fidelity: float  # PSNR of the scene against the unattacked model, dB; without photographs
     level: float  # the message's PSNR, dB, or mean reading of a mark; the scene's PSNR, if there is neither
-    share: float  # share left of the message's level above the controls
-    left: Left
-    adaptive: Left | None  # `left` for an owner who adapts; None if the scheme has none
+    legibility: float  # R, of the owner who adapts if there is one
+    p: float  # the largest of a scene, of the same owner
+    published: str  # whether the message is readable, shows traces, is proven or gone; of several scenes, in how many
+    adaptive: str  # the same for an owner who adapts; empty if the scheme has none
+
+    @property
+    def word(self) -> str:
+        """What is left for the owner who adapts, if there is one."""
+        return self.adaptive or self.published
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The audit of one condition, its attacks by damage, and the levels of the message in its controls."""
+    """The audit of one condition, and its attacks by damage, the controls last."""
 
     audit: Audit
     attacks: Sequence[AttackRow]
-    controls: Mapping[str, float]
+    controls: Sequence[AttackRow]
     has_message: bool
-    before: Interval | None  # the message's level before any attack
+    before: AttackRow | None  # the unattacked model
+    scenes: int
     seeds: int
 
     @property
@@ -52,15 +61,25 @@ class Answer:
         is_psnr = not self.has_message or is_picture(self.audit.extraction)
         return " dB" if is_psnr else ""
 
+    @property
+    def has_damage(self) -> bool:
+        """Whether there are photographs; otherwise the axis is fidelity."""
+        return any(isfinite(row.damage) for row in self.attacks)
+
     def level(self, value: float) -> str:
         """Return a level of the message as text, without its unit."""
         return decimal(value, 1) if self.unit else significant(value)
 
+    def axis(self, row: AttackRow) -> float:
+        """Return what an attack costs: damage or, without photographs, fidelity, dB."""
+        return row.damage if self.has_damage else row.fidelity
+
     @property
     def cheapest(self) -> AttackRow | None:
-        """The successful attack that does the least damage."""
-        name = self.audit.lost.get(self.audit.extraction, Loss()).attack
-        return next((row for row in self.attacks if row.attack == name), None)
+        """The attack that ends the message with the least damage."""
+        radius = self.audit.radius()
+        killer = radius.killer if radius else ""
+        return next((row for row in self.attacks if row.variant == killer), None)
 
     def pictured(self, known: Container[str]) -> list[str]:
         """Return three of the `known` variants: the unattacked model, the cheapest successful attack and GSPure."""
@@ -75,53 +94,38 @@ class Answer:
 
         `scans` are the verdicts of a scan of each model, before and after GSPure.
         """
-        yield self._damage()
-        yield self._change()
+        owners: dict[OwnerName, str] = {ADAPTS: "owner who adapts", PUBLISHED: "as published"}
+        for owner, of_owner in owners.items():
+            radius = self.audit.radius(owner=owner)
+            if radius:
+                yield self._radius(radius), f"robust radius, {of_owner}: damage at which the message is gone"
+        readable = self.audit.radius("readable")
+        if readable:
+            yield self._radius(readable), "readable radius: damage at which nobody can read it"
         yield self._with_wrong_key()
         if scans:
             yield _scanned(scans)
         yield self._evidence()
 
-    def _damage(self) -> tuple[str, str]:
-        """Return the damage of the cheapest successful attack, and its meaning."""
-        if self.cheapest:
-            damage = f"{decimal(self.cheapest.damage, 1)} dB"
-            return damage, f"damage of the cheapest successful attack, {self.cheapest.attack}"
-        if self.audit.verdict in NO_VERDICT:
-            return UNKNOWN, "no verdict on the attacks"
-        return "none", "no tested attack removes the message from all scenes"
-
-    def _change(self) -> tuple[str, str]:
-        """Return the message's level before and after the cheapest successful attack, or else the strongest one."""
-        message = extraction_name(self.audit.extraction)
-        before = self.level(self.before.mean if self.before else nan)
-        shown = self.cheapest
-        if not shown and self.audit.strongest:
-            strongest = self.audit.strongest.name
-            shown = next((row for row in self.attacks if row.attack == strongest), None)
-        if not shown:
-            return f"{before}{self.unit}", f"{message} before any attack"
-        return f"{before} → {self.level(shown.level)}{self.unit}", f"{message} before and after {shown.attack}"
+    def _radius(self, radius: Radius) -> str:
+        """Return a radius over the scenes as text, with its range."""
+        if isnan(radius.radius):
+            return UNKNOWN if radius.exceeds else f"fidelity {decimal(radius.fidelity, 1)} dB"
+        if radius.scenes == 1:
+            return str(radius)
+        high = decimal(radius.high, 1) if isfinite(radius.high) else "more"
+        return f"{radius} ({decimal(radius.low, 1)} to {high})"
 
     def _with_wrong_key(self) -> tuple[str, str]:
-        """Return the message's level with a wrong key, beside the highest of the other controls."""
-        wrong_key = display_name(WRONG_KEY)
-        level = self.controls.get(wrong_key, nan)
-        other_controls = [level for name, level in self.controls.items() if name != wrong_key]
-        highest = max(other_controls, default=nan)
-        if not isfinite(level):
-            return UNKNOWN, "no wrong key was tried"
-        remark = ": a part shows" if self.unit and level - highest >= MARGIN else ""
-        return f"{self.level(level)}{self.unit}", f"with a wrong key{remark}; others: at most {self.level(highest)}"
+        """Return whether a wrong key shows the message."""
+        row = next((row for row in self.controls if row.variant == WRONG_KEY), None)
+        return (row.published, "with a wrong key") if row else (UNKNOWN, "no wrong key was tried")
 
     def _evidence(self) -> tuple[str, str]:
-        """Return the numbers of scenes and seeds, and whether they suffice for an interval."""
-        scenes = self.before.scenes if self.before else 0
-        has_interval = self.before is not None and self.before.level >= LEVEL
-        kind = "means with 95% intervals" if has_interval else "too few for an interval; add pairs"
-        count_of_scenes = f"{scenes} scene" if scenes == 1 else f"{scenes} scenes"
+        """Return the numbers of scenes and seeds."""
+        count_of_scenes = f"{self.scenes} scene" if self.scenes == 1 else f"{self.scenes} scenes"
         count_of_seeds = f"{self.seeds} seed" if self.seeds == 1 else f"{self.seeds} seeds"
-        return f"{count_of_scenes}, {count_of_seeds}", f"evidence: {kind}"
+        return f"{count_of_scenes}, {count_of_seeds}", "evidence"
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of a terminal."""
@@ -129,94 +133,105 @@ class Answer:
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         yield self.audit.condition.title
         for row in table:
-            cells = zip(row, _ALIGNMENTS, widths, strict=False)
-            yield "  ".join(f"{cell:{alignment}{width}}" for cell, alignment, width in cells).rstrip()
-        if self.controls:
-            yield "controls: " + ", ".join(f"{kind} {decimal(level, 1)}" for kind, level in self.controls.items())
+            cells = [f"{cell:{'>' if number else '<'}{widths[number]}}" for number, cell in enumerate(row)]
+            yield "  ".join(cells).rstrip()
+        controls = [f"{row.attack} {row.published}" for row in self.controls if row.published]
+        if controls:
+            yield f"controls: {', '.join(controls)}"
         yield self.audit.sentence
 
     def _table(self) -> list[list[str]]:
         """Return the cells of the attacks below their titles."""
-        adapts = self.has_message and any(row.adaptive for row in self.attacks)
+        adapts = any(row.adaptive for row in self.attacks)
         name = extraction_name(self.audit.extraction) if self.has_message else SCENE
-        titles = ["attack", "damage dB", f"{name}{self.unit}"]
+        titles = ["attack", "damage dB" if self.has_damage else "fidelity dB", f"{name}{self.unit}"]
         if self.has_message:
-            titles += ["left", "verdict"]
+            titles += ["legible", "p", "as published"]
         if adapts:
             titles.append("owner who adapts")
         table = [titles]
         for row in self.attacks:
-            cells = [row.attack, decimal(row.damage, 1), self.level(row.level)]
+            cells = [row.attack, decimal(self.axis(row), 1), self.level(row.level)]
             if self.has_message:
-                cells += [percent(row.share, 0), row.left]
+                cells += [percent(row.legibility, 0), significant(row.p, 1), row.published or UNKNOWN]
             if adapts:
-                cells.append(row.adaptive or "unknown")
+                cells.append(row.adaptive or UNKNOWN)
             table.append(cells)
         return table
 
     def facts(self) -> Json:
         """Return all of it for JSON; unknown and infinite numbers are null."""
-        facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "lost")}
+        facts = {name: getattr(self.audit, name) for name in ("condition", "verdict", "sentence", "radii", "remarks")}
         facts |= {"attacks": self.attacks, "controls": self.controls}
         return {name: plain(value) for name, value in facts.items()}
 
 
-def answers(outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> list[Answer]:
-    """Return the answer for every condition, from the outcomes of all variants of all models, in their order."""
-    return [_answer(audit, outcomes, survivals) for audit in audits(outcomes, survivals)]
+def answers(rows: Sequence[Result]) -> list[Answer]:
+    """Return the answer for every condition, from the results of all variants of all models, in their order."""
+    by_condition = grouped(rows, lambda row: row.condition)
+    return [_answer(audit, by_condition[audit.condition]) for audit in audits(rows)]
 
 
-def _answer(audit: Audit, outcomes: Sequence[Outcome], survivals: Sequence[Survival]) -> Answer:
-    alike = [o for o in outcomes if o.condition == audit.condition]
-    rows = [row for row in survivals if row.condition == audit.condition]
-    known = {row.variant: row for row in rows if row.extraction == audit.extraction}
-    adapted = {row.variant: row for row in rows if row.extraction == ADAPTIVE}
-    attacks = [*_attack_rows(alike, known, audit.extraction, adapted)]
-    attacks.sort(key=lambda row: (isnan(row.damage), row.damage, row.attack))  # failed ones last
-    levels = {name: _mean(alike, name, audit.extraction) for name in CONTROLS}
-    controls = {display_name(name): level.mean for name, level in levels.items() if level}
+def _answer(audit: Audit, rows: Sequence[Result]) -> Answer:
+    by_variant = grouped(rows, lambda row: row.variant)
+    lines = {variant: _attack_row(audit.extraction, alike) for variant, alike in by_variant.items()}
+    attacks = [row for variant, row in lines.items() if variant not in {UNATTACKED, *CONTROLS}]
+    attacks.sort(key=lambda row: (isnan(row.damage), row.damage, -row.fidelity, row.attack))  # failed ones last
+    known = [row for row in rows if row.variant == UNATTACKED]
     return Answer(
         audit=audit,
         attacks=attacks,
-        controls=controls if known else {},
-        has_message=bool(known),
-        before=_mean(alike, UNATTACKED, audit.extraction),
-        seeds=len({o.seed for o in alike}),
+        controls=[lines[name] for name in CONTROLS if name in lines],
+        has_message=any(row.owner and row.word for row in rows),
+        before=lines.get(UNATTACKED),
+        scenes=len({row.scene for row in known}),
+        seeds=len({row.seed for row in known}),
     )
 
 
-def _attack_rows(
-    alike: Sequence[Outcome], known: Mapping[str, Survival], extraction: str, adapted: Mapping[str, Survival]
-) -> Iterator[AttackRow]:
-    """Yield the attacks of one condition; `known` and `adapted` hold the survival by variant, without and with it."""
-    for variant in dict.fromkeys(o.variant for o in alike if not o.is_control and o.variant != UNATTACKED):
-        row = known.get(variant)
-        outcomes = [o for o in alike if o.variant == variant]
-        damage = mean_of(outcomes, lambda o: o.damage)
-        level = _mean(alike, variant, extraction if known else SCENE)
-        yield AttackRow(
-            variant=variant,
-            attack=row.name if row else outcomes[0].title,
-            damage=damage.mean if damage else nan,
-            level=level.mean if level else nan,
-            share=row.share_left.mean if row and row.share_left else nan,
-            left=_left(row),
-            adaptive=_left(adapted.get(variant)) if adapted else None,
-        )
+def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
+    """Return one variant over all scenes; `extraction` is that of the owner as published."""
+    published = [row for row in alike if row.extraction == extraction]
+    adaptive = [row for row in alike if row.owner == ADAPTS]
+    best = adaptive or published
+    first = alike[0]
+    drops = scene_means(known_cells(alike, "damage")).values()
+    name = display_name(first.variant) if first.variant in CONTROLS else first.title
+    return AttackRow(
+        variant=first.variant,
+        attack=title_with_damage(name, first.wanted, *drops),
+        damage=_mean(alike, "damage"),
+        fidelity=_mean(alike, "fidelity"),
+        level=_level(published or alike),
+        legibility=_mean(best, "legibility"),
+        p=max((row.p for row in best if not isnan(row.p)), default=nan),
+        published=_words(published),
+        adaptive=_words(adaptive),
+    )
 
 
-def _mean(alike: Sequence[Outcome], variant: str, target: str) -> Interval | None:
-    return mean_of([o for o in alike if o.variant == variant], lambda o: o.level(target))
+def _level(rows: Sequence[Result]) -> float:
+    """Return the message's mean PSNR, or mean reading; the scene's PSNR if there is no message."""
+    if any(not isnan(row.reading) for row in rows):
+        return _mean(rows, "reading")
+    levels = [(row.message_values or row.scene_values).get("psnr", nan) for row in rows]
+    known = {(row.scene, row.seed): level for row, level in zip(rows, levels, strict=True) if not isnan(level)}
+    return float(np.mean([*scene_means(known).values()])) if known else nan
 
 
-def _left(row: Survival | None) -> Left:
-    if not row or not row.present:
-        return "unknown"
-    if row.survived == row.present:
-        return "survives"
-    if row.survived:
-        return "in part"
-    return "traces" if row.only_retrieved else "lost"
+def _mean(rows: Sequence[Result], field: str) -> float:
+    """Return the mean over scenes of a number, of the means over their seeds; NaN if it is known nowhere."""
+    known = known_cells(rows, field)
+    return float(np.mean([*scene_means(known).values()])) if known else nan
+
+
+def _words(rows: Sequence[Result]) -> str:
+    """Return the word that says least; of several models that differ, in how many."""
+    words = Counter(row.word for row in rows if row.word)
+    if not words:
+        return ""
+    worst = max(words, key=IN_ORDER.index)
+    return worst if len(words) == 1 else f"{worst} in {words[worst]} of {words.total()}"
 
 
 def _scanned(scans: Sequence[Mapping[str, str]]) -> tuple[str, str]:

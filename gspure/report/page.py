@@ -16,12 +16,11 @@ from gspure.evaluation.outcomes import Outcome
 from gspure.figures import style
 from gspure.files import Json, write_text
 from gspure.images import opened
-from gspure.metrics.image_metrics import MARGIN
 from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.report.answer import Answer
-from gspure.report.audit import ALLOWED, BROKEN
+from gspure.report.audit import BROKEN, WEAK
 from gspure.report.table import Table
-from gspure.text import decimal
+from gspure.text import decimal, significant
 from gspure.viewer.page import template_environment
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ class Comparison(NamedTuple):
 
     answer: Answer
     models: Sequence[ModelSection]
-    tables: Mapping[str, Sequence[Table]]  # by extraction
+    tables: Sequence[Table]  # one for each owner and detector
     pictures: Sequence[Picture]
     meanings: Mapping[str, str]  # of the attacks, by display name
 
@@ -83,9 +82,8 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
         version=__version__,
         comparisons=comparisons,
         links=[os.path.relpath(file.resolve(), results.resolve()) for file in links],
-        allowed=ALLOWED,
+        weak=WEAK,
         broken=BROKEN,
-        margin=MARGIN,
     )
     write_text(results / "report.html", text)
 
@@ -132,6 +130,7 @@ def environment() -> Environment:
         "name": display_name,
         "extraction_name": extraction_name,
         "decimal": partial(decimal, decimals=1),
+        "significant": significant,
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }
     return templates

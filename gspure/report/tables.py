@@ -1,39 +1,28 @@
-"""The tables of models: every variant with its metrics, means over scenes, and these beside the paper's."""
+"""The tables of models: every variant with its metrics; and means over scenes beside the paper's."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from math import isfinite, nan
 from typing import Final
 
 from gspure.evaluation.collecting import REMOVED
-from gspure.evaluation.matched import titles_with_damage
-from gspure.evaluation.outcomes import Outcome, by_model, ordered
+from gspure.evaluation.outcomes import Outcome, by_model, ordered, titles_with_damage
 from gspure.evaluation.paper import Beside
-from gspure.evaluation.summary import summarize
 from gspure.grouping import grouped
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import METRICS
-from gspure.metrics.names import UNATTACKED, display_name, extraction_name
-from gspure.metrics.statistics import Interval
-from gspure.metrics.targets import MESSAGE, SCENE, is_picture
-from gspure.report.table import Cell, Column, Table, TableRow, interval, markdown_document, scene_count
+from gspure.metrics.names import UNATTACKED, display_name
+from gspure.metrics.targets import MESSAGE, SCENE
+from gspure.report.table import Cell, Column, Table, TableRow, markdown_document
 from gspure.text import UNKNOWN, decimal, percent, signed, significant
 
-SHARES: Final = ("pruned_share", "precision", "recall")
 _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
-    "identical); in parentheses, the change from the unattacked model, without photographs estimated. Score: drop of "
-    "the message's PSNR minus that of the scene; the highest is in bold. {metrics} TPR: true positive rate over the "
-    "views at this false positive rate. Precision: share of the pruned rows that carry the message. Recall: share of "
-    "the message's rows that were pruned. †: the attack changed nothing that this extraction reads."
-)
-_SUMMARY: Final = (
-    "PSNR in dB, mean over scenes; for marks, the column Message shows correct bits in percent, or the score. In "
-    "brackets: 95% bootstrap interval over scenes; in parentheses, for fewer than six scenes: smallest and largest "
-    "value. Last column: Score from the paper, for its scenes and attack strengths; not directly comparable."
+    "identical); in parentheses, the change from the unattacked model. {metrics} TPR: true positive rate over the "
+    "views at this false positive rate. †: the attack changed nothing that this extraction reads."
 )
 _BESIDE: Final = (
-    "In dB, except the RMS ratio. Paper: mean over the nine scenes of its Table 1, with the Score recomputed from its "
-    "PSNR. Ours: mean over our scenes in which the message was present before the attack, at our strengths."
+    "In dB. Paper: mean over the nine scenes of its Table 1, with the Score recomputed from its PSNR. Ours: mean over "
+    "our scenes, at our strengths."
 )
 
 
@@ -48,19 +37,14 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     """Return every variant of one model with its metrics."""
     measured = [o for o in outcomes if not o.failure]
     names = titles_with_damage(measured)
-    best = max((o.score for o in measured if isfinite(o.score)), default=nan)
     columns = {Column("variant"): [Cell(names[o.variant]) for o in measured]}
     if any(o.strength for o in measured):
         columns[Column("strength", main=False)] = [Cell(o.strength_text or UNKNOWN) for o in measured]
-    columns |= _metric_columns(measured, best)
+    columns |= _metric_columns(measured)
     columns |= _detector_columns(measured)
-    columns |= _share_columns(measured)
-    rows = []
-    for o, cells in zip(measured, zip(*columns.values(), strict=True), strict=True):
-        if o.is_control:
-            rows.append(TableRow(cells, "control"))
-        else:
-            rows.append(TableRow(cells, "best" if o.score == best else ""))
+    columns[Column("pruned")] = [Cell(percent(o.pruned_share)) for o in measured]
+    cells = zip(*columns.values(), strict=True)
+    rows = [TableRow(line, "control" if o.is_control else "") for o, line in zip(measured, cells, strict=True)]
     return Table("Metrics of every variant", [*columns], rows, _MODEL.format(metrics=_meanings()))
 
 
@@ -70,8 +54,8 @@ def _meanings() -> str:
     return " ".join(f"{metric.title[:1].upper()}{metric.title[1:]}: {metric.meaning}." for metric in explained)
 
 
-def _metric_columns(measured: Sequence[Outcome], best: float) -> dict[Column, list[Cell]]:
-    """Return the metrics of every target, and the Score of every extraction; the `best` Score is bold."""
+def _metric_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
+    """Return the metrics of every target."""
     targets = ordered({target for o in measured for target in o.targets})
     columns = {}
     for target in targets:
@@ -79,10 +63,6 @@ def _metric_columns(measured: Sequence[Outcome], best: float) -> dict[Column, li
             is_main = target in (SCENE, MESSAGE) and metric == "psnr"
             column = Column(METRICS[metric].title, display_name(target), main=is_main)
             columns[column] = [_metric(o, target, metric) for o in measured]
-    for i, target in enumerate(filter(is_picture, targets)):
-        scores = [o.score_of(target) for o in measured]
-        column = Column(display_name(target), "Score", main=target == MESSAGE)
-        columns[column] = [Cell(signed(score), best=i == 0 and score == best) for score in scores]
     return columns
 
 
@@ -97,17 +77,6 @@ def _detector_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
         for title, rate in (("TPR 1%", "tpr"), ("TPR 0.1%", "tpr_strict")):
             rates = [getattr(detection, rate, nan) for detection in detections]  # unknown without a detection
             columns[Column(title, group, main=rate == "tpr")] = [Cell(percent(value)) for value in rates]
-    return columns
-
-
-def _share_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:
-    """Return the share of pruned rows, and precision and recall, where they are known."""
-    columns = {}
-    for name in SHARES:
-        shares = [getattr(o, name) for o in measured]
-        if any(map(isfinite, shares)):
-            column = Column(name.removesuffix("_share"), main=name == "pruned_share")
-            columns[column] = [Cell(percent(share)) for share in shares]
     return columns
 
 
@@ -132,39 +101,9 @@ def _reading(detection: Detection | None) -> Cell:
     return Cell(level, f"(± {significant(detection.spread, 2)})")
 
 
-def summary_table(outcomes: Sequence[Outcome]) -> Table:
-    """Return the means over scenes, with the paper's Score for its scenes."""
-    titles = ("Scenes", "Scene", "Message", "Score", "Score [paper]")
-    columns = [Column("Scheme"), Column("Attack", text=True), *map(Column, titles)]
-    rows = []
-    for condition, alike in grouped(summarize(outcomes), lambda row: row.condition).items():
-        names = titles_with_damage(o for o in outcomes if o.condition == condition)
-        for i, row in enumerate(alike):
-            attack = names[row.variant]
-            if row.extraction != MESSAGE:
-                attack += f", {extraction_name(row.extraction)}"
-            scenes = scenes_of((row.scene, row.message, row.score))
-            cells = [
-                Cell("" if i else condition.title),
-                Cell(attack),
-                Cell(f"{scenes}"),
-                _mean(row.scene, scenes, decimal),
-                _mean(row.message, scenes, number_format(row.extraction)),
-                interval(row.score, scenes),
-                Cell(decimal(row.paper_score)),
-            ]
-            rows.append(TableRow(cells, begins=i == 0))
-    return Table("Means over scenes", columns, rows, _SUMMARY)
-
-
-def _mean(value: Interval | None, scenes: int, text: Callable[[float], str]) -> Cell:
-    """Return a mean without its interval."""
-    return Cell(text(value.mean), scene_count(value.scenes, scenes)) if value else Cell()
-
-
 def beside_table(rows: Sequence[Beside]) -> Table:
     """Return the attacks of the paper's Table 1 beside ours."""
-    quantities = ("scene drop", "message drop", "Score", "RMS ratio")
+    quantities = ("scene drop", "message drop", "Score")
     columns = [Column("condition"), Column("attack", text=True), Column("our scenes")]
     columns += [Column(source, name) for name in quantities for source in ("paper", "ours")]
     table_rows = []
@@ -172,8 +111,8 @@ def beside_table(rows: Sequence[Beside]) -> Table:
         for i, row in enumerate(alike):
             cells = [Cell("" if i else condition.title), Cell(display_name(row.variant))]
             cells.append(Cell(str(row.scenes or UNKNOWN)))
-            paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score, row.paper_rms_ratio)
-            ours = (row.scene_drop, row.message_drop, row.score, row.rms_ratio)
+            paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score)
+            ours = (row.scene_drop, row.message_drop, row.score)
             for printed, measured in zip(paper, ours, strict=True):
                 cells += [Cell(decimal(printed)), Cell(decimal(measured))]
             table_rows.append(TableRow(cells, begins=i == 0))
@@ -187,13 +126,3 @@ def failures(outcomes: Sequence[Outcome]) -> list[str]:
         for name, reason in o.failures.items():
             failed.setdefault(reason, []).append(f"{name} on {o.model.title}")
     return [f"Without results: {'; '.join(names)} ({reason})." for reason, names in failed.items()]
-
-
-def number_format(extraction: str) -> Callable[[float], str]:
-    """Return the function that writes numbers of an extraction: fixed decimals for dB, first digits for readings."""
-    return decimal if is_picture(extraction) else significant
-
-
-def scenes_of(intervals: Iterable[Interval | None]) -> int:
-    """Return the largest number of scenes of some means; 0 if none is known."""
-    return max((value.scenes for value in intervals if value), default=0)

@@ -1,33 +1,32 @@
 """All tables and figures of a run, and its report, from the folder of results as it is."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from gspure.codec import plain
 from gspure.errors import InputError
 from gspure.evaluation.collecting import collect
-from gspure.evaluation.contest import Contest, Lead, contest, leads
 from gspure.evaluation.identity import RESULTS
-from gspure.evaluation.matched import Matched, match
+from gspure.evaluation.judging import judged
 from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.plan import CONFIGURATION, ModelPlan, Plan
-from gspure.evaluation.results import write_results
-from gspure.evaluation.summary import Specificity, Summary, specificity, summarize
-from gspure.evaluation.survival import Survival, not_embedded, survival
+from gspure.evaluation.radius import RADIUS, RadiusRecord, model_radii, radii
+from gspure.evaluation.results import GONE, Result, write_results
 from gspure.figures.charts import draw_factors
+from gspure.figures.evidence import draw_evidence
 from gspure.figures.gallery import CAPTIONS, PLATES
 from gspure.figures.panels import draw_attacks, shown_variants
 from gspure.figures.plates import stack_plates
-from gspure.figures.tradeoff import draw_tradeoff
-from gspure.files import Json, read_json, write_text
-from gspure.metrics.csv_tables import write_table
+from gspure.files import Json, read_json, write_json, write_text
+from gspure.grouping import grouped
+from gspure.metrics.names import UNATTACKED, extraction_name
 from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
-from gspure.report.attack_tables import condition_tables, conditions_markdown
+from gspure.report.evidence_table import evidence_tables
 from gspure.report.page import Comparison, ModelSection, picture, renders, write_page
-from gspure.report.table import Table
-from gspure.report.tables import failures, model_table, results_markdown, summary_table
+from gspure.report.tables import failures, model_table, results_markdown
 
 Drawn = TypeVar("Drawn")
 
@@ -39,34 +38,26 @@ def write_report(results: Path, plan: Plan) -> list[Outcome]:
     all outcomes.
     """
     outcomes = collect(results, plan.models)
-    survivals = survival(outcomes)
-    contests = contest(outcomes, plan.sweeps)
-    matched = match(outcomes, plan.sweeps)
+    rows = judged(outcomes, plan.attacks)
     tables = results / "tables"
-    write_results(tables / "results.csv", outcomes, plan.attacks)
-    write_table(tables / "summary.csv", Summary, summarize(outcomes))
-    write_table(tables / "survival.csv", Survival, survivals)
-    write_table(tables / "contest.csv", Contest, contests)
-    write_table(tables / "matched.csv", Matched, matched)
-    write_table(tables / "leads.csv", Lead, leads(outcomes, plan.attacks))
-    write_table(tables / "clean.csv", Specificity, specificity(outcomes))
+    write_results(tables / "results.csv", rows)
     write_text(tables / "results.md", results_markdown(outcomes))
-    write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
-    write_text(tables / "summary.tex", summary_table(outcomes).latex())
-    _warn(outcomes)
-    comparisons = []
-    for answer in answers(outcomes, survivals):
-        tables_of = condition_tables(answer.audit.condition, survivals, contests, matched)
-        comparisons.append(_comparison(results, plan, outcomes, answer, tables_of))
+    of_models = model_radii(rows)
+    conditions = {row.model: row.condition for row in rows}
+    write_json(results / RADIUS, plain(RadiusRecord(of_models, radii(of_models, conditions))))
+    _warn(outcomes, rows)
+    by_condition = grouped(rows, lambda row: row.condition)
+    comparisons = [
+        _comparison(results, plan, outcomes, answer, by_condition[answer.audit.condition]) for answer in answers(rows)
+    ]
     _draw_plates(results, comparisons)
-    names = ("results", "summary", "survival", "contest", "matched", "leads", "clean")
-    linked = [tables / f"{name}.csv" for name in names]
-    write_page(results, comparisons, [*linked, results / CONFIGURATION, results / "logs"])
+    linked = [tables / "results.csv", results / RADIUS, results / CONFIGURATION, results / "logs"]
+    write_page(results, comparisons, linked)
     return outcomes
 
 
 def _comparison(
-    results: Path, plan: Plan, outcomes: Sequence[Outcome], answer: Answer, tables: Mapping[str, Sequence[Table]]
+    results: Path, plan: Plan, outcomes: Sequence[Outcome], answer: Answer, rows: Sequence[Result]
 ) -> Comparison:
     """Draw the figures of one condition and its models, and return it as the page shows it."""
     condition = answer.audit.condition
@@ -74,18 +65,18 @@ def _comparison(
     models = by_model(alike)
     sections = [_model(results, plan, models[model], answer) for model in track([*models], "figures")]
     folder = results / "figures" / condition.key
-    tradeoff = folder / "tradeoff.png"
+    evidence = folder / "evidence.png"
     sweep = folder / "sweep.png"
     captions = {
-        tradeoff: _drawn(draw_tradeoff, tradeoff, alike),
+        evidence: _drawn(draw_evidence, evidence, rows, answer.audit.radii),
         sweep: _drawn(draw_factors, sweep, alike, plan.factors.get(condition.scheme, {})),
     }
     pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
     meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
-    return Comparison(answer, sections, tables, pictures, meanings)
+    return Comparison(answer, sections, evidence_tables(rows), pictures, meanings)
 
 
-def _warn(outcomes: Sequence[Outcome]) -> None:
+def _warn(outcomes: Sequence[Outcome], rows: Sequence[Result]) -> None:
     """Warn of incomplete declarations of what an extraction reads, and of models without a message."""
     for o in outcomes:
         for extraction in filter(o.contradicts, o.affects):
@@ -93,11 +84,12 @@ def _warn(outcomes: Sequence[Outcome]) -> None:
                 f"{o.model.title}, {o.variant}: the extraction {extraction} changed, although no column did that it is "
                 "declared to read; the attack counts as having affected the message"
             )
-    for model in not_embedded(outcomes):
-        warn(
-            f"{model.title}: no message is embedded, or the key does not match the model: even before any attack, the "
-            "message is a single colour, is not above every control, or is not retrieved"
-        )
+    for row in rows:
+        if row.variant == UNATTACKED and row.word == GONE:
+            warn(
+                f"{row.model.title}, {extraction_name(row.extraction)}: no message is embedded, or the key does not "
+                "match the model: even before any attack, the message is not proven"
+            )
 
 
 def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:

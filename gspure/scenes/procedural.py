@@ -33,7 +33,7 @@ BuildSolids = Callable[[Vector, Random], Iterator[Solid]]  # on a foot's place
 
 NAMES: Final = "room, vault, interior-SEED, landscape-SEED, object-SEED"  # of ray-traced scenes; SEED is a number
 FRONT_HALF: Final = ((-2.0, 2.0), (-0.5, 2.2))  # x and y that all cameras see well, metres: where objects stand
-DECOYS: Final = range(9000, 9010)  # seeds of the interiors that are false candidates of the retrieval; ours
+
 GRID: Final = 10  # a landscape has this many by this many steps of terrain
 PLINTH_SIZE: Final = (2.6, 1.2, 0.3)  # width, depth and height of an object's plinth, metres
 SKY_HEIGHT: Final = 9.0  # height of the painted sky around a landscape, metres

@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isnan, nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
 
+from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
-from gspure.images import mean_colour, write_image
-from gspure.metrics.detection import Threshold
-from gspure.metrics.image_metrics import MARGIN, psnr
-from gspure.metrics.names import BLACK, MEAN_COLOUR, WRONG_KEY, display_name
-from gspure.metrics.retrieval import FALSE_POSITIVES
+from gspure.images import write_image
+from gspure.metrics import legibility
+from gspure.metrics.detection import FALSE_POSITIVES, Threshold
+from gspure.metrics.image_metrics import psnr
+from gspure.metrics.names import WRONG_KEY, display_name
 from gspure.metrics.targets import MESSAGE
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
@@ -28,31 +30,23 @@ VIEWS: Final = 4  # number of training views; ours
 
 @dataclass(frozen=True)
 class Readability:
-    """The quality of the message in a few training views, as its owner reads it, and that of negative controls.
+    """How much of the message its owner reads in a few training views, and how much a wrong key shows.
 
-    For a picture, it is the PSNR over all pixels, dB; controls are black, the photographs' mean colour, and an
-    extraction with a wrong key. For bits, it is the share of correct ones, in percent; controls are the share that at
-    most 1 % of unmarked images exceed, and that of a wrong key.
+    It is the legible share of a picture's blocks, or the share of correct bits, in percent. Bits must also exceed the
+    share that at most 1 % of unmarked images do.
     """
 
     message: float
     controls: dict[str, float]
-    readable: bool  # whether the message stands out from all controls
+    readable: bool  # whether the message can be read, and stands out from all controls
+    quantity: str
+    psnr: float = nan  # of a picture, dB
 
     def report(self) -> None:
         """Print the numbers, as a warning if the message is not readable."""
-        best = max(self.controls, key=lambda name: self.controls[name])
-        gap = self.message - self.controls[best]
-        if BY_CHANCE in self.controls:
-            quantity = "correct bits"
-            level = percent(self.message / 100, 0)
-            distance = percent(abs(gap) / 100, 0)
-        else:
-            quantity = "message PSNR"
-            level = f"{decimal(self.message, 1)} dB"
-            distance = f"{decimal(abs(gap), 1)} dB"
-        direction = "above" if gap > 0 else "below"
-        numbers = f"{quantity} {level}, {distance} {direction} the highest control, {display_name(best)}"
+        others = [f"{display_name(name)} {percent(share / 100, 0)}" for name, share in self.controls.items()]
+        quality = "" if isnan(self.psnr) else f", PSNR {decimal(self.psnr, 1)} dB"
+        numbers = f"{self.quantity} {percent(self.message / 100, 0)}{quality}; {', '.join(others)}"
         if self.readable:
             say(f"readable: yes ({numbers})")
         else:
@@ -79,7 +73,7 @@ def bit_readability(
         message = share_correct(key)
         wrong_key = share_correct(key.wrong(np.random.default_rng(0)))
     controls = {BY_CHANCE: chance, WRONG_KEY: wrong_key}
-    return Readability(message, controls, message > max(controls.values()))
+    return Readability(message, controls, message > max(controls.values()), "correct bits")
 
 
 def readability(capture: Capture, public: PublicModel, key: Key, device: Device | None = None) -> Readability:
@@ -88,17 +82,24 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
     These views vary most, since a small object is not in all of them.
     """
     chosen = sorted(range(len(capture.images)), key=lambda view: -capture.images[view].std())[:VIEWS]
-    truth = np.concatenate([capture.images[view].reshape(-1, 3) for view in chosen])
+    truths = [capture.images[view] for view in chosen]
 
-    def quality(reader: Key) -> float:
-        """Return the PSNR of what a key shows in these views, dB."""
-        images = reader.images(public, MESSAGE, [capture.views[view] for view in chosen], device)
-        return psnr(np.concatenate([image.clip(0, 1).reshape(-1, 3) for image in images]), truth)
+    def shown(reader: Key) -> list[Float32]:
+        """Return what a key shows in these views."""
+        views = [capture.views[view] for view in chosen]
+        return [image.clip(0, 1) for image in reader.images(public, MESSAGE, views, device)]
 
-    controls = {
-        BLACK: psnr(np.zeros_like(truth), truth),
-        MEAN_COLOUR: psnr(mean_colour(truth), truth),
-        WRONG_KEY: quality(key.wrong(np.random.default_rng(0))),
-    }
-    message = quality(key)
-    return Readability(message, controls, message >= max(controls.values()) + MARGIN)
+    extractions = shown(key)
+    message = 100.0 * legibility.legibility(extractions, truths)
+    wrong_key = 100.0 * legibility.legibility(shown(key.wrong(np.random.default_rng(0))), truths)
+    return Readability(
+        message=message,
+        controls={WRONG_KEY: wrong_key},
+        readable=message >= 100.0 * legibility.READABLE and message > wrong_key,
+        quantity="legible",
+        psnr=psnr(np.concatenate([*map(_pixels, extractions)]), np.concatenate([*map(_pixels, truths)])),
+    )
+
+
+def _pixels(image: Float32) -> Float32:
+    return image.reshape(-1, 3)

@@ -21,7 +21,7 @@ class Asset:
     config: AssetConfig
     model: Path | None
     scheme: str | None = None
-    has_photographs: bool = False  # of the views of a marked model
+    has_photographs: bool = False  # of all its views
     files: tuple[Path, ...] = ()
 
 
@@ -60,12 +60,12 @@ def _read_asset(entry: AssetConfig, source: str, place: str) -> Asset:
     files = model_files(model)
     if entry.message:
         files = (*files, *photographs(entry.message))
-    if not entry.key:
-        return Asset(entry, model, files=files)
-    scheme = entry.scheme or made_by(Path(entry.key))[0]
-    require_known(scheme, [*schemes()], source, f"{place}.scheme")
     views = [] if not entry.cameras or entry.cameras in GENERATED else read_cameras(entry.cameras)
     has_photographs = bool(views) and not missing_photographs(views)
+    if not entry.key:
+        return Asset(entry, model, has_photographs=has_photographs, files=files)
+    scheme = entry.scheme or made_by(Path(entry.key))[0]
+    require_known(scheme, [*schemes()], source, f"{place}.scheme")
     return Asset(entry, model, scheme, has_photographs, distinct((*files, *key_files(entry.key))))
 
 

@@ -26,6 +26,8 @@ from gspure.settings import (
 SEEDS: Final = Range(0, 4_000_000_000)  # repetitions add to a seed
 REPETITIONS: Final = Range(1, 100)
 GENERATED_VIEWS: Final = Range(2, 10_000)
+CANDIDATES: Final = Range(0, 100_000)
+TWINS: Final = Range(0, 1000)
 
 NAME: Final = Text(
     r"(?!-)(?!.*?(.+?)\1{19}$)[A-Za-z0-9_-]{1,100}",
@@ -188,6 +190,19 @@ class ViewsConfig:
     parts: Annotated[int, VIEWS, "Number of jobs that share the views of one model. Results do not depend on it."] = 1
 
 
+@dataclass(frozen=True)
+class ProofConfig:
+    """What a message that is a picture is compared with."""
+
+    candidates: Annotated[
+        int,
+        CANDIDATES,
+        "Number of other pictures of the kind of a ray-traced message. With N of them, a message is proven at "
+        "p = 1 / (N + 1), and at 0.001 with 999 or more.",
+    ] = 199
+    twins: Annotated[int, TWINS, "Number of models whose carriers of the message are drawn again."] = 8
+
+
 Damage = Annotated[float, DECIBELS]
 
 
@@ -264,6 +279,7 @@ class Config:
         "the seeds of `schemes` and `variants`; its results are in PAIR@N, those of repetition 0 in PAIR.",
     ] = 1
     views: Annotated[ViewsConfig, "Use of the views."] = ViewsConfig()
+    proof: Annotated[ProofConfig, "What a message is compared with."] = ProofConfig()
     method: Annotated[MethodSettings, "Settings of GSPure."] = field(default_factory=MethodSettings)
     decisions: Annotated[
         Mapping[Name, MethodSettings],

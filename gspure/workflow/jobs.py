@@ -8,8 +8,7 @@ from gspure.attacks import BUILT_IN
 from gspure.evaluation.identity import ModelId
 from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detector, Job, Owner, Views
 from gspure.external import files_of
-from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, OTHER_SCENE, UNATTACKED, WRONG_KEY
-from gspure.metrics.targets import SCENE
+from gspure.metrics.names import CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
 from gspure.workflow.inputs import distinct
 from gspure.workflow.variants import VariantSpec
 
@@ -83,30 +82,20 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
 def control_job(subject: Subject, name: str) -> Job:
     """Return the job of a control.
 
-    Of controls that show a watermarked model, only the message is of interest. A baseline is compared in the views of
-    the unattacked model.
+    Of controls that show a watermarked model, only the message is of interest.
     """
     shows_mark = name in (WRONG_KEY, OTHER_SCENE)
-    rendered = subject.targets
-    if name == CLEAN_GSPURE:
-        rendered = (SCENE,)
-    elif name in BASELINES:
-        rendered = ()
-    elif shows_mark and subject.hides_picture:
-        rendered = subject.targets[1:]
-    compared = subject.targets if name in BASELINES else rendered
-    if shows_mark and subject.hides_bits:
-        compared = ()
-    is_read = not subject.is_clean and name != CLEAN_GSPURE
-    public = {CLEAN: subject.clean, CLEAN_GSPURE: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
+    rendered = subject.targets[1:] if shows_mark and subject.hides_picture else subject.targets
+    compared = () if shows_mark and subject.hides_bits else rendered
+    is_read = not subject.is_clean
+    public = {CLEAN: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
     is_made = public is not None and not (public == subject.clean and subject.clean_files)
-    purified = subject.decisions[METHOD].settings if name == CLEAN_GSPURE else None
     inputs = (*subject.inputs, subject.renders)
     return Job(
         model=subject.id,
         variant=name,
         public=public or subject.public,
-        case=Control(name, purified),
+        case=Control(name),
         views=subject.views,
         owner=subject.owner,
         rendered=rendered,
@@ -119,20 +108,13 @@ def control_job(subject: Subject, name: str) -> Job:
     )
 
 
-def controls_of(subject: Subject, *, prunes_clean: bool) -> tuple[str, ...]:
-    """Return the negative controls of a model, in the order of tables.
-
-    GSPure prunes the clean model, too, in runs that compare attacks at equal damage.
-    """
-    controls = []
-    if subject.clean:
-        controls += [CLEAN, CLEAN_GSPURE] if prunes_clean else [CLEAN]
+def controls_of(subject: Subject) -> tuple[str, ...]:
+    """Return the negative controls of a model, in the order of tables."""
+    controls = [CLEAN] if subject.clean else []
     if subject.owner:
         controls.append(WRONG_KEY)
         if subject.other_scene:
             controls.append(OTHER_SCENE)
-        if subject.hides_picture:
-            controls += BASELINES
     return tuple(controls)
 
 

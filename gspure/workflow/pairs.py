@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gspure.constants import TEST_EVERY
 from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.identity import RESULTS
-from gspure.evaluation.plan import Preparation
+from gspure.evaluation.plan import Candidates, Preparation
 from gspure.files import digest
 from gspure.model import is_trained_model
-from gspure.scenes.procedural import DECOYS, NAMES, scene_builder
+from gspure.scenes.candidates import kind_of
+from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.workflow.config import PairConfig
 from gspure.workflow.inputs import camera_files, capture_files, model_files
 
@@ -64,15 +64,11 @@ class PlannedPair:
         """The folder of the message's trained model, which pairs with the same message share."""
         return RESULTS / "messages" / self.message_name
 
-    def decoys(self, others: list["PlannedPair"]) -> tuple[Path, ...]:
-        """Return the folders of false candidates: the scene, other messages and, of a traced pair, random scenes."""
-        folders = [self.folder / "scene", *(pair.folder / "message" for pair in others)]
-        if self.is_traced:
-            config = self.config
-            views = max(3, -(-config.views // TEST_EVERY))  # as many as are held out; a pair has at least three
-            place = RESULTS / "decoys" / f"{config.width}x{config.height}x{views}"
-            folders += [place / str(seed) for seed in DECOYS]
-        return tuple(folders)
+    def candidates(self, count: int) -> Candidates | None:
+        """Return what the pictures of the message's kind are traced with; None if there is no such kind."""
+        config = self.config
+        kind = kind_of(config.message, config.placement) if self.is_traced else None
+        return Candidates(*kind, config.views, config.width, config.height, count) if kind and count else None
 
 
 def planned_pair(name: str, config: PairConfig, source: str) -> PlannedPair:

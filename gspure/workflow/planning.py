@@ -39,6 +39,7 @@ def plan_of(config: Config, source: str) -> Plan:
     pairs = {name: planned_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
     settings = planner.decision_settings(None)
+    count = config.proof.candidates
     factors = {
         name: factors_of(variants, planner.decision_settings(scheme)) for name, scheme in planner.schemes.items()
     }
@@ -47,6 +48,7 @@ def plan_of(config: Config, source: str) -> Plan:
         pairs={name: pair_training(pair) for name, pair in pairs.items()},
         messages=dict(filter(None, map(message_training, pairs.values()))),
         trained={name: _training(asset) for name, asset in config.assets.items() if asset.train},
+        candidates={known.name: known for known in filter(None, (pair.candidates(count) for pair in pairs.values()))},
         sweeps=sweeps(variants, settings),
         attacks=attack_groups(variants, settings),
         factors={scheme: points for scheme, points in factors.items() if points},
@@ -104,12 +106,10 @@ class _Planner:
 
     def _with_jobs(self, model: ModelPlan, subject: Subject) -> ModelPlan:
         """Return a model with its jobs."""
-        prunes_clean = any(variant.damage is not None for variant in self.variants.values())
-        controls = controls_of(subject, prunes_clean=prunes_clean)
         return replace(
             model,
             variants=tuple(variant_job(subject, name, variant) for name, variant in self.variants.items()),
-            controls=tuple(control_job(subject, name) for name in controls),
+            controls=tuple(control_job(subject, name) for name in controls_of(subject)),
         )
 
     def _of_asset(self, name: str, asset: Asset, scheme: Scheme | None) -> ModelPlan:
@@ -131,8 +131,7 @@ class _Planner:
         if scheme and asset.config.key:
             message = Path(asset.config.message) if asset.config.message else None
             owner = owner_of(scheme, identity, Path(asset.config.key), public, targets, message)
-            if owner.hides == "picture":
-                owner = replace(owner, decoys=(identity.folder / UNATTACKED / "renders" / SCENE,))
+            owner = replace(owner, twins=self.config.proof.twins)
         model = ModelPlan(
             id=identity,
             public=public,
@@ -168,8 +167,10 @@ class _Planner:
         public = identity.folder / "public" / "point_cloud.ply"
         targets = self._targets(scheme)
         owner = owner_of(scheme, identity, identity.folder / "key", public, targets, pair.folder / "message")
-        if owner.hides == "picture":
-            owner = replace(owner, decoys=pair.decoys(others))
+        candidates = pair.candidates(self.config.proof.candidates)
+        if candidates and owner.hides == "picture":
+            owner = replace(owner, candidates=candidates.file)
+        owner = replace(owner, twins=self.config.proof.twins)
         entry = self.config.schemes[scheme.name]
         model = ModelPlan(
             id=identity,
@@ -191,7 +192,9 @@ class _Planner:
             camera_inputs=(pair.folder / "cameras.json", pair.folder / "message"),
             has_small_images=pair.has_small_images,
         )
-        inputs = [identity.folder / "cameras.json", *owner.decoys, public, owner.key, owner.message_cameras]
+        inputs = [identity.folder / "cameras.json", public, owner.key, owner.message_cameras]
+        if owner.candidates:
+            inputs.append(owner.candidates)
         inputs += [pair.folder / "scene", pair.folder / "message"]
         clean = Clean(identity.folder / CLEAN / "public" / "point_cloud.ply")
         subject = self._subject(model, (SCENE, MESSAGE), tuple(inputs), clean)

@@ -6,17 +6,21 @@ the opacity mapping is fitted, the hidden colours are trained further with the m
 instead of the trained ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
+import numpy as np
+
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
+from gspure.schemes.carriers import permuted
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, Scheme
 from gspure.schemes.splats_in_splats import bits
-from gspure.schemes.splats_in_splats.key import ORACLE, SplatsInSplatsKey
+from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.training import Training
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
@@ -50,8 +54,25 @@ def embed(
 
 
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
-READS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMETRY, ORACLE: GEOMETRY}
+READS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMETRY}
 
-SCHEME = Scheme("splats_in_splats", embed, PublicModel.read, SplatsInSplatsKey.read, READS)
+CARRIERS = ("f_dc_*", "f_rest_*", "opacity")  # of colours, the low bits
+
+
+def redrawn(public: PublicModel, carriers: Sequence[str], rng: np.random.Generator) -> PublicModel:
+    """Return the model with random bits in place of the hidden colours, and opacities exchanged among rows."""
+    model = permuted(public, carriers[-1:], rng).model
+    return public.with_model(model.with_appearance(model.table["opacity"], bits.redrawn(model.sh_coeffs, rng)))
+
+
+SCHEME = Scheme(
+    "splats_in_splats",
+    embed,
+    PublicModel.read,
+    SplatsInSplatsKey.read,
+    READS,
+    carriers=CARRIERS,
+    redraw=redrawn,
+)
 
 HARDENED = replace(SCHEME, name="splats_in_splats_hardened", embed=partial(embed, hardened=2.0))

@@ -27,8 +27,6 @@ from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
 from gspure.settings import Range
 
-ORACLE: Final = "message_oracle"
-
 _FILE: Final = "splats_in_splats.npz"
 _HIDDEN: Final = "hidden.ply"
 
@@ -46,13 +44,13 @@ class SplatsInSplatsKey(Key):
         """Return the Gaussians that show the message, and the row of each.
 
         ``message`` reads the model as the scheme does: colours from the bits and opacities from the mapping, for the
-        Gaussians of the key. ``message_oracle`` gives each surviving Gaussian its exact hidden colour and opacity;
-        ``message_adaptive`` also those that moved. All use the geometry of the model.
+        Gaussians of the key. ``message_adaptive`` gives each Gaussian that survived, even if it moved, its exact hidden
+        colour and opacity. Both use the geometry of the model.
         """
         if extraction == ADAPTIVE:
             places = adaptive_matches(self.hidden, public.model)
         else:
-            places = exact_matches(self.hidden.means if extraction == ORACLE else self.positions, public.model.means)
+            places = exact_matches(self.positions, public.model.means)
         rows = np.flatnonzero(places >= 0)
         survivors = public.model[rows]
         places = places[rows]

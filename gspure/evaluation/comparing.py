@@ -1,0 +1,97 @@
+"""What the images of a job say: metrics of scene and message, and the evidence that the message is there."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from gspure.arrays import Float32, load_array
+from gspure.cameras import Camera
+from gspure.cameras.photographs import photograph
+from gspure.evaluation.evidence import VIEWS, Evidence, compared_views, evidence_of
+from gspure.evaluation.plan import AttackSpec, Job, kind_of
+from gspure.evaluation.showing import Exhibit, extraction
+from gspure.images import read_back, read_image
+from gspure.metrics.bit_evidence import BitEvidence, bit_evidence
+from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare
+from gspure.metrics.evidence import trace
+from gspure.metrics.readings import Reading, as_digits
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
+from gspure.schemes.registry import find_scheme
+from gspure.schemes.scheme import Key
+
+
+def image_pairs(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]]) -> dict[str, list[ImagePair]]:
+    """Return the renders of each compared target, each with its photograph or its render before the attack."""
+    renders = job.folder / "renders"
+    pairs: dict[str, list[ImagePair]] = {}
+    for target in sorted(exhibit.compared):
+        kind = kind_of(target)
+        pairs[target] = []
+        for view in views[kind]:
+            unattacked = job.views.unattacked / kind / f"{view.name}.png"
+            reference = photograph(view) if kind in job.views.photographed else unattacked
+            pairs[target].append(ImagePair(target, view.name, reference, renders / target / f"{view.name}.png"))
+    return pairs
+
+
+def compared(job: Job, pairs: Mapping[str, Sequence[ImagePair]]) -> Iterator[ViewMetrics]:
+    """Yield the metrics of every view of every compared target."""
+    for target, images in pairs.items():
+        reference: Reference = TRUTH if kind_of(target) in job.views.photographed else RENDER
+        for pair in images:
+            yield compare(pair, reference)
+
+
+def picture_evidence(
+    job: Job,
+    exhibit: Exhibit,
+    views: Mapping[str, Sequence[Camera]],
+    key: Key | None,
+    pairs: Mapping[str, Sequence[ImagePair]],
+) -> dict[str, Evidence]:
+    """Return how well each extraction shows the message, beside candidates and redrawn twins."""
+    if job.owner is None or key is None:
+        return {}
+    candidates = None
+    if job.owner.candidates:
+        candidates = load_array(job.owner.candidates, dtype=np.uint8, shape=(None, None, None, None, 3))
+    evidence = {}
+    for target in filter(is_picture, exhibit.rendered):
+        if target not in pairs:
+            continue
+        extractions = [read_image(pair.image) for pair in pairs[target]]
+        size = (extractions[0].shape[1], extractions[0].shape[0])
+        messages = [read_image(pair.reference, size) for pair in pairs[target]]
+        is_fitted = target == ADAPTIVE and job.owner.photographs is not None
+        twins = twin_traces(job, exhibit, key, target, views[MESSAGE], messages)
+        evidence[target] = evidence_of(extractions, messages, candidates, twins, is_fitted=is_fitted)
+    return evidence
+
+
+def twin_traces(
+    job: Job, exhibit: Exhibit, key: Key, target: str, views: Sequence[Camera], messages: Sequence[Float32]
+) -> list[float]:
+    """Return the traces of the message in models like this one, whose carriers of the message are drawn again."""
+    if job.owner is None or not isinstance(job.case, AttackSpec):
+        return []
+    scheme = find_scheme(job.owner.scheme)
+    transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
+    chosen = compared_views(len(views), VIEWS)
+    moved = [views[view].moved(transform) for view in chosen]
+    truth = [messages[view] for view in chosen]
+    traces = []
+    for seed in range(job.owner.twins):
+        twin = scheme.redrawn(exhibit.public, np.random.default_rng(seed))
+        if twin is None:
+            return []
+        shown = extraction(job, twin.drawn(exhibit.source), key, target, moved)
+        traces.append(trace([read_back(image) for image in shown], truth))
+    return traces
+
+
+def bits_evidence(job: Job, key: Key | None, marks: Mapping[str, Sequence[Reading]]) -> dict[str, BitEvidence]:
+    """Return what the majority of the views shows of the bits of each detector, and of the key."""
+    messages = {name: detector.message for name, detector in job.detectors.items()}
+    if key is not None:
+        messages[BITS] = as_digits(key.bits)
+    return {name: bit_evidence(rows, messages[name]) for name, rows in marks.items() if messages.get(name)}

@@ -1,0 +1,157 @@
+"""From outcomes to results: whether each owner can still read the message, and prove it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from gspure.evaluation.evidence import Evidence
+from gspure.evaluation.outcomes import Outcome, by_model
+from gspure.evaluation.results import ADAPTS, GONE, PROVEN, PUBLISHED, READABLE, TRACES, OwnerName, Result, Word, better
+from gspure.metrics import legibility
+from gspure.metrics.bit_evidence import BitEvidence
+from gspure.metrics.detection import Detection
+from gspure.metrics.evidence import COARSEST, SIGNIFICANCE, Proof, Traces, best_of, rank_p
+from gspure.metrics.names import MESSAGE_FREE
+from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
+
+LEAST_CLEAN: Final = 8  # clean models of a t-test; with fewer, almost nothing passes it, and they only can refute
+
+CleanEvidence = Mapping[str, Sequence[Evidence]]  # by extraction: of models that never held the message
+
+
+def judged(outcomes: Sequence[Outcome], attacks: Mapping[str, Sequence[str]]) -> list[Result]:
+    """Return the results of all outcomes, in their order; `attacks` name the variants that are strengths of each."""
+    attack_of = {variant: attack for attack, variants in attacks.items() for variant in variants}
+    results: list[Result] = []
+    for alike in by_model(outcomes).values():
+        clean = _clean_evidence(alike)
+        for o in alike:
+            results += _results(o, clean, attack_of.get(o.variant, o.variant))
+    return results
+
+
+def _clean_evidence(outcomes: Sequence[Outcome]) -> CleanEvidence:
+    """Return what every extraction shows of the message in models that never held it."""
+    clean = [o for o in outcomes if o.variant in MESSAGE_FREE]
+    names = dict.fromkeys(name for o in clean for name in o.evidence)
+    return {name: [o.evidence[name] for o in clean if name in o.evidence] for name in names}
+
+
+def _results(o: Outcome, clean: CleanEvidence, attack: str) -> Iterator[Result]:
+    """Yield a row for each owner, and for each detector; one of no owner if nothing reads a message."""
+    row = _without_owner(o, attack)
+    others = {} if o.variant in MESSAGE_FREE else clean
+    pictures = [name for name in o.messages if is_picture(name)]
+    for name in pictures:
+        owner: OwnerName = ADAPTS if name == ADAPTIVE else PUBLISHED
+        of_owner = row._replace(owner=owner, extraction=name, reached=o.reaches(name))
+        tried = dict.fromkeys([pictures[0], name])  # an owner who adapts also extracts as published
+        yield _of_picture(of_owner, o, [*tried], others)
+    for name, detection in o.detections.items():
+        of_detector = row._replace(owner=PUBLISHED, extraction=name, reached=o.reaches(name), reading=detection.level)
+        bits = o.bits.get(name)
+        yield _of_bits(of_detector, bits) if bits else _of_score(of_detector, detection)
+    for name, reason in o.detector_errors.items():
+        yield row._replace(owner=PUBLISHED, extraction=name, failure=reason)
+    if not pictures and not o.detections and not o.detector_errors:
+        yield row
+
+
+def _without_owner(o: Outcome, attack: str) -> Result:
+    """Return what a row holds of the attack and the scene."""
+    scene = o.targets.get(SCENE)
+    return Result(
+        condition=o.condition,
+        scene=o.scene,
+        seed=o.seed,
+        variant=o.variant,
+        entry=o.entry,
+        attack=attack,
+        wanted=o.wanted,
+        strength=o.strength,
+        damage=o.damage,
+        fidelity=o.fidelity,
+        scene_values=scene.values if scene else {},
+        pruned_share=o.pruned_share,
+        failure=o.failure,
+        run=o.run,
+    )
+
+
+def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvidence) -> Result:
+    """Return a row with what an owner reads who tries some extractions, that as published first."""
+    if row.extraction in o.unreadable:
+        return row._replace(word=GONE, failure=o.unreadable[row.extraction])
+    if row.extraction not in o.evidence:
+        return row
+    names = [name for name in tried if name in o.evidence]
+    verdicts = [proof_of([o.evidence[name]], [clean.get(name, ())]) for name in names[:1]]
+    verdicts.append(proof_of([o.evidence[name] for name in names], [clean.get(name, ()) for name in names]))
+    proof = min(verdicts, key=lambda one: one.p)  # never worse than as published
+    words = [word_of(verdict, o.evidence[name].legibility) for verdict in verdicts for name in names]
+    return row._replace(
+        message_values=o.targets[row.extraction].values if row.extraction in o.targets else {},
+        trace=proof.trace,
+        legibility=max(o.evidence[name].legibility for name in names),
+        z=proof.z,
+        p=proof.p,
+        level=proof.level,
+        candidates=proof.candidates,
+        clean_models=proof.clean_models,
+        twins=proof.twins,
+        word=better(words),
+    )
+
+
+def proof_of(tries: Sequence[Evidence], clean: Sequence[Sequence[Evidence]]) -> Proof:
+    """Return the proof of the best of several tries, each with its evidence in clean models.
+
+    Fewer than `LEAST_CLEAN` of these cannot support a proof. They refute a try that shows the message in one of them.
+    """
+    traces = []
+    for attempt, controls in zip(tries, clean, strict=True):
+        refuted = len(controls) < LEAST_CLEAN and any(map(_shows_message, controls))
+        traces.append(
+            Traces(
+                message=0.0 if refuted or attempt.is_blank else attempt.trace,
+                candidates=np.array(attempt.candidates),
+                clean=np.array([control.trace for control in controls if len(controls) >= LEAST_CLEAN]),
+                twins=np.array(attempt.twins),
+                two_sided=not attempt.is_fitted,
+            )
+        )
+    return best_of(traces)
+
+
+def _shows_message(control: Evidence) -> bool:
+    """Return whether an extraction from a clean model shows the message rather than any candidate."""
+    traces = np.array(control.candidates)
+    return not control.is_blank and rank_p(control.trace, traces) <= 1 / (len(traces) + 1) < 1
+
+
+def word_of(proof: Proof, legible: float) -> Word:
+    """Return whether a message is readable, shows traces, is proven only, or gone."""
+    if not proof.is_proven:
+        return GONE
+    if legible >= legibility.READABLE:
+        return READABLE
+    return TRACES if legible >= legibility.TRACES else PROVEN
+
+
+def _of_bits(row: Result, evidence: BitEvidence) -> Result:
+    """Return a row with the bits that the majority of views shows."""
+    level = max(SIGNIFICANCE, 2.0**-evidence.bits)
+    word: Word = GONE
+    if evidence.p <= level <= COARSEST:
+        word = READABLE if evidence.correct == evidence.bits else PROVEN
+    return row._replace(p=evidence.p, level=level, correct=evidence.correct, bits=evidence.bits, word=word)
+
+
+def _of_score(row: Result, detection: Detection) -> Result:
+    """Return a row with the scores of a detector; without clean views to compare them with, they prove nothing."""
+    if detection.bits or detection.least_p > COARSEST:
+        return row
+    level = max(SIGNIFICANCE, detection.least_p)
+    word: Word = READABLE if detection.p <= level else GONE
+    return row._replace(p=detection.p, level=level, word=word)

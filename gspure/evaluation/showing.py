@@ -1,0 +1,95 @@
+"""What a job shows: the renders of a model, and the extractions of its message."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from gspure.arrays import Float32, Float64
+from gspure.attacks import Attacked
+from gspure.attacks.attacked import Retouch
+from gspure.cameras import Camera
+from gspure.evaluation.attacking import AttackResult
+from gspure.evaluation.plan import Job, kind_of
+from gspure.images import read_back, write_image
+from gspure.metrics.targets import ADAPTIVE, SCENE
+from gspure.model import Gaussians
+from gspure.opencl.device import choose_device
+from gspure.progress import track
+from gspure.public_model import Lesson, PublicModel
+from gspure.schemes.matching import registered
+from gspure.schemes.pair import Capture
+from gspure.schemes.registry import read_public_model
+from gspure.schemes.scheme import FIT_STEPS, Key
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A model to show: what the job renders of it, and how."""
+
+    public: PublicModel
+    source: Path  # its file, which errors name
+    rendered: tuple[str, ...]
+    compared: tuple[str, ...]
+    transform: Float64 = field(default_factory=lambda: np.eye(4))
+    retouched: Retouch = Attacked.retouched
+
+
+def attacked_exhibit(job: Job, attack_result: AttackResult, place: Path) -> Exhibit:
+    """Return an attacked model to show; a removed format is vanilla 3DGS, which no extraction of the scheme reads."""
+    is_removed = bool(attack_result.attacked.removed)
+    return Exhibit(
+        public=attack_result.public,
+        source=place,
+        rendered=(SCENE,) if is_removed else job.rendered,
+        compared=(SCENE,) if is_removed else job.compared,
+        transform=attack_result.transform,
+        retouched=attack_result.attacked.retouched,
+    )
+
+
+def control_exhibit(job: Job) -> Exhibit:
+    """Return the model that a control shows."""
+    public = read_public_model(job.public, job.owner.scheme if job.owner else None)
+    return Exhibit(public, job.public, job.rendered, job.compared)
+
+
+def render(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]], key: Key | None) -> None:
+    """Write the images of all targets; an adaptive extraction finds out itself how the model moved."""
+    for target in exhibit.rendered:
+        transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
+        moved = [view.moved(transform) for view in views[kind_of(target)]]
+        if target == SCENE:
+            drawable = exhibit.public.drawable(exhibit.source)
+            images: Iterator[Float32] = map(drawable.scene(choose_device(), drawable.model.background), moved)
+        elif key is not None:
+            images = extraction(job, exhibit.public.drawn(exhibit.source), key, target, moved)
+        else:
+            continue
+        for camera, image in zip(track(moved, target), images, strict=True):
+            shown = exhibit.retouched(read_back(image), camera.name) if target == SCENE else image
+            write_image(job.folder / "renders" / target / f"{camera.name}.png", shown)
+
+
+def extraction(job: Job, public: PublicModel, key: Key, target: str, views: list[Camera]) -> Iterator[Float32]:
+    """Yield what an extraction shows in views; an owner who adapts has the published model, perhaps photographs."""
+    if target == ADAPTIVE and job.owner:
+        if job.owner.published:
+            public = registered(public, published_rows(job.owner.published, job.owner.scheme))
+        if job.owner.photographs:
+            key = fitted_key(key, public, job.owner.photographs)
+    return key.images(public, target, views, choose_device())
+
+
+def published_rows(published: Path, scheme: str) -> Gaussians:
+    """Return the rows of the published model."""
+    return read_public_model(published, scheme).drawn(published).model
+
+
+def fitted_key(key: Key, public: PublicModel, photographs: Path) -> Key:
+    """Return the key after learning from photographs of the message."""
+    capture = Capture.read(photographs)
+    views = [camera.moved(np.eye(4)) for camera in capture.views]
+    lesson = Lesson(views, capture.images, (), FIT_STEPS, np.random.default_rng(0), device=choose_device())
+    return key.fitted(public, lesson)

@@ -1,0 +1,23 @@
+"""Redrawn twins: a public model whose carrier columns, which carry the message, are drawn again.
+
+What a key still extracts from a twin does not come from the message, but from everything else in the file: it shows that
+the model descends from the owner's, not that it holds the message (`gspure.metrics.evidence`).
+"""
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from gspure.public_model import PublicModel
+
+
+def permuted(public: PublicModel, carriers: Sequence[str], rng: np.random.Generator) -> PublicModel:
+    """Return the model with the values of its carrier columns exchanged among rows; a row's values stay together.
+
+    `carriers` are names, or patterns such as ``f_rest_*``.
+    """
+    table = public.model.table
+    order = rng.permutation(len(table))
+    names = [name for name in public.model.names if any(fnmatchcase(name, carrier) for carrier in carriers)]
+    return public.with_model(public.model.with_columns({name: table[name][order] for name in names}))
