@@ -71,7 +71,7 @@ rule write_report:
         page=report("results/report.html", caption="../report/page.rst", category="Report", labels={"page": "report"}),
         table="results/tables/results.csv",
         results=report("results/tables/results.md", category="Tables", labels={"table": "all results"}),
-        contest=report("results/tables/contest.md", category="Tables", labels={"table": "GSPure against other attacks"}),
+        radius="results/radius.json",
     log:
         "results/logs/report.log",
     benchmark:

@@ -1,4 +1,4 @@
-"""The owner's audit, one of six verdicts for each owner, and its answer as text and as JSON."""
+"""The owner's audit: a verdict from the radius, its limits, and the answer as text and as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -7,103 +7,103 @@ from typing import Any
 
 import pytest
 
-from gspure.evaluation.outcomes import Outcome
-from gspure.evaluation.survival import survival
-from gspure.metrics.detection import Detection
+from gspure.evaluation.judging import judged
+from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.report.answer import Answer, answers
-from gspure.report.audit import NO_KEY, audits
+from gspure.report.audit import NO_KEY
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
-from tests.contest_cases import benchmark, measured, outcome
+from tests.outcome_cases import outcome
+from tests.test_radius import NOTHING as FAINT
+from tests.test_radius import PLAIN, attacked, read, shown
 
 
 def answer_of(outcomes: Sequence[Outcome]) -> Answer:
-    (answer,) = answers(outcomes, survival(outcomes))
+    (answer,) = answers(judged(with_references(outcomes), {}))
     return answer
 
 
-def of_scenes(count: int, **drops: tuple[float, float]) -> list[Outcome]:
-    return benchmark({f"s{i}": drops for i in range(count)})
-
-
-def without(variant: str, outcomes: Sequence[Outcome]) -> list[Outcome]:
-    return [o for o in outcomes if o.variant != variant]
-
-
-def detected(variant: str, length: int = 16, **present: bool | None) -> Outcome:
-    detections = {name: Detection(50.0, 1.0, 0.0, 0.0, is_there, 9, length) for name, is_there in present.items()}
-    return replace(outcome(variant, targets={"scene": 30.0}), before=None, detections=detections)
+def models_of(*scenes: str, **attacks: tuple[float, Any]) -> list[Outcome]:
+    """A marked model of each scene, and its attacks: damage and evidence."""
+    outcomes = []
+    for scene in scenes or ("room",):
+        outcomes.append(attacked("unattacked", 0.0, scene, message=PLAIN))
+        outcomes += [attacked(name, damage, scene, message=left) for name, (damage, left) in attacks.items()]
+        outcomes.append(attacked("clean", 0.0, scene, message=FAINT))
+        outcomes.append(attacked("wrong_key", 0.0, scene, message=FAINT))
+    return outcomes
 
 
 KEYLESS = [outcome(name, targets={"scene": 30.0}) for name in ("unattacked", "gspure")]
 UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unattacked", "gspure")]
-FLAT = replace(outcome("unattacked", targets={"message": 9.0}), targets={"message": measured("message", 9.0, 0.0)})
-MIXED = benchmark({"a": {"gof": (1.0, 20.0)}, "b": {"gof": (1.0, 2.0)}})
-LEAKING = [*without("clean", of_scenes(1, gof=(0.5, 3.0))), outcome("clean", "s0", targets={"message": 27.5})]
-UNTOUCHED = [replace(o, affects={"message": False}) for o in of_scenes(1, gof=(0.5, 0.0))]
-UNCONTROLLED = [o for o in of_scenes(2, gof=(1.0, 3.0)) if not o.is_control]
 
 
 @pytest.mark.parametrize(
     ("outcomes", "verdict", "text"),
     [
-        (of_scenes(1, gof=(0.5, 2.0), jpeg=(2.2, 20.0)), "holds", "no tested attack with at most 2 dB of damage"),
-        (of_scenes(2, gof=(1.02, 20.0), jpeg=(1.9, 25.0)), "broken", "the message is lost at 1.0 dB of damage (GOF)."),
-        (of_scenes(1, gof=(1.4, 20.0), jpeg=(0.9, 2.0)), "weak", "the message is lost at 1.4 dB of damage (GOF)."),
-        (MIXED, "weak", "remove the message from some scenes"),
-        (of_scenes(2, gof=(2.03, 19.0), crop=(0.5, 20.0), jpeg=(2.2, 25.0)), "broken", "0.5 dB of damage (crop)"),
-        (of_scenes(2, gof=(2.5, 25.0)), "unknown", "no attack was tested with at most 2 dB"),
-        (UNCONTROLLED, "unknown", "no negative control"),
+        (models_of(gof=(0.5, FAINT)), "broken", "BROKEN: the message is gone at 0.50 dB of damage (GOF)."),
+        (models_of(gof=(1.02, FAINT)), "broken", "gone at 1.0 dB of damage"),
+        (models_of(gof=(1.4, FAINT), jpeg=(0.9, PLAIN)), "weak", "WEAK: the message is gone at 1.4 dB of damage (GOF)"),
+        (models_of(gof=(2.6, FAINT)), "holds", "HOLDS: the message is gone at 2.6 dB of damage (GOF)"),
+        (models_of(gof=(2.1, PLAIN)), "holds", "gone after no attack of at most 2.1 dB of damage"),
+        (models_of(gof=(0.3, PLAIN)), "unknown", "no attack was tested with more than 0.3 dB of damage"),
+        (models_of("a", "b", "c", gof=(0.4, FAINT)), "broken", "gone at 0.4"),
         (KEYLESS, "unknown", NO_KEY),
         (UNAPPLIED, "unknown", "every variant is without results"),
-        (without("unattacked", of_scenes(2, gof=(0.5, 9.0))), "unknown", "unattacked model"),
-        (LEAKING, "not present", "does not exceed the controls"),
-        ([FLAT], "not present", "Look at the extraction"),
-        (UNTOUCHED, "not affected", "no attack"),
-        ([detected(n, mark=False) for n in ("unattacked", "clean")], "not present", "mark (mark)"),
-        ([detected("unattacked", length=0, mark=None)], "unknown", "too few views"),
+        ([attacked("unattacked", 0.0, message=FAINT), *models_of(gof=(1.0, FAINT))[1:]], "not present", "not proven"),
+        ([read("unattacked", 32, 32), read("blur", 17, 32, 1.5)], "weak", "the mark (bits) is gone at 1.5 dB"),
     ],
 )
 def test_each_verdict_is_given_where_it_applies(outcomes: Any, verdict: str, text: str) -> None:
     audit = answer_of(outcomes).audit
     assert (audit.verdict, text in audit.sentence) == (verdict, True), audit.sentence
-    assert "{" not in audit.sentence
 
 
-def test_conditions_are_judged_apart() -> None:
-    own_poses = [replace(o, protocol="own") for o in of_scenes(1, gof=(0.5, 2.0))]
-    both = [*of_scenes(1, gof=(0.5, 20.0)), *own_poses]
-    verdicts = {audit.condition.protocol: audit.verdict for audit in audits(both, survival(both))}
-    assert verdicts == {"": "broken", "own": "holds"}
-
-
-LOST = of_scenes(1, noise=(0.9, 2.0), gof=(0.4, 20.0))
+LOST = models_of(noise=(0.9, shown(0.3, 0.5)), gof=(0.4, FAINT))
 
 
 def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     lines = [*answer_of(LOST).lines()]
-    assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "left", "verdict"]
-    assert lines[2].split() == ["GOF", "0.4", "8.0", "0%", "lost"]
-    assert lines[3].split() == ["noise", "0.9", "26.0", "89%", "survives"]
-    assert lines[4].startswith("controls: clean model 8.0, wrong key 7.0")
-    assert lines[5] == "BROKEN: the message is lost at 0.4 dB of damage (GOF)."
-    failed = answer_of([outcome("crop", failure="no memory"), *LOST])
+    assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "legible", "p", "as", "published"]
+    assert lines[2].split() == ["GOF", "0.4", "20.0", "0%", "0.9", "gone"]
+    assert lines[3].split() == ["noise", "0.9", "20.0", "50%", "0.005", "traces"]
+    assert lines[4] == "controls: clean model gone, wrong key gone"
+    assert lines[5] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
+    failed = answer_of([outcome("crop", failure="no memory", protocol="shared", initialization="both"), *LOST])
     assert [row.variant for row in failed.attacks] == ["gof", "noise", "crop"]
 
 
-def adaptive(o: Outcome) -> Outcome:
-    """An outcome with a second extraction, whose PSNR the attack lowers by 2 dB."""
-    levels = {"unattacked": 28.0, "gof": 26.0}
-    after = {"message_adaptive": measured("m", levels.get(o.variant, 8.0))}
-    first = outcome("unattacked", targets={"scene": 30.0, "message": 28.0, "message_adaptive": 28.0})
-    return replace(o, targets=o.targets | after, before=first)
+def test_the_verdict_follows_the_owner_who_adapts() -> None:
+    outcomes = [
+        attacked("unattacked", 0.0, message=PLAIN, message_adaptive=PLAIN),
+        attacked("gof", 0.4, message=FAINT, message_adaptive=shown(0.3, 0.2)),
+        attacked("gspure", 1.4, message=FAINT, message_adaptive=FAINT),
+    ]
+    answer = answer_of(outcomes)
+    assert answer.audit.sentence == (
+        "WEAK: the message is gone at 1.4 dB of damage (GSPure); it is no longer readable at 0.40 dB of damage (GOF); "
+        "as published, it is gone at 0.40 dB of damage (GOF)."
+    )
+    assert [line.split()[-2:] for line in [*answer.lines()][2:4]] == [["gone", "proven"], ["gone", "gone"]]
+    facts = json.loads(json.dumps(answer.facts()))
+    assert [round(radius["radius"], 6) for radius in facts["radii"]] == [0.4, 0.4, 1.4, 0.4]
+    assert answer.pictured({"gof", "gspure", "unattacked"}) == ["unattacked", "gspure", "gof"]
 
 
-def test_every_owner_has_a_damage_of_their_own() -> None:
-    answer = answer_of([*map(adaptive, of_scenes(1, gof=(0.4, 20.0)))])
-    assert answer.audit.sentence.endswith("(GOF); an owner who adapts keeps it.")
-    assert [line.split()[-2:] for line in list(answer.lines())[1:3]] == [["who", "adapts"], ["lost", "survives"]]
-    lost = json.loads(json.dumps(answer.facts()))["lost"]
-    assert (round(lost["message"]["damage"], 6), lost["message_adaptive"]["damage"]) == (0.4, None)
+def test_scenes_that_differ_are_counted() -> None:
+    outcomes = [*models_of("a", gof=(0.4, FAINT)), *models_of("b", gof=(0.6, PLAIN))]
+    answer = answer_of(outcomes)
+    assert [(row.published, round(row.damage, 6)) for row in answer.attacks] == [("gone in 1 of 2", 0.5)]
+    assert [number for number, _ in answer.key_numbers()][-1] == "2 scenes, 1 seed"
+
+
+def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect() -> None:
+    leaking = [o for o in LOST if o.variant != "wrong_key"]
+    leaking.append(attacked("wrong_key", 0.0, message=PLAIN))
+    untouched = replace(attacked("rigid", 0.0, message=PLAIN), affects={"message": False})
+    remarks = " ".join(answer_of([*leaking, untouched]).audit.remarks)
+    assert "p ≤ 0.005: 199 candidates, 8 redrawn twins, no test against clean models" in remarks
+    for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
+        assert text in remarks
 
 
 def test_without_a_key_nothing_is_said_about_a_message() -> None:
@@ -113,12 +113,8 @@ def test_without_a_key_nothing_is_said_about_a_message() -> None:
     assert verdict.startswith("No verdict: only the owner's key can tell")
 
 
-def test_the_key_numbers_are_those_of_the_verdict() -> None:
+def test_a_scan_is_a_key_number_before_and_after() -> None:
     answer = answer_of(LOST)
-    assert [number for number, _ in answer.key_numbers()] == ["0.4 dB", "28.0 → 8.0 dB", "7.0 dB", "1 scene, 1 seed"]
     scans = [{"before": LIKELY, "after": NOTHING}, {"before": LIKELY, "after": UNLIKE}]
-    shown = [[number for number, _ in answer.key_numbers(scans[:count])][3] for count in (1, 2)]
-    assert shown == ["yes → no", "2 of 2 → 0 of 2"]
-    assert answer.pictured({"noise", "gof", "unattacked"}) == ["unattacked", "gof", "noise"]
-    held = answer_of(of_scenes(1, noise=(0.9, 2.0)))
-    assert [number for number, _ in held.key_numbers()][:2] == ["none", "28.0 → 26.0 dB"]
+    found = [[number for number, _ in answer.key_numbers(scans[:count])][-2] for count in (1, 2)]
+    assert found == ["yes → no", "2 of 2 → 0 of 2"]

@@ -54,10 +54,10 @@ class Audit:
             return f"No verdict: {self.reason}."
         clauses = [f"{self.verdict.upper()}: the {message} is {self.ended(radius, 'gone')}"]
         readable = self.radius("readable")
-        if readable:
+        if readable and (readable.killer, readable.radius) != (radius.killer, radius.radius):
             clauses.append(f"it is {self.ended(readable, 'no longer readable')}")
         published = self.radius(owner=PUBLISHED)
-        if radius.owner == ADAPTS and published:
+        if radius.owner == ADAPTS and published and published.killer != radius.killer:
             clauses.append(f"as published, it is {self.ended(published, 'gone')}")
         return "; ".join(clauses) + "."
 

@@ -1,0 +1,104 @@
+"""Outcomes of variants from the PSNR of scene and message, and the files of a model whose attacks add errors."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gspure.codec import plain
+from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.outcomes import Outcome
+from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
+from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
+from gspure.files import write_json
+from gspure.images import write_image
+from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
+from gspure.metrics.image_metrics import METRICS
+from gspure.metrics.names import UNATTACKED
+
+BEFORE = {"scene": 30.0, "message": 28.0}
+
+
+def measured(target: str, psnr: float, others: float = 0.9, reference: str = TRUTH, view: str = "mean") -> ViewMetrics:
+    """The metrics of one view, or their means; all but PSNR have the same value."""
+    return ViewMetrics(target, view, reference, {**dict.fromkeys(METRICS, others), "psnr": psnr})
+
+
+def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known) -> Outcome:
+    """One variant, with the PSNR of its `targets` by name; a variant without targets has failed.
+
+    ``gof@1dB`` is the entry ``gof`` at the strength searched for 1 dB of damage.
+    """
+    entry, _, damage = variant.removesuffix("dB").partition("@")
+    if damage:
+        known |= {"entry": entry, "wanted": float(damage)}
+    targets = {target: measured(target, psnr) for target, psnr in known.pop("targets", {}).items()}
+    reference = {target: measured(target, BEFORE[target.partition("_")[0]]) for target in targets}
+    views = dict.fromkeys(targets, 3)
+    return Outcome(
+        scheme, scene, variant, targets, views, before=Outcome(scheme, scene, UNATTACKED, reference), seed=seed, **known
+    )
+
+
+def attacked(variant: str, of_scene: float, of_message: float, *where: str | int, **known) -> Outcome:
+    """One variant by how far it lowers the PSNR of scene and message, dB."""
+    targets = {"scene": BEFORE["scene"] - of_scene, "message": BEFORE["message"] - of_message}
+    return outcome(variant, *where, targets=targets, **known)
+
+
+VIEWS = ("view_0", "view_1", "view_2")
+TARGETS = ("scene", "message")
+
+
+def photograph(view: int, target: str) -> NDArray[np.float32]:
+    """A smooth picture [24,32,3], different for every view and target."""
+    coarse = np.random.default_rng((view, len(target))).random((6, 8, 3))
+    return np.kron(coarse, np.ones((4, 4, 1))).astype(np.float32)
+
+
+def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, float]]) -> ModelPlan:
+    """Write renders, metrics and verdicts of a model whose attacks add these errors to scene and message.
+
+    Its control is a clean model without the message.
+    """
+    truth = results / "pairs" / name.rpartition("/")[2]
+    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6)}
+    for variant, of_targets in errors.items():
+        folder = results / name / variant
+        for target, error in zip(("scene", "message"), of_targets, strict=True):
+            for i, view in enumerate(VIEWS):
+                image = photograph(i, target)
+                write_image(truth / target / f"{view}.png", image)
+                noise = np.random.default_rng(i).random(image.shape, np.float32)
+                write_image(folder / "renders" / target / f"{view}.png", (1 - error) * image + error * noise)
+        rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders")[0]]
+        write_metrics(folder / "metrics.csv", rows)
+        if variant in attacks:
+            attack = Applied(StrengthValue("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
+            write_json(folder / VERDICT, plain(AttackRecord(attack)))
+    return model_plan(name, ("unattacked", *attacks), ("clean",))
+
+
+def model_plan(name: str, variants: Sequence[str], controls: Sequence[str]) -> ModelPlan:
+    """The plan of a marked model ``SCHEME/SCENE`` whose variants and controls are compared in scene and message."""
+    scheme, scene = name.split("/")
+    model = ModelId(scheme, scene)
+    views = Views(model.folder / "cameras.json", "test", model.folder / "unattacked" / "renders")
+    public = model.folder / "public" / "point_cloud.ply"
+
+    def job(variant: str, case: AttackSpec | Control) -> Job:
+        return Job(model, variant, public, case, views, compared=TARGETS)
+
+    return ModelPlan(
+        id=model,
+        public=public,
+        module="gspure.public_model",
+        cameras={},
+        decisions={},
+        variants=tuple(job(variant, AttackSpec(variant, entry=variant)) for variant in variants),
+        controls=tuple(job(control, Control(control)) for control in controls),
+        condition=Condition(scheme, "shared", "both"),
+        targets=TARGETS,
+        photographs=Path("results/pairs") / scene,
+    )
