@@ -47,7 +47,7 @@ def test_models_and_conditions_have_a_folder_and_a_title(named: ModelId | Condit
 
 
 def mark(level: float) -> Detection:
-    return detection([Reading(view, level, 32) for view in "abcd"], [])
+    return detection([Reading(view, level, 32, "") for view in "abcd"], [])
 
 
 NOISE = attacked("noise", 1.5, 6.0)

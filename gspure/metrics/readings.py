@@ -26,6 +26,7 @@ class Reading(NamedTuple):
     view: str
     level: float  # share of correct bits in percent, or the score
     bits: int  # number of bits; 0 for a score
+    decoded: str  # the bits, as a text of 0 and 1; empty for a score
 
     @property
     def value(self) -> float:
@@ -54,7 +55,9 @@ def read_marks(command: str, images: Path, message: str, timeout: float, folder:
 def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
     decoded = {path.stem: as_bits(read(read_image(path)), len(message)) for path in png_files(images)}
-    return [Reading(view, share_correct(bits, message), len(message)) for view, bits in decoded.items()]
+    return [
+        Reading(view, share_correct(bits, message), len(message), as_digits(bits)) for view, bits in decoded.items()
+    ]
 
 
 def as_bits(read: object, count: int) -> Bools:
@@ -66,6 +69,11 @@ def as_bits(read: object, count: int) -> Bools:
         expected = f"an array of {count} bits, 0 or 1 each"
         raise InputError("key", "bits read from an image", expected=expected, found=actual)
     return bits.astype(np.bool_)
+
+
+def as_digits(bits: Bools) -> str:
+    """Return bits [N] as a text of 0 and 1."""
+    return "".join("1" if bit else "0" for bit in bits)
 
 
 def share_correct(decoded: Bools, message: Bools) -> float:
@@ -80,10 +88,10 @@ def _reading(view: str, value: object, message: str) -> Reading:
             raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))
         decoded = np.array([*value]) == "1"
         embedded = np.array([*message]) == "1"
-        return Reading(view, share_correct(decoded, embedded), len(message))
+        return Reading(view, share_correct(decoded, embedded), len(message), value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST:
         hint = "if the detector returns bits, set `message` to the embedded bits" if isinstance(value, str) else None
         raise InputError(
             "detector", view, expected=f"a score within ±{LARGEST:g}", found=reprlib.repr(value), hint=hint
         )
-    return Reading(view, float(value), 0)
+    return Reading(view, float(value), 0, "")

@@ -27,7 +27,7 @@ from gspure.cameras.colmap import write_colmap
 from gspure.errors import InputError, reading
 from gspure.external import files_of, output_of, words_of
 from gspure.images import read_image
-from gspure.metrics.readings import Reading, read_marks
+from gspure.metrics.readings import Reading, as_digits, read_marks
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE
 from gspure.model import write_model
 from gspure.opencl.device import Device
@@ -146,6 +146,8 @@ def _scheme(adapter: Adapter) -> Scheme:
         scheme,
         read_key=partial(FilesKey, adapter),
         extractions=dict.fromkeys(targets, columns),
+        carriers=(),
+        redraw=None,
         fits=False,
         reveals=False,
     )
@@ -222,8 +224,7 @@ class FilesKey(Key):
     def readings(self, images: Path) -> list[Reading]:
         """Return what the authors' program reads from each PNG file of a folder."""
         words = self._adapter.words("detect", key=self._folder)
-        message = "".join("1" if bit else "0" for bit in self.bits)
-        return read_marks(shlex.join(words), images.resolve(), message, DAY, self._adapter.checkout)
+        return read_marks(shlex.join(words), images.resolve(), as_digits(self.bits), DAY, self._adapter.checkout)
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the message, which runs the program for each view; `images` runs it once."""
