@@ -20,6 +20,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
+from gspure.schemes.carriers import permuted
 from gspure.schemes.pair import Pair
 from gspure.settings import SEED, Setting, defaults, require_settings
 
@@ -98,12 +99,24 @@ class Scheme:
     packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
     reveals: bool = True  # whether keys return the Gaussians that show the message (`Key.gaussians`)
     sources: tuple[Path, ...] = ()  # files besides its module on which its results depend
+    carriers: tuple[str, ...] = ()
+    """Columns of the public file, as in `extractions`, that carry the message; empty if unknown."""
+
+    redraw: Callable[[PublicModel, np.random.Generator], PublicModel] | None = None
+    """Draws the carriers again; by default, their values are exchanged among rows."""
+
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property
     def settings(self) -> dict[str, Setting]:
         """The settings of `embed` and their defaults."""
         return defaults(self.embed)
+
+    def redrawn(self, public: PublicModel, rng: np.random.Generator) -> PublicModel | None:
+        """Return the model with its `carriers` drawn again: all of it but the message; None if these are unknown."""
+        if self.redraw:
+            return self.redraw(public, rng)
+        return permuted(public, self.carriers, rng) if self.carriers else None
 
     @property
     def module(self) -> str:

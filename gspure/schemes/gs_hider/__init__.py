@@ -57,6 +57,7 @@ SCHEME = Scheme(
     signature=("semantic_0",),
     beside=(decoder_name("*", SCENE_DECODER),),
     packages=PYTORCH,
+    carriers=("semantic_*",),
     fits=True,
 )
 HARDENED = replace(SCHEME, name="gs_hider_hardened", embed=partial(embed, hardened=2.0))

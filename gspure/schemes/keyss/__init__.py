@@ -49,4 +49,15 @@ def embed(
 
 READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*"))
 
-SCHEME = Scheme("keyss", embed, PublicModel.read, NetworkKey.read, READS, packages=PYTORCH, fits=True)
+CARRIERS = ("f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")  # all that the network reads, but the positions
+
+SCHEME = Scheme(
+    "keyss",
+    embed,
+    PublicModel.read,
+    NetworkKey.read,
+    READS,
+    packages=PYTORCH,
+    carriers=CARRIERS,
+    fits=True,
+)

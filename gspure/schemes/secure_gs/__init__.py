@@ -77,6 +77,7 @@ SCHEME = Scheme(
     signature=("f_anchor_feat_0", "f_offset_0"),
     beside=(NETWORKS,),
     packages=PYTORCH,
+    carriers=("f_anchor_feat_*",),
     fits=True,
 )
 

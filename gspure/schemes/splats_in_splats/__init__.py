@@ -10,9 +10,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Annotated
 
+import numpy as np
+
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
+from gspure.schemes.carriers import permuted
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, Scheme
 from gspure.schemes.splats_in_splats import bits
@@ -52,6 +55,23 @@ def embed(
 GEOMETRY = ("x", "y", "z", "scale_*", "rot_*")
 READS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMETRY, ORACLE: GEOMETRY}
 
-SCHEME = Scheme("splats_in_splats", embed, PublicModel.read, SplatsInSplatsKey.read, READS)
+CARRIERS = ("f_dc_*", "f_rest_*", "opacity")  # of colours, the low bits
+
+
+def redrawn(public: PublicModel, rng: np.random.Generator) -> PublicModel:
+    """Return the model with random bits in place of the hidden colours, and opacities exchanged among rows."""
+    model = permuted(public, ("opacity",), rng).model
+    return public.with_model(model.with_appearance(model.table["opacity"], bits.redrawn(model.sh_coeffs, rng)))
+
+
+SCHEME = Scheme(
+    "splats_in_splats",
+    embed,
+    PublicModel.read,
+    SplatsInSplatsKey.read,
+    READS,
+    carriers=CARRIERS,
+    redraw=redrawn,
+)
 
 HARDENED = replace(SCHEME, name="splats_in_splats_hardened", embed=partial(embed, hardened=2.0))

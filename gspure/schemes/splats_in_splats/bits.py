@@ -46,6 +46,13 @@ def extract(public: Float32, shift: int = SHIFT) -> Float32:
     return np.nan_to_num(hidden, nan=0.0).clip(-LARGEST, LARGEST)
 
 
+def redrawn(public: Float32, rng: np.random.Generator) -> Float32:
+    """Return colours [K,n,3] with random low bits, as many as any shift uses."""
+    low = _low(_room(public.shape[1], SHIFT_RANGE[1]))
+    random = rng.integers(1 << WORD, size=public.shape, dtype=np.uint32)
+    return (_words(public) & ~low | random & low).view(np.float32)
+
+
 def _room(count: int, shift: int) -> Words:
     """Return b_j [n,1], which broadcasts over [K,n,3]."""
     return np.array([shift + int(j**0.5) for j in range(count)], np.uint32)[:, None]
