@@ -68,8 +68,8 @@ def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
     index = np.ones(a.shape[2])
     for scale, weight in enumerate(weights, start=1):
         if scale > 1:
-            a = _halved(a)
-            b = _halved(b)
+            a = halved(a)
+            b = halved(b)
         everywhere, whole, contrast = _mean_similarities(a, b)
         if scale == 1:
             single = float(np.mean(everywhere))
@@ -224,7 +224,7 @@ def _add_under(window: Float64, shifted: Sequence[Float64], total: Float64, spar
         total += spare
 
 
-def _halved(image: NDArray[Any]) -> Float64:
+def halved(image: NDArray[Any]) -> Float64:
     """Return the means of 2 x 2 pixels, without an odd last row or column."""
     height, width = (side // 2 for side in image.shape[:2])
     squares = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1)

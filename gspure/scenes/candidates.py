@@ -1,0 +1,80 @@
+"""Candidates of a ray-traced message: random scenes of its kind, photographed from its held-out views at half size.
+
+A message is proven by its rank among candidates (`gspure.metrics.evidence`), so they must be drawn like the message:
+scenes of one builder at one placement, each once, in the right views. Pictures of other kinds, or of other views,
+correlate less with any extraction than a wrong message does.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gspure.arrays import UInt8, load_array, save_array
+from gspure.cameras import Camera, split
+from gspure.files import digest
+from gspure.images import levels
+from gspure.progress import track
+from gspure.scenes.lighting import bake
+from gspure.scenes.photography import path_cameras, trace
+from gspure.scenes.procedural import PROCEDURAL, scene_builder
+from gspure.scenes.rooms import PLACEMENTS
+
+VIEWS: Final = 4  # of the held-out views; ours
+COARSENESS: Final = 4  # of the light (`bake`), whose gradients correlate with those of full light by 0.97 to 0.99; ours
+FIRST_SEED: Final = 1 << 32  # above all seeds of a message, so that it is none of its candidates
+
+
+class Kind(NamedTuple):
+    """What a ray-traced message and its candidates share."""
+
+    builder: str  # of `PROCEDURAL`
+    placement: str  # of `PLACEMENTS`
+
+
+def kind_of(message: str, placement: str) -> Kind | None:
+    """Return the kind of a message by its name, as `gspure pair` records it; None if it is not ray-traced.
+
+    ``room`` and ``vault`` are of the kind of random interiors: furnished rooms with the same walls.
+    """
+    if scene_builder(message) is None:
+        return None
+    builder = message.partition("-")[0]
+    return Kind(builder if builder in PROCEDURAL else "interior", placement)
+
+
+def candidate_cameras(views: int, width: int, height: int) -> list[Camera]:
+    """Return `VIEWS` held-out views of a pair, evenly spaced, at half size, in the message's own frame.
+
+    If fewer are held out, all are returned.
+    """
+    _, held_out = split(path_cameras(views, width, height))
+    chosen = np.linspace(0, len(held_out), min(VIEWS, len(held_out)), endpoint=False).astype(int)
+    return [held_out[i].resized(width // 2, height // 2) for i in chosen]
+
+
+def candidates(kind: Kind, cameras: Sequence[Camera], count: int, folder: Path) -> UInt8:
+    """Return photographs [N,V,H,W,3] of `count` scenes of a kind, from a file in `folder`, written if it is missing.
+
+    All cameras have the same size.
+    """
+    height, width = (cameras[0].height, cameras[0].width)
+    shape = (count, len(cameras), height, width, 3)
+    path = candidates_file(kind, cameras, count, folder)
+    if path.is_file():
+        return load_array(path, dtype=np.uint8, shape=shape)
+    pictures = np.empty(shape, np.uint8)
+    for index in track(range(count), f"candidates {kind.builder}"):
+        scene = PROCEDURAL[kind.builder](FIRST_SEED + index, PLACEMENTS[kind.placement])
+        lit = bake(scene, coarseness=COARSENESS)
+        pictures[index] = [levels(trace(lit, camera)[0]) for camera in cameras]
+    save_array(path, pictures)
+    return pictures
+
+
+def candidates_file(kind: Kind, cameras: Sequence[Camera], count: int, folder: Path) -> Path:
+    """Return the path of a file of candidates, by kind, size, number and a digest of the cameras."""
+    size = f"{cameras[0].width}x{cameras[0].height}"
+    views = digest(*(camera.numbers for camera in cameras))[:8]
+    return folder / f"{kind.builder}-{kind.placement}-{size}-{count}-{views}.npy"
