@@ -287,7 +287,7 @@ def test_a_users_detector_reads_the_renders_of_the_scene() -> None:
     planned = attack_job("marked", "gaussian_noise", targets=(SCENE,), detectors={"size": detector, "again": detector})
     evaluation = run(planned)
     files = [planned.folder / "renders" / SCENE / f"{name}.png" for name in TESTED]
-    expected = tuple(Reading(file.stem, file.stat().st_size, 0) for file in files)
+    expected = tuple(Reading(file.stem, file.stat().st_size, 0, "") for file in files)
     assert evaluation.readings == {"size": expected, "again": expected}
     assert read_table(planned.folder / "detections" / "size.csv", Reading) == [*expected]
 

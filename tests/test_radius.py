@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gspure.codec import plain
-from gspure.evaluation.evidence import Evidence, compared_views
+from gspure.evaluation.evidence import Evidence
 from gspure.evaluation.judging import LEAST_CLEAN, judged
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.radius import Radius, model_radii, radii
@@ -17,6 +17,7 @@ from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, w
 from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
+from gspure.metrics.evidence import compared_views
 from tests.outcome_cases import outcome
 
 NULL = tuple(np.random.default_rng(0).normal(0.0, 0.03, 199).tolist())
@@ -191,4 +192,4 @@ def test_a_table_is_read_back_with_every_number_and_reason(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(("count", "views"), [(3, [0, 1, 2]), (4, [0, 1, 2, 3]), (8, [0, 2, 4, 6]), (9, [0, 2, 4, 6])])
 def test_compared_views_are_spread_evenly(count: int, views: list[int]) -> None:
-    assert compared_views(count, 4) == views
+    assert compared_views(count) == views

@@ -1,5 +1,6 @@
 """Properties of every scheme: the built-in ones, and the example of the guide."""
 
+from fnmatch import filter as matching
 from functools import partial
 
 import numpy as np
@@ -143,6 +144,19 @@ def test_every_unit_has_an_opacity_to_cluster_by(embedded):
     assert opacities.dtype == np.float32
     assert ((opacities >= 0) & (opacities <= 1)).all()
     assert opacities.std() > 0
+
+
+def test_a_redrawn_twin_differs_in_the_carriers_of_the_message_only(embedded):
+    twin = embedded.scheme.redrawn(embedded.public, np.random.default_rng(0))
+    if twin is None:
+        assert not embedded.scheme.carriers
+        return
+    before, after = embedded.public.model.table, twin.model.table
+    changed = {name for name in before.dtype.names if not np.array_equal(before[name], after[name])}
+    assert changed == {name for carrier in embedded.scheme.carriers for name in matching(before.dtype.names, carrier)}
+    camera, _ = held_out(embedded.pair.message)[0]
+    published, redrawn = (embedded.key.message(model, "message")(camera) for model in (embedded.public, twin))
+    assert not np.array_equal(published, redrawn)
 
 
 def test_no_message_gives_the_clean_model_of_the_same_form_and_no_key(embedded):

@@ -7,13 +7,13 @@ import numpy as np
 from gspure.arrays import Float32, load_array
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
-from gspure.evaluation.evidence import VIEWS, Evidence, compared_views, evidence_of
+from gspure.evaluation.evidence import Evidence, evidence_of
 from gspure.evaluation.plan import AttackSpec, Job, kind_of
 from gspure.evaluation.showing import Exhibit, extraction
 from gspure.images import read_back, read_image
 from gspure.metrics.bit_evidence import BitEvidence, bit_evidence
 from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare
-from gspure.metrics.evidence import trace
+from gspure.metrics.evidence import compared_views, trace
 from gspure.metrics.readings import Reading, as_digits
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
 from gspure.schemes.registry import find_scheme
@@ -76,7 +76,7 @@ def twin_traces(
         return []
     scheme = find_scheme(job.owner.scheme)
     transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
-    chosen = compared_views(len(views), VIEWS)
+    chosen = compared_views(len(views))
     moved = [views[view].moved(transform) for view in chosen]
     truth = [messages[view] for view in chosen]
     traces = []

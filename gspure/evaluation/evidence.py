@@ -7,11 +7,10 @@ from typing import Final
 from gspure.arrays import Float32, UInt8
 from gspure.images import is_blank
 from gspure.metrics.bit_evidence import BitEvidence
-from gspure.metrics.evidence import trace, traces
+from gspure.metrics.evidence import compared_views, trace, traces
 from gspure.metrics.legibility import legibility
 
 EVIDENCE: Final = "evidence.json"  # file of a variant or control
-VIEWS: Final = 4  # most views whose traces are compared; ours
 
 
 @dataclass(frozen=True)
@@ -38,12 +37,6 @@ class JobEvidence:
     bits: Mapping[str, BitEvidence] = field(default_factory=dict)
 
 
-def compared_views(count: int, most: int) -> list[int]:
-    """Return the numbers of at most `most` of a count of views, evenly spaced, from the first on."""
-    shown = min(count, most)
-    return [count * number // shown for number in range(shown)]
-
-
 def evidence_of(
     extractions: Sequence[Float32],
     messages: Sequence[Float32],
@@ -66,7 +59,7 @@ def evidence_of(
         Whether the key learned from photographs of the message.
 
     """
-    views = compared_views(len(messages), VIEWS)
+    views = compared_views(len(messages))
     shown = [extractions[view] for view in views]
     candidate_traces = () if candidates is None else tuple(traces(shown, candidates).tolist())
     return Evidence(

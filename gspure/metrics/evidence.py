@@ -27,6 +27,7 @@ from gspure.arrays import Float32, Float64
 from gspure.images import is_blank
 from gspure.metrics.image_metrics import halved
 
+VIEWS: Final = 4  # most views whose traces are compared; ours
 SIGNIFICANCE: Final = 0.001  # the largest p at which a message is proven, with enough candidates
 COARSEST: Final = 0.05  # the largest p at which it is proven, with few candidates; ours
 
@@ -69,6 +70,12 @@ class Proof(NamedTuple):
         return self.p <= self.level <= COARSEST
 
 
+def compared_views(count: int) -> list[int]:
+    """Return the numbers of at most `VIEWS` of a count of views, evenly spaced, from the first on."""
+    shown = min(count, VIEWS)
+    return [count * number // shown for number in range(shown)]
+
+
 def trace(extractions: Sequence[Float32], messages: Sequence[Float32]) -> float:
     """Return the trace T of a message [H,W,3] per view in the extractions, -1 to 1; a blank view counts as 0."""
     message = np.stack([halved(picture) for picture in messages])
@@ -80,11 +87,13 @@ def traces(extractions: Sequence[Float32], candidates: NDArray[Any]) -> Float64:
 
     `candidates` [N,V,H/2,W/2,3] have half size. Memory and time are those of one pass over them.
     """
-    shown = _unit_gradients(np.stack([halved(image) for image in extractions]))
+    shown = _gradients(np.stack([halved(image) for image in extractions]))
     shown[[is_blank(image) for image in extractions]] = 0.0
+    shown /= _norms(shown)[:, None]
     correlations = np.empty(candidates.shape[:2])
     for row, pictures in enumerate(candidates):
-        correlations[row] = _dots(shown, _unit_gradients(pictures))
+        gradients = _gradients(pictures)
+        correlations[row] = _dots(shown, gradients) / _norms(gradients)
     return np.asarray(correlations.mean(axis=1))
 
 
@@ -164,15 +173,19 @@ def _spread(values: Float64) -> float:
     return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
 
-def _unit_gradients(pictures: NDArray[Any]) -> Float32:
-    """Return the forward differences [V,D], down and across, of pictures [V,H,W,3], of norm 1; 0 for flat ones."""
+def _gradients(pictures: NDArray[Any]) -> Float32:
+    """Return the forward differences [V,D], down and across, of pictures [V,H,W,3] in any unit."""
     pixels = pictures.astype(np.float32)
     parts = [np.diff(pixels, axis=axis).reshape(len(pixels), -1) for axis in (1, 2)]
-    gradients = np.concatenate(parts, axis=1)
+    return np.concatenate(parts, axis=1)
+
+
+def _norms(gradients: Float32) -> Float32:
+    """Return the norms [V] of rows; 1 for rows of zeros, which stay zeros."""
     norms = np.sqrt(_dots(gradients, gradients))
-    return gradients / np.where(norms > 0, norms, 1)[:, None]
+    return np.where(norms > 0, norms, np.float32(1))
 
 
 def _dots(a: Float32, b: Float32) -> Float32:
-    """Return the dot products [V] of rows: by `einsum`, whose sums do not depend on the number of threads."""
-    return np.asarray(np.einsum("vd,vd->v", a, b))
+    """Return the dot products [V] of rows; pairwise sums are accurate, and the same for any number of threads."""
+    return np.asarray(np.sum(a * b, axis=1))

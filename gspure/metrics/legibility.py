@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from gspure.arrays import Float32, Float64
+from gspure.images import is_blank
 
 READABLE: Final = 2 / 3  # least share of blocks in a readable message; ours, as all thresholds here
 TRACES: Final = 0.4  # the same for traces
@@ -36,6 +37,8 @@ def word(score: float) -> Word:
 
 
 def _share(extraction: Float32, message: Float32) -> float:
+    if is_blank(extraction):
+        return 0.0
     energy = _energy(message)
     energies = np.array([block.sum() for block in _blocks(energy)])
     busiest = np.argsort(-energies, kind="stable")[: len(energies) // 2]

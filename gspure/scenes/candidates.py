@@ -13,13 +13,13 @@ import numpy as np
 from gspure.arrays import UInt8
 from gspure.cameras import Camera, split
 from gspure.images import levels
+from gspure.metrics.evidence import compared_views
 from gspure.progress import track
 from gspure.scenes.lighting import bake
 from gspure.scenes.photography import path_cameras, trace
 from gspure.scenes.procedural import PROCEDURAL, scene_builder
 from gspure.scenes.rooms import PLACEMENTS
 
-VIEWS: Final = 4  # of the held-out views; ours
 COARSENESS: Final = 4  # of the light (`bake`), whose gradients correlate with those of full light by 0.97 to 0.99; ours
 FIRST_SEED: Final = 1 << 32  # above all seeds of a message, so that it is none of its candidates
 
@@ -43,13 +43,9 @@ def kind_of(message: str, placement: str) -> Kind | None:
 
 
 def candidate_cameras(views: int, width: int, height: int) -> list[Camera]:
-    """Return `VIEWS` held-out views of a pair, evenly spaced, at half size, in the message's own frame.
-
-    If fewer are held out, all are returned.
-    """
+    """Return the `compared_views` of the held-out ones of a pair, at half size, in the message's own frame."""
     _, held_out = split(path_cameras(views, width, height))
-    chosen = np.linspace(0, len(held_out), min(VIEWS, len(held_out)), endpoint=False).astype(int)
-    return [held_out[i].resized(width // 2, height // 2) for i in chosen]
+    return [held_out[i].resized(width // 2, height // 2) for i in compared_views(len(held_out))]
 
 
 def candidates(kind: Kind, cameras: Sequence[Camera], count: int) -> UInt8:

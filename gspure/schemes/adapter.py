@@ -147,6 +147,7 @@ def _scheme(adapter: Adapter) -> Scheme:
         read_key=partial(FilesKey, adapter),
         extractions=dict.fromkeys(targets, columns),
         carriers=(),
+        redraw=None,
         fits=False,
         reveals=False,
     )

@@ -1,11 +1,11 @@
 """Redrawn twins: a public model whose carrier columns, which carry the message, are drawn again.
 
-What a key still extracts from a twin does not come from the message, but from everything else in the file: it shows that
-the model descends from the owner's, not that it holds the message (`gspure.metrics.evidence`).
+What a key still extracts from a twin comes from everything in the file but the message: it shows that the model
+descends from the owner's, not that it holds the message (`gspure.metrics.evidence`).
 """
 
 from collections.abc import Sequence
-from fnmatch import fnmatchcase
+from fnmatch import filter as matching
 
 import numpy as np
 
@@ -19,5 +19,5 @@ def permuted(public: PublicModel, carriers: Sequence[str], rng: np.random.Genera
     """
     table = public.model.table
     order = rng.permutation(len(table))
-    names = [name for name in public.model.names if any(fnmatchcase(name, carrier) for carrier in carriers)]
+    names = [name for carrier in carriers for name in matching(public.model.names, carrier)]
     return public.with_model(public.model.with_columns({name: table[name][order] for name in names}))

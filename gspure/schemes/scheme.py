@@ -25,7 +25,6 @@ from gspure.schemes.pair import Pair
 from gspure.settings import SEED, Setting, defaults, require_settings
 
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
-Redraw = Callable[[PublicModel, Sequence[str], np.random.Generator], PublicModel]
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 
@@ -103,7 +102,9 @@ class Scheme:
     carriers: tuple[str, ...] = ()
     """Columns of the public file, as in `extractions`, that carry the message; empty if unknown."""
 
-    redraw: Redraw = permuted  # draws them again
+    redraw: Callable[[PublicModel, np.random.Generator], PublicModel] | None = None
+    """Draws the carriers again; by default, their values are exchanged among rows."""
+
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property
@@ -113,7 +114,9 @@ class Scheme:
 
     def redrawn(self, public: PublicModel, rng: np.random.Generator) -> PublicModel | None:
         """Return the model with its `carriers` drawn again: all of it but the message; None if these are unknown."""
-        return self.redraw(public, self.carriers, rng) if self.carriers else None
+        if self.redraw:
+            return self.redraw(public, rng)
+        return permuted(public, self.carriers, rng) if self.carriers else None
 
     @property
     def module(self) -> str:

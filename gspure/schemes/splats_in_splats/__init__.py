@@ -6,7 +6,6 @@ the opacity mapping is fitted, the hidden colours are trained further with the m
 instead of the trained ones.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Annotated
@@ -59,9 +58,9 @@ READS = {MESSAGE: (*GEOMETRY, "f_dc_*", "f_rest_*", "opacity"), ADAPTIVE: GEOMET
 CARRIERS = ("f_dc_*", "f_rest_*", "opacity")  # of colours, the low bits
 
 
-def redrawn(public: PublicModel, carriers: Sequence[str], rng: np.random.Generator) -> PublicModel:
+def redrawn(public: PublicModel, rng: np.random.Generator) -> PublicModel:
     """Return the model with random bits in place of the hidden colours, and opacities exchanged among rows."""
-    model = permuted(public, carriers[-1:], rng).model
+    model = permuted(public, ("opacity",), rng).model
     return public.with_model(model.with_appearance(model.table["opacity"], bits.redrawn(model.sh_coeffs, rng)))
 
 
