@@ -33,7 +33,7 @@ def test_a_wheel_contains_kernels_workflow_and_data(tmp_path):
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("*.csv")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure/workflow/plugins").rglob("*.py")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("templates/*")}
-    files |= {ROOT / name: workflow / name for name in ("Snakefile", "config/config.yaml", "config/everyday.yaml")}
+    files |= {ROOT / name: workflow / name for name in ("Snakefile", "config/config.yaml")}
     files |= {ROOT / "gspure/py.typed": installed / "gspure/py.typed"}
     for ours, theirs in files.items():
         assert installed in theirs.parents

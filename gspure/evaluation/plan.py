@@ -247,6 +247,7 @@ class Plan:
     attacks: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     factors: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
+    suite: str = ""  # whose variants these are; empty for variants of the configuration's own
 
     @cached_property
     def by_name(self) -> dict[str, ModelPlan]:

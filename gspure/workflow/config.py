@@ -292,6 +292,10 @@ class Config:
         "the attack's settings. A variant with the name of an attack must be that attack. `unattacked` (the model "
         "itself) and `gspure` are required.",
     ] = field(default_factory=default_variants)
+    suite: Annotated[
+        Name | None,
+        "A named list that never changes (small-1, standard-1, everyday-1), in place of `variants`.",
+    ] = None
     device: Annotated[
         str, LINE, "OpenCL device: part of its name, or its index in `gspure doctor`. Empty: the first working device."
     ] = ""

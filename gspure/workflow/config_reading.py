@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
@@ -13,6 +13,8 @@ from gspure.files import Json
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.metrics.targets import MESSAGE
 from gspure.workflow.config import AssetConfig, Config
+
+SUITES: Final = Path(__file__).parent / "suites"
 
 
 def read_config(files: Iterable[Path], overrides: Mapping[str, object], source: str) -> Config:
@@ -29,11 +31,23 @@ def read_config(files: Iterable[Path], overrides: Mapping[str, object], source: 
 def config_of(content: Mapping[str, object], source: str) -> Config:
     """Return the configuration with this content, or raise `InputError` for the first entry that does not fit."""
     content = dict(content)
+    if "suite" in content:
+        if "variants" in content:
+            raise InputError(source, "variants", expected="nothing beside suite", found="an entry")
+        content = _laid_over(suite_content(content["suite"], source), content)
     if "decisions" in content:
         content["decisions"] = _inherited(content)
     config: Config = read(Config, content, source)
     _require_consistent(config, source)
     return config
+
+
+def suite_content(name: object, source: str) -> Json:
+    """Return the configuration that a suite is, by its name, or raise `InputError`."""
+    known = {file.stem: file for file in sorted(SUITES.glob("*.yaml"))}
+    if name not in known:
+        raise InputError(source, "suite", expected=f"one of {', '.join(known)}", found=repr(name))
+    return load_yaml(known[str(name)])
 
 
 def _require_consistent(config: Config, source: str) -> None:

@@ -53,6 +53,7 @@ def plan_of(config: Config, source: str) -> Plan:
         attacks=attack_groups(variants, settings),
         factors={scheme: points for scheme, points in factors.items() if points},
         meanings={name: _meaning(variant.attack) for name, variant in variants.items()},
+        suite=config.suite or "",
     )
 
 
