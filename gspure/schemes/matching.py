@@ -41,6 +41,18 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     return np.where(distances <= NEAR * extent, places, -1)
 
 
+def motion_between(original: Gaussians, model: Gaussians) -> Similarity:
+    """Return the similarity that moves the matching rows of a model to those of the original; `STILL` if none match."""
+    for motion in _motions(original, model):
+        matches = adaptive_matches(original, model, motion)
+        is_matched = matches >= 0
+        if is_matched.any():
+            source = model.means[is_matched].astype(np.float64)
+            target = original.means[matches[is_matched]].astype(np.float64)
+            return _fitted(source, target)
+    return STILL
+
+
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
     """Return an attacked model, moved back to the place of the original.
 
