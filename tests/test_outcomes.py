@@ -28,6 +28,7 @@ from gspure.metrics.detection import Detection, detection
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.readings import Reading
 from gspure.metrics.retrieval import Retrieval
+from gspure.metrics.targets import MODEL_BITS
 from tests.contest_cases import BEFORE, attacked, measured, model_plan, outcome, write_model
 
 
@@ -134,8 +135,8 @@ def test_an_image_without_structure_is_flat() -> None:
 
 
 def test_targets_are_ordered_from_the_scene_to_detectors() -> None:
-    names = ["mark", "bits", "message_oracle", "message", "a", "scene"]
-    assert ordered(names) == ["scene", "message", "message_oracle", "bits", "a", "mark"]
+    names = ["mark", "model_bits", "bits", "message_oracle", "message", "a", "scene"]
+    assert ordered(names) == ["scene", "message", "message_oracle", "bits", "model_bits", "a", "mark"]
     o = outcome("noise", targets={"scene": 30.0, "message": 10.0}, unreadable={"message_x": "no"})
     assert extractions([o, replace(o, detections={"mark": mark(60.0)})]) == ["message", "message_x", "mark"]
 
@@ -279,13 +280,15 @@ def test_an_unreadable_message_survives_in_no_outcome_and_in_no_copy_of_it(tmp_p
     write_json(folder / VERDICT, plain(verdict))
     rows = read_metrics(folder / "metrics.csv")
     write_metrics(folder / "metrics.csv", [row for row in rows if row.target == "scene"])
-    outcomes = collect(tmp_path, [plan])
+    variants = (plan.variants[0], *(replace(job, bits=(MODEL_BITS,)) for job in plan.variants[1:]))
+    outcomes = collect(tmp_path, [replace(plan, variants=variants)])
     written(tmp_path, outcomes, {})
     again, _ = read_results(tmp_path / "results.csv")
     assert survival(again) == survival(outcomes)
     gspure = next(row for row in survival(again) if row.variant == "gspure")
     assert (gspure.present, gspure.survived, gspure.message_drop) == (1, 0, None)
-    assert again[1].unreadable == {"message": "removed: no such format"}
+    assert again[1].unreadable == dict.fromkeys(("message", MODEL_BITS), "removed: no such format")
+    assert not again[1].failures
 
 
 def test_a_clean_model_is_compared_with_itself_before_gspure(tmp_path) -> None:

@@ -28,8 +28,8 @@ from gspure.metrics.csv_tables import write_table
 from gspure.metrics.detection import DETECTIONS
 from gspure.metrics.readings import Reading, read_marks
 from gspure.metrics.retrieval import Retrieved, retrieved
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
-from gspure.model import Gaussians
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, MODEL_BITS, SCENE, is_picture
+from gspure.model import Gaussians, model_file
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import tell, track
 from gspure.provenance import write_provenance
@@ -61,6 +61,7 @@ class Exhibit:
     source: Path  # its file, which errors name
     rendered: tuple[str, ...]
     compared: tuple[str, ...]
+    has_rows: bool = True  # whether extractions of the scheme can read it
     transform: Float64 = field(default_factory=lambda: np.eye(4))
     retouched: Retouch = Attacked.retouched
 
@@ -90,7 +91,7 @@ def evaluate(job: Job) -> Evaluation:
     return Evaluation(
         attack=attack,
         metrics=tuple(compared(job, pairs)),
-        readings=readings(job, key, renders / SCENE),
+        readings=readings(job, exhibit, key),
         retrieval=tuple(retrieved(job.variant, extractions, decoys)),
     )
 
@@ -179,6 +180,7 @@ def attacked_exhibit(job: Job, attack_result: AttackResult, place: Path) -> Exhi
         source=place,
         rendered=(SCENE,) if is_removed else job.rendered,
         compared=(SCENE,) if is_removed else job.compared,
+        has_rows=not is_removed,
         transform=attack_result.transform,
         retouched=attack_result.attacked.retouched,
     )
@@ -239,17 +241,23 @@ def fitted_key(key: Key, public: PublicModel, photographs: Path) -> Key:
     return key.fitted(public, lesson)
 
 
-def readings(job: Job, key: Key | None, images: Path) -> dict[str, tuple[Reading, ...]]:
-    """Return what every detector reads from the renders of the scene, and the key of a scheme that hides bits."""
-    marks = {name: tuple(command_readings(detector, images)) for name, detector in job.detectors.items()}
-    if job.reads_bits and key is not None:
+def readings(job: Job, exhibit: Exhibit, key: Key | None) -> dict[str, tuple[Reading, ...]]:
+    """Return what every detector, and the key of a scheme that hides bits, reads from the renders or the file."""
+    images = job.folder / "renders" / SCENE
+    sources = {"renders": images, "model": model_file(exhibit.source)}
+    marks = {
+        name: tuple(command_readings(detector, sources[detector.reads])) for name, detector in job.detectors.items()
+    }
+    if key is not None and BITS in job.bits:
         marks[BITS] = tuple(key.readings(images))
+    if key is not None and MODEL_BITS in job.bits and exhibit.has_rows:
+        marks[MODEL_BITS] = tuple(key.model_readings(exhibit.public))
     return marks
 
 
-def command_readings(detector: Detector, images: Path) -> list[Reading]:
-    """Return what a user's command reads from a folder of images."""
-    return read_marks(detector.command, images, detector.message, detector.timeout)
+def command_readings(detector: Detector, source: Path) -> list[Reading]:
+    """Return what a user's command reads from a folder of images, or from a model's file."""
+    return read_marks(detector.command, source, detector.message, detector.timeout)
 
 
 def image_pairs(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]]) -> dict[str, list[ImagePair]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal, NamedTuple
 
+from gspure.evaluation.collecting import REMOVED
 from gspure.evaluation.identity import OfCondition
 from gspure.evaluation.outcomes import Outcome, ordered, with_references
 from gspure.evaluation.verdict import StrengthValue
@@ -14,7 +15,7 @@ from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics
 from gspure.metrics.csv_tables import Drops, Values, read_table, write_table
 from gspure.metrics.detection import Detection
 from gspure.metrics.retrieval import Retrieval
-from gspure.metrics.targets import MESSAGE, is_picture
+from gspure.metrics.targets import MESSAGE
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
@@ -89,8 +90,8 @@ def _outcome(rows: Sequence[Result]) -> Outcome:
         retrieval={row.target: row.retrieval for row in measured if row.retrieval},
         detections={row.target: row.detection for row in rows if row.detection},
         nominal={row.target: row.drops.get("psnr", math.nan) for row in measured if row.reference == RENDER},
-        detector_errors={target: reason for target, reason in errors.items() if not is_picture(target)},
-        unreadable={target: reason for target, reason in errors.items() if is_picture(target)},
+        detector_errors={target: reason for target, reason in errors.items() if not reason.startswith(REMOVED)},
+        unreadable={target: reason for target, reason in errors.items() if reason.startswith(REMOVED)},
         seed=first.seed,
         protocol=first.condition.protocol,
         initialization=first.condition.initialization,

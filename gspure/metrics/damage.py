@@ -6,7 +6,7 @@ move; the colours here, by one affine map
 
 .. math:: c' = A c + b
 
-of all pixels of all views. A map of each view, or a warp of each image, would hide real damage. The map is fitted to the
+of all pixels of all views. A map of each view, or a warp of each image, would hide real damage. It is fitted to the
 unattacked renders, not to the photographs: it undoes the attack, and does not improve the model.
 
 Only pixels that the attacked model covers count. What it no longer covers is a second number, `coverage_lost`.

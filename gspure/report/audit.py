@@ -11,7 +11,7 @@ from gspure.evaluation.outcomes import Outcome, by_condition, extractions
 from gspure.evaluation.survival import Survival, doubtful_scenes
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import CLEAN, MESSAGE_FREE, UNATTACKED, extraction_name
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
+from gspure.metrics.targets import ADAPTIVE, HIDDEN_BITS, MESSAGE, is_picture
 from gspure.text import decimal
 
 ALLOWED: Final = MATCHED_DAMAGES[-1]  # largest damage to the scene of an attack that counts for the verdict, dB
@@ -142,7 +142,7 @@ def _judged_by(outcomes: Sequence[Outcome], rows: Sequence[Survival]) -> str:
     detecting = {row.extraction for row in rows if row.variant == UNATTACKED and row.present}
 
     def rank(name: str) -> int:
-        if is_picture(name) or name == BITS:
+        if is_picture(name) or name in HIDDEN_BITS:
             return 0
         return 1 if name in detecting else 2
 

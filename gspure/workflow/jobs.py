@@ -35,14 +35,14 @@ class Subject:
     compares_with_renders: bool = False  # rather than with photographs
 
     @property
-    def hides_bits(self) -> bool:
-        """Whether its message is bits, read from renders of the scene."""
-        return self.owner is not None and self.owner.hides == "bits"
+    def bits(self) -> tuple[str, ...]:
+        """What the owner's key reads, of `HIDDEN_BITS`."""
+        return self.owner.bits if self.owner else ()
 
     @property
     def hides_picture(self) -> bool:
         """Whether its message is a picture."""
-        return self.owner is not None and self.owner.hides == "picture"
+        return self.owner is not None and not self.bits
 
     @property
     def renders(self) -> Path:
@@ -73,7 +73,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
         rendered=subject.targets,
         compared=subject.targets,
         detectors={} if subject.is_clean else subject.detectors,
-        reads_bits=subject.hides_bits and not subject.is_clean,
+        bits=() if subject.is_clean else subject.bits,
         inputs=distinct((*inputs, subject.renders) if needs_renders else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject))),
         modules=(subject.module, attack.function.__module__),
@@ -95,7 +95,7 @@ def control_job(subject: Subject, name: str) -> Job:
     elif shows_mark and subject.hides_picture:
         rendered = subject.targets[1:]
     compared = subject.targets if name in BASELINES else rendered
-    if shows_mark and subject.hides_bits:
+    if shows_mark and subject.bits:
         compared = ()
     is_read = not subject.is_clean and name != CLEAN_GSPURE
     public = {CLEAN: subject.clean, CLEAN_GSPURE: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
@@ -112,7 +112,7 @@ def control_job(subject: Subject, name: str) -> Job:
         rendered=rendered,
         compared=compared,
         detectors=subject.detectors if is_read and name == CLEAN else {},
-        reads_bits=subject.hides_bits and is_read,
+        bits=subject.bits if is_read else (),
         inputs=distinct((*inputs, public) if public and is_made else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject), *subject.clean_files)),
         modules=(subject.module,),
