@@ -1,4 +1,4 @@
-"""A plug-in with a scheme, its twin that hides bits, and two attacks; and a folder with a model of theirs to evaluate.
+"""A plug-in with a scheme, its twins that hide bits, and two attacks; and a folder with a model of theirs to evaluate.
 
 *Lantern* shows the rows at centres that its owner keeps, in a colour that nobody sees in the public model.
 """
@@ -20,7 +20,7 @@ from gspure.evaluation.evaluate import Evaluation, evaluate, write
 from gspure.evaluation.identity import ModelId
 from gspure.evaluation.plan import AttackSpec, Control, Job, Owner, Views
 from gspure.images import png_files, read_back, read_image, write_image
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, MODEL_BITS, SCENE
 from gspure.model import Gaussians
 from gspure.model.ply import write_point_ply
 from gspure.public_model import Columns, Lesson, PublicModel, Rows
@@ -72,6 +72,10 @@ class LanternKey(Key):
         """Every image that is not black shows the embedded bits."""
         return EMBEDDED if image.any() else np.zeros_like(EMBEDDED)
 
+    def read_model_bits(self, public: PublicModel) -> Bools:
+        """Each of four rows holds a bit, inverted if its colour has changed."""
+        return EMBEDDED ^ (public.model.table["f_dc_0"][:4] != public_rows().table["f_dc_0"][:4])
+
     def wrong(self, rng: np.random.Generator) -> Self:
         return replace(self, means=rng.permuted(self.means, axis=0), bits=~self.bits)
 
@@ -109,13 +113,14 @@ LANTERN = Scheme(
     fits=True,
 )
 BLINKER = replace(LANTERN, name="blinker", extractions={BITS: ("f_dc_*",)}, fits=False)
+ETCHED = replace(BLINKER, name="etched", extractions={MODEL_BITS: ("f_dc_0",)})
 CONVERT = Attack("convert", convert)
 BLEACH = Attack("bleach", bleach)
 PLUGIN = {
     "name": "gspure-lantern",
     "version": "1.0",
     "entry-points": {
-        "gspure.schemes": {"lantern": f"{__name__}:LANTERN", "blinker": f"{__name__}:BLINKER"},
+        "gspure.schemes": {name.lower(): f"{__name__}:{name}" for name in ("LANTERN", "BLINKER", "ETCHED")},
         "gspure.attacks": {"convert": f"{__name__}:CONVERT", "bleach": f"{__name__}:BLEACH"},
     },
 }
@@ -191,7 +196,8 @@ def green() -> Float32:
 
 
 def owner(scheme: str = "lantern", **settings: Any) -> Owner:
-    return Owner(scheme, KEY, CAMERAS, "bits" if scheme == "blinker" else "picture", **settings)
+    bits = {"blinker": (BITS,), "etched": (MODEL_BITS,)}
+    return Owner(scheme, KEY, CAMERAS, bits.get(scheme, ()), **settings)
 
 
 def job(variant: str, case: AttackSpec | Control, *, targets: Sequence[str] = (SCENE, MESSAGE), **settings: Any) -> Job:

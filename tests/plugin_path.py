@@ -1,5 +1,5 @@
 """Plug-ins that the tests and the programs that they start find without installing them: the scheme `planted` of the
-tests, and the example `marked_clones`.
+tests, and the examples.
 """
 
 import os
@@ -8,13 +8,14 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = (ROOT / "tests" / "plugins", ROOT / "examples" / "marked_clones")
+EXAMPLES = ROOT / "examples"
+PACKAGES = (ROOT / "tests" / "plugins", EXAMPLES / "lsb_opacities", EXAMPLES / "marked_clones")
 INFOS = ROOT / ".pytest_cache" / "plugins"
 PLUGIN_PATH = [str(folder) for folder in (*PACKAGES, INFOS)]
 
 
 def register():
-    """Put both on the import path, unless this is a test process of one that has."""
+    """Put them on the import path, unless this is a test process of one that has."""
     for package in PACKAGES:
         write_info(tomllib.loads((package / "pyproject.toml").read_text())["project"], INFOS)
     before = [folder for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]

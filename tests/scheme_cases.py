@@ -25,6 +25,7 @@ SETTINGS = {
     "keyss": {"iterations": 60, "max_gaussians": 400},
     "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
     "rendered_bits": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "colour_steps": 2},
+    "lsb_opacities": {"iterations": 30, "max_gaussians": 400},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
 }

@@ -151,6 +151,7 @@ def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:
         ({"detectors": {"mark": {**MARK, "message": 72}}}, "detectors.mark.message"),
         ({"detectors": {"mark": {**MARK, "message": "012"}}}, "detectors.mark.message"),
         ({"detectors": {"mark": {"command": ""}}}, "detectors.mark.command"),
+        ({"detectors": {"mark": {**MARK, "reads": "file"}}}, "detectors.mark.reads"),
         ({"variants": {"gspure": {}}}, "variants.unattacked"),
         ({"variants": {"unattacked": {}}}, "variants.gspure"),
         ({"variants": {**EVERY, "crop": {"damage": [1, -1]}}}, "variants.crop.damage[1]"),

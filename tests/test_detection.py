@@ -132,7 +132,7 @@ def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
         ("no JSON", "", "expected a JSON object in the last line, found no JSON"),
         ("[" * 100_000, "", "expected a JSON object"),
         ('{"a": 1}', "", "b: expected an entry for every image, found no entry"),
-        ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found an entry without an image"),
+        ('{"a": 1, "b": 1, "c": 1}', "", "c: expected an entry for every image, found a further entry"),
         ('{"a": NaN, "b": 1}', "", "a: expected a score"),
         ('{"a": "01", "b": "01"}', "", "set `message` to the embedded bits"),
         ('{"a": "01", "b": "011"}', "01", "b: expected 2 bits"),
@@ -143,6 +143,14 @@ def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reaso
         read_marks(printing(answer), renders, message, 60)
     assert reason in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_detector_gets_a_models_file_and_answers_with_one_entry(tmp_path):
+    file = tmp_path / "model.ply"
+    file.touch()
+    assert read_marks(printing('{"model": "0110"}'), file, "0111", 60) == [Reading("model", 75.0, 4)]
+    with pytest.raises(InputError, match='a: expected one entry, "model", found a further entry'):
+        read_marks(printing('{"a": "0110"}'), file, "0111", 60)
 
 
 def test_a_detector_that_takes_too_long_ends_with_all_that_it_started(renders, tmp_path):

@@ -28,7 +28,7 @@ from gspure.metrics.csv_tables import read_table, write_table
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, nominal_drop, psnr
 from gspure.metrics.readings import Reading
 from gspure.metrics.retrieval import Retrieved
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, MODEL_BITS, SCENE
 from gspure.model import Gaussians, read_model
 from tests import evaluation_cases as cases
 from tests.evaluation_cases import ORACLE, TESTED, attack_job, drawn, job, renders, run
@@ -298,13 +298,38 @@ def test_a_users_detector_reads_the_renders_of_the_scene() -> None:
 def test_bits_are_read_with_the_key_and_a_detector_gets_the_embedded_ones(case, levels) -> None:
     Path("bits.py").write_text('import json; print(json.dumps({"view_0": "10", "view_8": "01"}))')
     detectors = {"bits_of_two": Detector(f"{sys.executable} bits.py", message="10")}
-    planned = job("bits", case, owner=BLINKER, rendered=(SCENE,), compared=(), reads_bits=True, detectors=detectors)
+    planned = job("bits", case, owner=BLINKER, rendered=(SCENE,), compared=(), bits=(BITS,), detectors=detectors)
     evaluation = run(planned)
     read_levels = {name: [row.level for row in rows] for name, rows in evaluation.readings.items()}
     assert read_levels == {"bits_of_two": [100.0, 0.0], "bits": levels}
     assert {path.name for path in (planned.folder / "detections").iterdir()} == {"bits_of_two.csv", "bits.csv"}
     assert evaluation.metrics == ()
     assert not (planned.folder / "metrics.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("case", "level", "affects"),
+    [
+        (AttackSpec("unattacked"), 100.0, False),
+        (AttackSpec("jpeg"), 100.0, False),  # of renders
+        (AttackSpec("rigid_transform"), 100.0, False),
+        (AttackSpec("quantize", settings={"bits": 1}), 0.0, True),
+        (AttackSpec("convert"), None, False),  # a format that no key reads
+        (Control("wrong_key"), 0.0, None),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_bits_of_the_file_and_a_detector_of_files_read_the_attacked_one(case, level, affects) -> None:
+    Path("size.py").write_text("import json, os, sys; print(json.dumps({'model': os.path.getsize(sys.argv[1])}))")
+    detectors = {"size": Detector(f"{sys.executable} size.py", reads="model")}
+    owner = cases.owner("etched")
+    planned = job("etched", case, owner=owner, rendered=(SCENE,), compared=(), bits=(MODEL_BITS,), detectors=detectors)
+    evaluation = run(planned)
+    file = cases.PUBLIC if isinstance(case, Control) else planned.folder / "public" / "point_cloud.ply"
+    bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4),)}
+    assert evaluation.readings == {"size": (Reading("model", file.stat().st_size, 0),), **bits}
+    if isinstance(evaluation.attack, Applied):
+        assert evaluation.attack.affects == {MODEL_BITS: affects}
 
 
 def test_decoys_are_candidates_of_the_retrieval() -> None:

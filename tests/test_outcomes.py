@@ -102,8 +102,8 @@ def test_an_outcome_names_its_strength_and_damage_and_why_numbers_are_missing(o,
 
 
 def test_targets_are_ordered_from_the_scene_to_detectors() -> None:
-    names = ["mark", "bits", "message_other", "message", "a", "scene"]
-    assert ordered(names) == ["scene", "message", "message_other", "bits", "a", "mark"]
+    names = ["mark", "model_bits", "bits", "message_other", "message", "a", "scene"]
+    assert ordered(names) == ["scene", "message", "message_other", "bits", "model_bits", "a", "mark"]
     o = outcome("noise", targets={"scene": 30.0, "message": 10.0}, unreadable={"message_x": "no"})
     assert extractions([o, replace(o, detections={"mark": mark(60.0)})]) == ["message", "message_x", "mark"]
 

@@ -27,7 +27,7 @@ from gspure.evaluation.plan import (
 from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, CONTROLS, OTHER_SCENE, WRONG_KEY
-from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.model import write_model
 from gspure.workflow.config import DetectorConfig
 from gspure.workflow.decisions import ARTIFACTS, sharing_decision, suited
@@ -174,6 +174,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         (variant("gspure", damage=1), "variants.gspure.damage: expected an attack with a strength, found gspure"),
         ({"detectors": {"scene": READ}}, "detectors.scene: "),
         ({"detectors": {"bits": READ}}, "detectors.bits: "),
+        ({"detectors": {"model_bits": READ}}, "detectors.model_bits: "),
         ({"detectors": {"message_x": READ}}, "detectors.message_x: "),
         ({"detectors": {"mark": {"command": "read 'image"}}}, "detectors.mark: "),
     ],
@@ -265,7 +266,7 @@ def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked: dict[str, 
     assert model.id.scheme == "planted"
     assert model.folder / "message_cameras.json" in model.by_variant["gspure"].inputs
     owner = owner_of(model)
-    assert (owner.hides, owner.reveals, owner.photographs) == ("picture", True, None)
+    assert (owner.bits, owner.reveals, owner.photographs) == ((), True, None)
 
 
 def test_only_a_marked_model_is_compared_with_photographs(marked: dict[str, Any]) -> None:
@@ -306,10 +307,10 @@ def test_a_model_of_photographs_is_trained_first_and_a_missing_photograph_is_nam
 def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_controls_the_clean_model() -> None:
     Path("mark.py").touch()
     assets = {"marked": {**written_asset(), "clean": "room"}, "room": written_asset("room.ply")}
-    detectors = {"mark": {"command": "python3 mark.py", "message": "01", "timeout": 3}}
+    detectors = {"mark": {"command": "python3 mark.py", "message": "01", "timeout": 3, "reads": "model"}}
     plan = planned(assets=assets, detectors=detectors, pairs={"room": {}}, variants=DAMAGED)
     marked, clean, pair = plan.models
-    expected = {"mark": Detector("python3 mark.py", "01", 3.0)}
+    expected = {"mark": Detector("python3 mark.py", "01", 3.0, "model")}
     assert marked.by_variant["gspure"].detectors == pair.by_variant["gspure"].detectors == expected
     assert all(not job.detectors and Path("mark.py") not in job.users_files for job in clean.jobs)
     assert controls(marked) == [CLEAN, CLEAN_GSPURE]
@@ -323,11 +324,11 @@ def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_control
 
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared() -> None:
     model = model_of(pairs=CONFIG["pairs"], schemes={"marked_clones": {}}, variants=DAMAGED)
-    jobs = {job.variant: (job.compared, job.reads_bits) for job in (model.by_variant["gspure"], *model.controls)}
-    expected = {"gspure": ((SCENE,), True), CLEAN: ((SCENE,), True), CLEAN_GSPURE: ((SCENE,), False)}
-    assert jobs == {**expected, WRONG_KEY: ((), True), OTHER_SCENE: ((), True)}
+    jobs = {job.variant: (job.compared, job.bits) for job in (model.by_variant["gspure"], *model.controls)}
+    expected = {"gspure": ((SCENE,), (BITS,)), CLEAN: ((SCENE,), (BITS,)), CLEAN_GSPURE: ((SCENE,), ())}
+    assert jobs == {**expected, WRONG_KEY: ((), (BITS,)), OTHER_SCENE: ((), (BITS,))}
     owner = owner_of(model)
-    assert (owner.hides, owner.reveals, owner.decoys) == ("bits", False, ())
+    assert (owner.bits, owner.reveals, owner.decoys) == ((BITS,), False, ())
 
 
 @pytest.mark.parametrize(
@@ -397,7 +398,7 @@ def test_a_model_of_a_pair_is_compared_with_photographs() -> None:
     assert {model.folder / "cameras.json", Path("results/pairs/raised/scene"), model.public} <= {*job.inputs}
     assert job.views.unattacked not in job.inputs
     assert job.modules == ("planted", "gspure.attacks.pruning")
-    assert (job.rendered, job.compared, job.reads_bits) == (model.targets, model.targets, False)
+    assert (job.rendered, job.compared, job.bits) == (model.targets, model.targets, ())
 
 
 def test_chosen_extractions_are_compared_and_an_adaptive_owner_has_what_the_scheme_uses() -> None:

@@ -1,4 +1,4 @@
-"""``gspure detect``: read a mark from images."""
+"""``gspure detect``: read a mark from images, or from a model's file."""
 
 from argparse import ArgumentTypeError
 from pathlib import Path
@@ -9,22 +9,25 @@ from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.readings import Reading, read_marks
+from gspure.model import is_trained_model, model_file
 from gspure.provenance import run_of
+from gspure.schemes.registry import find_scheme
 from gspure.settings import SECONDS
 
 EXAMPLES = """\
   gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
   gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
+  gspure detect marked/public --key marked/key --out bits.csv                    # of a scheme that marks the file
 
-A detector of your own gets the folder as its last argument. The last line that it prints must be a JSON object. It maps
-the name of each image, without .png, to bits ({"view_000": "0110", ...}, with --message), or to a score that is higher
-where the mark is present ({"view_000": 0.93, ...}).
+A detector of your own gets the folder or file as its last argument. The last line that it prints must be a JSON object.
+It maps the name of each image, without .png, or "model" to bits ({"view_000": "0110", ...}, with --message), or to a
+score that is higher where the mark is present ({"view_000": 0.93, ...}, {"model": 0.93}).
 """
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR", "PNG files, such as renders")
+    parser.reads("marked", "SOURCE", "PNG files, such as renders; or a model, for marks in its file")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--command", metavar="WORDS", help="the detector: a program and its options")
     source.add_argument("--key", type=Path, metavar="DIR", help="the owner's key of a scheme that hides bits")
@@ -38,16 +41,20 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Write the table, and print the mean over the images."""
     scheme = options.key_scheme(args) if args.key else args.scheme
+    source = model_file(args.marked) if is_trained_model(str(args.marked)) else args.marked
     if args.key:
-        key = options.read_key(args, run_of(args.images))
-        readings = key.readings(args.images)
+        key = options.read_key(args, run_of(source))
+        if source.is_file():
+            readings = key.model_readings(find_scheme(scheme).read_public(source))
+        else:
+            readings = key.readings(source)
     else:
-        readings = read_marks(args.command, args.images, args.message, args.timeout)
+        readings = read_marks(args.command, source, args.message, args.timeout)
     write_table(args.out, Reading, readings)
     options.record_command(args, args.out.parent, resolved={"scheme": scheme})
     mean = f"{np.mean([reading.level for reading in readings]):.4g}"
     summary = f"{mean} % of the bits are correct on average" if readings[0].bits else f"mean score {mean}"
-    print(f"{summary} over {len(readings)} images")
+    print(f"{summary} over {len(readings)} images" if source.is_dir() else summary)
 
 
 def _bits(text: str) -> str:

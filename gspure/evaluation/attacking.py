@@ -12,7 +12,7 @@ from gspure.attacks.strength import Damage, Match
 from gspure.cameras import Camera
 from gspure.evaluation.plan import AttackSpec
 from gspure.evaluation.verdict import Applied, StrengthValue
-from gspure.metrics.targets import is_picture
+from gspure.metrics.targets import BITS
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
 from gspure.schemes.scheme import Scheme
@@ -61,7 +61,7 @@ class AttackResult:
         """Return what the attack changed for the extractions of a scheme."""
         affects = {}
         for extraction, columns in (scheme.extractions if scheme else {}).items():
-            reads_renders = self.attack.of_renders and not is_picture(extraction)
+            reads_renders = self.attack.of_renders and extraction == BITS
             affects[extraction] = reads_renders or affected(before.model, self.attacked, columns)
         search_damage = self.match.damage if self.match else None
         return Applied(self.strength, search_damage, affects, self.attacked.removed)

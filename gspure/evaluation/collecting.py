@@ -22,7 +22,7 @@ from gspure.grouping import grouped
 from gspure.metrics.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
 from gspure.metrics.detection import DETECTIONS, Detection, read_detections
 from gspure.metrics.names import UNATTACKED
-from gspure.metrics.targets import BITS
+from gspure.metrics.targets import needs_rows
 from gspure.progress import warn
 from gspure.provenance import run_of
 
@@ -62,14 +62,10 @@ class _Files:
 
 def expected_files(job: Job) -> list[str]:
     """Return the files of a job that its outcome needs."""
-    files = [f"{DETECTIONS}/{name}.csv" for name in _detectors(job)]
+    files = [f"{DETECTIONS}/{name}.csv" for name in (*job.detectors, *job.bits)]
     if job.control is None or job.compared:
         files.insert(0, "metrics.csv")
     return files
-
-
-def _detectors(job: Job) -> list[str]:
-    return [*job.detectors, BITS] if job.reads_bits else [*job.detectors]
 
 
 def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
@@ -120,9 +116,11 @@ def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: M
     attack = files.attack
     if not isinstance(attack, Applied) or not files.is_measured:
         return outcome
-    unreadable = dict.fromkeys(model.targets[1:], f"{REMOVED}: {attack.removed}") if attack.removed else {}
+    extracted = filter(needs_rows, (*model.targets, *job.bits))
+    unreadable = dict.fromkeys(extracted, f"{REMOVED}: {attack.removed}") if attack.removed else {}
     return replace(
         outcome,
+        detector_errors={name: reason for name, reason in errors.items() if name not in unreadable},
         strength=attack.strength,
         search_damage=math.nan if attack.search_damage is None else attack.search_damage,
         affects=attack.affects,

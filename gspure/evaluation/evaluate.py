@@ -25,7 +25,8 @@ from gspure.metrics.comparison import ViewMetrics, write_metrics
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.detection import DETECTIONS
 from gspure.metrics.readings import Reading, read_marks
-from gspure.metrics.targets import BITS, MESSAGE, SCENE
+from gspure.metrics.targets import BITS, MESSAGE, MODEL_BITS, SCENE
+from gspure.model import model_file
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import tell
 from gspure.provenance import write_provenance
@@ -67,7 +68,7 @@ def evaluate(job: Job) -> Evaluation:
     key = owners_key(job)
     render(job, exhibit, views, key)
     pairs = image_pairs(job, exhibit, views)
-    marks = readings(job, key, renders / SCENE)
+    marks = readings(job, exhibit, key)
     return Evaluation(
         attack=attack,
         metrics=tuple(compared(job, pairs)),
@@ -153,14 +154,20 @@ def measure_for_views(
     return measure
 
 
-def readings(job: Job, key: Key | None, images: Path) -> dict[str, tuple[Reading, ...]]:
-    """Return what every detector reads from the renders of the scene, and the key of a scheme that hides bits."""
-    marks = {name: tuple(command_readings(detector, images)) for name, detector in job.detectors.items()}
-    if job.reads_bits and key is not None:
+def readings(job: Job, exhibit: Exhibit, key: Key | None) -> dict[str, tuple[Reading, ...]]:
+    """Return what every detector, and the key of a scheme that hides bits, reads from the renders or the file."""
+    images = job.folder / "renders" / SCENE
+    sources = {"renders": images, "model": model_file(exhibit.source)}
+    marks = {
+        name: tuple(command_readings(detector, sources[detector.reads])) for name, detector in job.detectors.items()
+    }
+    if key is not None and BITS in job.bits:
         marks[BITS] = tuple(key.readings(images))
+    if key is not None and MODEL_BITS in job.bits and exhibit.has_rows:
+        marks[MODEL_BITS] = tuple(key.model_readings(exhibit.public))
     return marks
 
 
-def command_readings(detector: Detector, images: Path) -> list[Reading]:
-    """Return what a user's command reads from a folder of images."""
-    return read_marks(detector.command, images, detector.message, detector.timeout)
+def command_readings(detector: Detector, source: Path) -> list[Reading]:
+    """Return what a user's command reads from a folder of images, or from a model's file."""
+    return read_marks(detector.command, source, detector.message, detector.timeout)

@@ -15,7 +15,7 @@ from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
 from gspure.metrics.statistics import Interval, difference, known_interval, scene_means
-from gspure.metrics.targets import BITS, MESSAGE, SCENE, is_picture
+from gspure.metrics.targets import HIDDEN_BITS, MESSAGE, SCENE, is_picture, needs_rows
 from gspure.text import decimal
 
 UNCHANGED: Final = 0.05  # largest change of an extraction, dB or points, due to rounding, as of reordered rows
@@ -127,7 +127,7 @@ class Outcome:
     @property
     def messages(self) -> list[str]:
         """The targets that are extractions of the message, the scheme's own first, and its detectors."""
-        return ordered([*filter(is_picture, {**self.targets, **self.unreadable}), *self.detections])
+        return ordered([*filter(needs_rows, {**self.targets, **self.unreadable}), *self.detections])
 
     @property
     def failures(self) -> dict[str, str]:
@@ -138,7 +138,11 @@ class Outcome:
 
 def ordered(targets: Iterable[str]) -> list[str]:
     """Return targets in display order: the scene, the message, its other extractions, hidden bits, detectors."""
-    return sorted(targets, key=lambda name: (name != SCENE, name != MESSAGE, not is_picture(name), name != BITS, name))
+
+    def rank(name: str) -> tuple[bool, bool, bool, bool, str]:
+        return name != SCENE, name != MESSAGE, not is_picture(name), name not in HIDDEN_BITS, name
+
+    return sorted(targets, key=rank)
 
 
 def extractions(outcomes: Iterable[Outcome]) -> list[str]:

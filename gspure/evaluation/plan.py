@@ -26,11 +26,12 @@ METHOD: Final = "method"  # the decision with the settings of `method` in the co
 
 @dataclass(frozen=True)
 class Detector:
-    """A command that reads a mark from renders: its embedded bits, or none of a score, and seconds to wait."""
+    """A command that reads a mark: its embedded bits, or none of a score, seconds to wait, and what it reads."""
 
     command: str
     message: str = ""
     timeout: float = 600.0
+    reads: Literal["renders", "model"] = "renders"
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Owner:
     scheme: str
     key: Path
     message_cameras: Path
-    hides: Literal["picture", "bits"]
+    bits: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the key reads; empty if the message is a picture
     reveals: bool = False  # whether the key tells which rows show the message
     published: Path | None = None
     photographs: Path | None = None
@@ -103,7 +104,7 @@ class Job:
     rendered: tuple[str, ...] = (SCENE,)
     compared: tuple[str, ...] = (SCENE,)
     detectors: Mapping[str, Detector] = field(default_factory=dict)
-    reads_bits: bool = False  # whether the owner's key reads bits from the renders
+    bits: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the owner's key reads
     inputs: tuple[Path, ...] = ()  # files that other jobs make
     users_files: tuple[Path, ...] = ()
     modules: tuple[str, ...] = ()  # whose code its results depend on, beside that of the evaluation

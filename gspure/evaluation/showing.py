@@ -32,6 +32,7 @@ class Exhibit:
     source: Path  # its file, which errors name
     rendered: tuple[str, ...]
     compared: tuple[str, ...]
+    has_rows: bool = True  # whether extractions of the scheme can read it
     transform: Float64 = field(default_factory=lambda: np.eye(4))
     retouched: Retouch = Attacked.retouched
 
@@ -44,6 +45,7 @@ def attacked_exhibit(job: Job, attack_result: AttackResult, place: Path) -> Exhi
         source=place,
         rendered=(SCENE,) if is_removed else job.rendered,
         compared=(SCENE,) if is_removed else job.compared,
+        has_rows=not is_removed,
         transform=attack_result.transform,
         retouched=attack_result.attacked.retouched,
     )

@@ -1,4 +1,4 @@
-"""Readings: what a detector reads from the renders of a model, bits or a score.
+"""Readings: what a detector reads from the renders of a model, or from its file: bits or a score.
 
 The detector is the key of a scheme that hides bits, or a command of the user's.
 """
@@ -18,12 +18,13 @@ from gspure.external import answer_of, words_of
 from gspure.images import png_files, read_image
 
 LARGEST: Final = 1e100  # the largest score; its square is finite
+MODEL: Final = "model"  # stands for a view where a file is read
 
 
 class Reading(NamedTuple):
-    """What a detector reads from one view."""
+    """What a detector reads from one view, or from a file."""
 
-    view: str
+    view: str  # or `MODEL`
     level: float  # share of correct bits in percent, or the score
     bits: int  # number of bits; 0 for a score
     decoded: str  # the bits, as a text of 0 and 1; empty for a score
@@ -34,40 +35,44 @@ class Reading(NamedTuple):
         return round(self.level * self.bits / 100) if self.bits else self.level
 
 
-def read_marks(command: str, images: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
-    """Return what a command reads from each PNG file of the folder `images`, within `timeout` seconds.
+def read_marks(command: str, source: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
+    """Return what a command reads from a model's file, or from each PNG file of a folder, within `timeout` seconds.
 
-    The command runs in `folder` and gets `images` as its last argument. The last line that it prints is a JSON object.
-    It maps the name of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the
-    mark is present. `message` holds the embedded bits, and is empty if the command returns scores.
+    The command runs in `folder` and gets `source` as its last argument. The last line that it prints is a JSON object.
+    It maps the name of each image, without ``.png``, or `MODEL`, to bits, as a text of 0 and 1, or to a score, which is
+    high if the mark is present. `message` holds the embedded bits, and is empty if the command returns scores.
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views = {file.stem for file in png_files(images)}
-    words = [*words_of(command), str(images)]
+    views = {MODEL} if source.is_file() else {file.stem for file in png_files(source)}
+    words = [*words_of(command), str(source)]
     answer = answer_of("detector", command, words, timeout, folder)
+    expected = f'one entry, "{MODEL}"' if source.is_file() else "an entry for every image"
     for view in sorted(views.symmetric_difference(answer)):
-        mismatch = "no entry" if view in views else "an entry without an image"
-        raise InputError("detector", view, expected="an entry for every image", found=mismatch)
+        mismatch = "no entry" if view in views else "a further entry"
+        raise InputError("detector", view, expected=expected, found=mismatch)
     return [_reading(view, answer[view], message) for view in sorted(views)]
 
 
 def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
     """Return what a key reads from each PNG file of a folder, compared with the embedded `message`."""
-    decoded = {path.stem: as_bits(read(read_image(path)), len(message)) for path in png_files(images)}
-    return [
-        Reading(view, share_correct(bits, message), len(message), as_digits(bits)) for view, bits in decoded.items()
-    ]
+    return [bits_reading(path.stem, read(read_image(path)), message) for path in png_files(images)]
+
+
+def bits_reading(view: str, read: object, message: Bools) -> Reading:
+    """Return the reading of a view, or of `MODEL`, from what a key has read there."""
+    bits = as_bits(read, len(message))
+    return Reading(view, share_correct(bits, message), len(message), as_digits(bits))
 
 
 def as_bits(read: object, count: int) -> Bools:
-    """Return what a key has read from an image as bits [count]; raise `InputError` if it is anything else."""
+    """Return what a key has read as bits [count]; raise `InputError` if it is anything else."""
     bits = read if isinstance(read, np.ndarray) else np.empty(0, object)
     if bits.shape != (count,) or bits.dtype.kind not in "biu" or not np.isin(bits, (0, 1)).all():
         values = reprlib.repr(bits.tolist())
         actual = f"{bits.dtype} {list(bits.shape)}: {values}" if bits is read else type(read).__name__
         expected = f"an array of {count} bits, 0 or 1 each"
-        raise InputError("key", "bits read from an image", expected=expected, found=actual)
+        raise InputError("key", "bits read", expected=expected, found=actual)
     return bits.astype(np.bool_)
 
 

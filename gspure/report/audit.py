@@ -11,7 +11,7 @@ from gspure.evaluation.results import ADAPTS, PUBLISHED, READABLE, TRACES, Owner
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import UNATTACKED, WRONG_KEY, extraction_name, variant_title
-from gspure.metrics.targets import BITS, MESSAGE, is_picture
+from gspure.metrics.targets import HIDDEN_BITS, MESSAGE, is_picture
 from gspure.text import decimal
 
 BROKEN: Final = 1.0  # a message whose radius is at most this damage to the scene, dB, is broken
@@ -94,7 +94,7 @@ def _judged_by(rows: Sequence[Result]) -> str:
     names = dict.fromkeys(row.extraction for row in rows if row.extraction)
 
     def rank(name: str) -> int:
-        if name in (MESSAGE, BITS):
+        if name in (MESSAGE, *HIDDEN_BITS):
             return 0
         return 1 if name in detecting else 2
 

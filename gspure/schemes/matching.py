@@ -41,6 +41,17 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     return np.where(distances <= NEAR * extent, places, -1)
 
 
+def motion_between(original: Gaussians, model: Gaussians) -> Similarity:
+    """Return the similarity that moves the matching rows of a model to those of the original; `STILL` if none match."""
+    _, matches = _matched(original, model)
+    is_matched = matches >= 0
+    if not is_matched.any():
+        return STILL
+    source = model.means[is_matched].astype(np.float64)
+    target = original.means[matches[is_matched]].astype(np.float64)
+    return _fitted(source, target)
+
+
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
     """Return an attacked model, moved back to the place of the original.
 
@@ -49,11 +60,7 @@ def registered(public: PublicModel, original: Gaussians) -> PublicModel:
     """
     from scipy.spatial.transform import Rotation
 
-    if min(len(original), len(public.model)) < 2:
-        return public
-    motions = _motions(original, public.model)
-    matching = (motion for motion in motions if (adaptive_matches(original, public.model, motion) >= 0).any())
-    motion = next(matching, STILL)
+    motion, _ = _matched(original, public.model)
     if motion is STILL:
         return public
     rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
@@ -88,11 +95,22 @@ def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity =
     return matches
 
 
+def _matched(original: Gaussians, model: Gaussians) -> tuple[Similarity, Places]:
+    """Return the first of the motions that are tried after which rows match, and the matches."""
+    for motion in _motions(original, model):
+        matches = adaptive_matches(original, model, motion)
+        if (matches >= 0).any():
+            return motion, matches
+    return STILL, np.full(len(model), -1, np.intp)
+
+
 def _motions(original: Gaussians, model: Gaussians) -> Iterator[Similarity]:
     """Yield similarities from the model to the original: none; one fitted to equal scales; one to equal ratios."""
     from scipy.spatial import KDTree
 
     yield STILL
+    if min(len(original), len(model)) < 2:
+        return
     original_shapes = _scales(original)
     shapes = _scales(model)
     for _ in range(2):

@@ -1,6 +1,6 @@
 """Whether an owner can read the message that was just embedded, beside negative controls."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from pathlib import Path
@@ -16,6 +16,7 @@ from gspure.metrics import legibility
 from gspure.metrics.detection import FALSE_POSITIVES, Threshold
 from gspure.metrics.image_metrics import psnr
 from gspure.metrics.names import WRONG_KEY, display_name
+from gspure.metrics.readings import Reading
 from gspure.metrics.targets import MESSAGE
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
@@ -58,21 +59,30 @@ def bit_readability(
 ) -> Readability:
     """Compare the bits in renders of a few training views, and negative controls."""
     scene = public.scene(device)
-    threshold = Threshold.at_rate(FALSE_POSITIVES, len(key.bits))
-    chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
     with TemporaryDirectory() as folder:
         for number, camera in enumerate(views[:VIEWS]):
             write_image(Path(folder, f"{number}.png"), scene(camera))
+        return _of_bits(key, lambda reader: reader.readings(Path(folder)))
 
-        def share_correct(reader: Key) -> float:
-            """Return the share of the bits that a key reads correctly, in percent."""
-            readings = reader.readings(Path(folder))
-            correct = sum(reading.value for reading in readings)
-            return 100.0 * (correct / (len(readings) * len(reader.bits)))
 
-        message = share_correct(key)
-        wrong_key = share_correct(key.wrong(np.random.default_rng(0)))
-    controls = {BY_CHANCE: chance, WRONG_KEY: wrong_key}
+def model_bit_readability(public: PublicModel, key: Key) -> Readability:
+    """Compare the bits in the rows of the public model, and negative controls."""
+    return _of_bits(key, lambda reader: reader.model_readings(public))
+
+
+def _of_bits(key: Key, read: Callable[[Key], list[Reading]]) -> Readability:
+    """Compare the bits that a key reads with chance, and with those that a wrong key reads."""
+    threshold = Threshold.at_rate(FALSE_POSITIVES, len(key.bits))
+    chance = 100.0 * (threshold.value / len(key.bits)) if threshold.rate <= FALSE_POSITIVES else 100.0
+
+    def share_correct(reader: Key) -> float:
+        """Return the share of the bits that a key reads correctly, in percent."""
+        readings = read(reader)
+        correct = sum(reading.value for reading in readings)
+        return 100.0 * (correct / (len(readings) * len(reader.bits)))
+
+    message = share_correct(key)
+    controls = {BY_CHANCE: chance, WRONG_KEY: share_correct(key.wrong(np.random.default_rng(0)))}
     return Readability(message, controls, message > max(controls.values()), "correct bits")
 
 

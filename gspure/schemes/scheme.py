@@ -15,7 +15,7 @@ from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
-from gspure.metrics.readings import Reading, read_bits
+from gspure.metrics.readings import MODEL, Reading, bits_reading, read_bits
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
@@ -39,7 +39,17 @@ class Key(ABC):
 
     def read_bits(self, image: Float32) -> Bools:  # noqa: ARG002
         """Return the bits [N] that an image [H,W,3] of the scene shows, 0 to 1."""
-        raise InputError("key", "message", expected="bits", found="a picture", hint="`gspure extract` renders it")
+        hint = "`gspure extract` renders pictures, `gspure detect MODEL` reads files"
+        raise InputError("key", "message", expected="bits that images show", found="none", hint=hint)
+
+    def read_model_bits(self, public: PublicModel) -> Bools:  # noqa: ARG002
+        """Return the bits [N] that the rows of a public or attacked model hold."""
+        hint = "`gspure extract` renders pictures, `gspure detect IMAGES` reads renders"
+        raise InputError("key", "message", expected="bits that a file holds", found="none", hint=hint)
+
+    def model_readings(self, public: PublicModel) -> list[Reading]:
+        """Return the bits that a model holds, compared with the message."""
+        return [bits_reading(MODEL, self.read_model_bits(public), self.bits)]
 
     def readings(self, images: Path) -> list[Reading]:
         """Return the bits that each PNG file of a folder shows, compared with the message."""
@@ -87,7 +97,8 @@ class Scheme:
     read_key: Callable[[Path], Key]  # of a folder, the inverse of `Key.write`
     extractions: Mapping[str, Sequence[str]]
     """For each extraction, the columns of the public file that it reads: names, or patterns such as ``f_rest_*``. The
-    first extraction is ``message``; the names of all others begin with ``message``."""
+    first extraction is ``message``; the names of all others begin with ``message``. Hidden bits are instead ``bits``,
+    read from renders of the scene, or ``model_bits``, read from the rows."""
 
     tau_c: float = TAU_C  # cluster and noise pruning factors that suit the scheme
     tau_n: float = TAU_N

@@ -165,17 +165,20 @@ class SchemeConfig:
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """A command that reads a mark from renders."""
+    """A command that reads a mark from renders, or from the model's file."""
 
     command: Annotated[
         File,
-        "A command; the folder of images is appended. The last line that it prints is a JSON object with an entry for "
-        'each image, by its name without .png: bits ("0110"), or a score, a number.',
+        "A command; the folder of images, or the model's file, is appended. The last line that it prints is a JSON "
+        'object with an entry for each image, by its name without .png, or for "model": bits ("0110"), or a score.',
     ]
     message: Annotated[
         str, BITS_TEXT, "The embedded bits, such as 0110, in quotes; empty if the command returns scores."
     ] = ""
     timeout: Annotated[float, SECONDS, "Seconds to wait for an answer."] = 600.0
+    reads: Annotated[
+        Literal["renders", "model"], "What the command gets: renders of the scene, or the file of the public model."
+    ] = "renders"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gspure.errors import InputError
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Preparation, Views
 from gspure.metrics.names import CLEAN, UNATTACKED
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
+from gspure.metrics.targets import ADAPTIVE, HIDDEN_BITS, MESSAGE, SCENE, is_picture
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.assets import Asset, Clean, read_assets
@@ -77,7 +77,8 @@ class _Planner:
         of_keys = [asset.scheme for asset in self.assets.values() if asset.scheme]
         self.schemes = {name: find_scheme(name) for name in dict.fromkeys([*config.schemes, *of_keys])}
         self.detectors = {
-            name: Detector(entry.command, entry.message, entry.timeout) for name, entry in config.detectors.items()
+            name: Detector(entry.command, entry.message, entry.timeout, entry.reads)
+            for name, entry in config.detectors.items()
         }
 
     def decision_settings(self, scheme: Scheme | None) -> SettingsByDecision:
@@ -169,7 +170,7 @@ class _Planner:
         targets = self._targets(scheme)
         owner = owner_of(scheme, identity, identity.folder / "key", public, targets, pair.folder / "message")
         candidates = pair.candidates(self.config.proof.candidates)
-        if candidates and owner.hides == "picture":
+        if candidates and not owner.bits:
             owner = replace(owner, candidates=candidates.file)
         owner = replace(owner, twins=self.config.proof.twins)
         entry = self.config.schemes[scheme.name]
@@ -236,14 +237,14 @@ def owner_of(
     scheme: Scheme, identity: ModelId, key: Path, public: Path, targets: tuple[str, ...], message: Path | None
 ) -> Owner:
     """Return what the owner of a model has; `message` are photographs of the message, if there are any."""
-    hides_bits = BITS in scheme.extractions
+    bits = tuple(name for name in HIDDEN_BITS if name in scheme.extractions)
     adapts = ADAPTIVE in targets
     return Owner(
         scheme=scheme.name,
         key=key,
         message_cameras=identity.folder / "message_cameras.json",
-        hides="bits" if hides_bits else "picture",
-        reveals=scheme.reveals and not hides_bits,
+        bits=bits,
+        reveals=scheme.reveals and not bits,
         published=public if adapts else None,
         photographs=message if adapts and scheme.fits else None,
     )

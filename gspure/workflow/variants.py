@@ -8,7 +8,7 @@ from gspure.errors import InputError
 from gspure.evaluation.plan import METHOD
 from gspure.external import words_of
 from gspure.metrics.names import CONTROLS, variant_at
-from gspure.metrics.targets import BITS, SCENE, is_picture
+from gspure.metrics.targets import HIDDEN_BITS, SCENE, is_picture
 from gspure.schemes.registry import schemes
 from gspure.settings import Setting, require_settings, typed_settings
 from gspure.workflow.assets import require_known
@@ -76,7 +76,7 @@ def check_detectors(config: Config, source: str) -> None:
     """Refuse commands that cannot be split, and names of targets."""
     for name, detector in config.detectors.items():
         words_of(detector.command, f"{source}: detectors.{name}")
-        if name in (SCENE, BITS) or is_picture(name):
+        if name in (SCENE, *HIDDEN_BITS) or is_picture(name):
             raise InputError(source, f"detectors.{name}", expected="a name of no target", found=name)
 
 

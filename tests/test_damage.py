@@ -1,0 +1,95 @@
+"""Damage: what a customer can undo does not count, all else does; and what the attacked model no longer covers."""
+
+import numpy as np
+import pytest
+
+from gspure.images import read_back
+from gspure.metrics.damage import Shown, coverage_lost, covered, damage, fidelity
+from gspure.metrics.image_metrics import psnr
+from gspure.model.rotations import moved
+from gspure.renderer import Renderer
+from gspure.schemes.matching import STILL, motion_between
+from tests.models import blobs, camera, tilted_camera
+
+RNG = np.random.default_rng(0)
+VIEWS = [camera(48, 36, name="a"), tilted_camera(48, 36, name="b")]
+PUBLIC = blobs(300)
+EVERYWHERE = [np.ones((36, 48), np.bool_)] * 2
+
+
+def shown(model, motion=STILL):
+    """What the views, moved with a model, show of it."""
+    views = [view.moved(motion.inverse.transform) for view in VIEWS]
+    renderer = Renderer(model)
+    images = [read_back(renderer.image(view).clip(0, 1)) for view in views]
+    return Shown(images, [covered(renderer.transmittance(view)) for view in views])
+
+
+BEFORE = Shown(shown(PUBLIC).images, EVERYWHERE)
+PHOTOGRAPHS = [image + RNG.normal(0, 0.02, image.shape) for image in BEFORE.images]
+NOISE = [RNG.normal(0, 0.05, image.shape) for image in BEFORE.images]
+
+
+def retouched(change):
+    """The renders after a change of each image, given its number."""
+    return Shown([read_back(change(image, view)) for view, image in enumerate(BEFORE.images)], EVERYWHERE)
+
+
+def drop(attacked):
+    """The damage without any registration."""
+    levels = [[psnr(*pair) for pair in zip(PHOTOGRAPHS, each.images, strict=True)] for each in (BEFORE, attacked)]
+    return float(np.mean(levels[0]) - np.mean(levels[1]))
+
+
+@pytest.mark.parametrize(
+    ("change", "least", "most"),  # damage, dB
+    [
+        (lambda image, _: image, -0.01, 0.01),
+        (lambda image, _: 0.6 * image, -0.01, 0.1),
+        (lambda image, _: 0.7 * image + 0.1, -0.01, 0.1),
+        (lambda image, _: image[..., ::-1], -0.01, 0.01),
+        (lambda image, view: image * (0.7, 1.0)[view], 3.0, 20.0),  # two maps would undo it
+        (lambda image, view: image + NOISE[view], 3.0, 20.0),
+        (lambda image, _: np.repeat(image.mean(axis=2, keepdims=True), 3, axis=2), 3.0, 40.0),
+        (lambda image, _: np.roll(image, 1, axis=1), 3.0, 40.0),
+    ],
+)
+def test_one_map_of_colours_is_undone_and_nothing_else(change, least, most):
+    attacked = retouched(change)
+    assert least <= damage(PHOTOGRAPHS, BEFORE, attacked) <= min(most, drop(attacked) + 0.02)
+
+
+@pytest.mark.parametrize(("degrees", "scale"), [(0.0, 1.0), (1.0, 1.0), (0.0, 1.01), (25.0, 3.0)])
+def test_a_motion_of_the_world_is_undone_and_damage_beside_it_stays(degrees, scale):
+    rotvec = np.deg2rad(degrees) * np.array([0.0, 0.6, 0.8])
+    opacity = PUBLIC.table["opacity"] + RNG.normal(0, 0.3, len(PUBLIC)).astype(np.float32)
+    for model, least, most in ((PUBLIC, -0.01, 0.01), (PUBLIC.with_columns({"opacity": opacity}), 0.5, 20.0)):
+        attacked = moved(model, rotvec, np.array([0.02, -0.01, 0.0]), scale)
+        images = shown(attacked, motion_between(PUBLIC, attacked)).images
+        assert least <= damage(PHOTOGRAPHS, BEFORE, Shown(images, EVERYWHERE)) <= most
+
+
+@pytest.mark.parametrize("rows", [0, 1, 300])
+def test_rows_of_another_model_have_no_motion(rows):
+    assert motion_between(PUBLIC, blobs(300, seed=1)[:rows]) is STILL
+    assert motion_between(PUBLIC[:rows], blobs(300, seed=1)) is STILL
+
+
+def test_only_pixels_that_the_attacked_model_covers_count_and_the_lost_ones_are_told():
+    half = np.arange(48) < 24
+    masks = [np.broadcast_to(half, (36, 48))] * 2
+    attacked = Shown([np.where(half[:, None], image, 0.0) for image in BEFORE.images], masks)
+    assert damage(PHOTOGRAPHS, BEFORE, attacked) == pytest.approx(0, abs=0.01)
+    assert (coverage_lost(BEFORE, attacked), coverage_lost(attacked, BEFORE)) == (0.5, 0.0)
+    blank = Shown(attacked.images, [np.zeros((36, 48), np.bool_)] * 2)
+    assert np.isnan([damage(PHOTOGRAPHS, BEFORE, blank), fidelity(BEFORE, blank)]).all()
+    assert coverage_lost(BEFORE, blank) == 1
+    assert covered(np.array([0.5, 0.51])).tolist() == [True, False]
+
+
+def test_fidelity_is_the_psnr_against_the_unattacked_renders():
+    assert fidelity(BEFORE, BEFORE) == np.inf
+    assert fidelity(BEFORE, retouched(lambda image, _: 0.8 * image)) > 50
+    noisy = retouched(lambda image, view: image + NOISE[view])
+    expected = np.mean([psnr(*pair) for pair in zip(BEFORE.images, noisy.images, strict=True)])
+    assert expected - 0.02 <= fidelity(BEFORE, noisy) <= expected + 1
