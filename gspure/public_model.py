@@ -27,6 +27,7 @@ RenderView = Callable[[Camera], Float32]
 
 Background = Sequence[float]
 BLACK: Background = (0.0, 0.0, 0.0)
+WHITE: Background = (1.0, 1.0, 1.0)
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
 """Attributes that attacks can request; ``base_colour`` is the view-independent part of the colour."""

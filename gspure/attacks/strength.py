@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 
 from gspure import __version__
 from gspure.arrays import Float32, Float64
+from gspure.attacks.attacked import Retouch
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.images import read_back
+from gspure.metrics.damage import Shown, covered, damage
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
-from gspure.public_model import PublicModel
+from gspure.public_model import BLACK, WHITE, PublicModel
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device
@@ -90,34 +92,35 @@ def search(strength: Strength, damage_at: Callable[[float], float], wanted: floa
     return min(matches, key=lambda match: (match.damage > wanted + DAMAGE_TOLERANCE, abs(match.damage - wanted)))
 
 
+def shown(
+    public: PublicModel, views: Sequence[Camera], device: Device | None = None, retouched: Retouch | None = None
+) -> Shown:
+    """Return the renders of a model as 8-bit images show them, and the pixels that it covers."""
+    background = public.model.background
+    scene = public.scene(device, background)
+    images = [read_back(scene(view)) for view in views]
+    on_black = public.scene(device, BLACK)
+    on_white = public.scene(device, WHITE)
+    masks = [covered((on_white(view) - on_black(view)).mean(axis=2)) for view in views]
+    if retouched is not None:
+        images = [retouched(image, view.name) for image, view in zip(images, views, strict=True)]
+    return Shown(images, masks)
+
+
 def scene_damage(
     public: PublicModel, views: Sequence[Camera], photographs: Images, device: Device | None = None
 ) -> Damage:
-    r"""Return the function that measures the damage to the scene in 8-bit renders of `views`.
+    """Return the function that measures the damage to the scene in some views (`gspure.metrics.damage`).
 
-    The damage is the drop of the mean PSNR against the photographs, as in the tables; views that equal their photograph
-    before or after the attack do not count. Views move with the model, by the transform of the attack.
-
-    Raise `InputError` if every photograph equals the unattacked render, so that no PSNR can drop.
+    Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
+    unattacked render, so that no PSNR can drop.
     """
-
-    def psnrs(
-        model: PublicModel,
-        transform: Float64 | None = None,
-        retouched: Callable[[Float32, str], Float32] = lambda image, _view: image,
-    ) -> Float64:
-        scene = model.scene(device, model.model.background)
-        moved = views if transform is None else [view.moved(transform) for view in views]
-        renders = [retouched(read_back(scene(view)), view.name) for view in moved]
-        return np.array([psnr(photograph, render) for photograph, render in zip(photographs, renders, strict=True)])
-
-    before = psnrs(public)
-    if not np.isfinite(before).any():
+    before = shown(public, views, device)
+    if not np.isfinite(list(map(psnr, photographs, before.images))).any():
         raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")
 
-    def drop_of_mean(*attacked: Any) -> float:
-        after = psnrs(*attacked)
-        compared = np.isfinite(before) & np.isfinite(after)
-        return float(np.mean(before[compared] - after[compared])) if compared.any() else -np.inf
+    def damage_of(model: PublicModel, transform: Float64 | None = None, retouched: Retouch | None = None) -> float:
+        moved = views if transform is None else [view.moved(transform) for view in views]
+        return damage(photographs, before, shown(model, moved, device, retouched))
 
-    return drop_of_mean
+    return damage_of

@@ -139,7 +139,7 @@ def _metric_fields(folder: Path, rows: Sequence[ViewMetrics]) -> dict[str, Any]:
     }
     if (folder / EVIDENCE).is_file():
         evidence: JobEvidence = read(JobEvidence, read_json(folder / EVIDENCE), folder / EVIDENCE)
-        fields |= {"evidence": evidence.pictures, "bits": evidence.bits}
+        fields |= {"evidence": evidence.pictures, "bits": evidence.bits, "change": evidence.scene}
     mask_file = folder / "prune_mask.npy"
     if mask_file.is_file():
         pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))

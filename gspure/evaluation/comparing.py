@@ -1,23 +1,28 @@
 """What the images of a job say: metrics of scene and message, and the evidence that the message is there."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite, nan
 
 import numpy as np
 
 from gspure.arrays import Float32, load_array
+from gspure.attacks.strength import shown
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
-from gspure.evaluation.evidence import Evidence, evidence_of
+from gspure.evaluation.evidence import Evidence, SceneChange, evidence_of
 from gspure.evaluation.plan import AttackSpec, Job, kind_of
 from gspure.evaluation.showing import Exhibit, extraction
 from gspure.images import read_back, read_image
 from gspure.metrics.bit_evidence import BitEvidence, bit_evidence
 from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare
+from gspure.metrics.damage import coverage_lost, damage, fidelity
 from gspure.metrics.evidence import compared_views, trace
 from gspure.metrics.readings import Reading, as_digits
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, is_picture
-from gspure.schemes.registry import find_scheme
+from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
+from gspure.opencl.device import choose_device
+from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import Key
+from gspure.training.dataset import read_photographs
 
 
 def image_pairs(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]]) -> dict[str, list[ImagePair]]:
@@ -87,6 +92,26 @@ def twin_traces(
         shown = extraction(job, twin.drawn(exhibit.source), key, target, moved)
         traces.append(trace([read_back(image) for image in shown], truth))
     return traces
+
+
+def scene_change(job: Job, exhibit: Exhibit, views: Sequence[Camera]) -> SceneChange | None:
+    """Return what an attack did to the scene; None for a control."""
+    if not isinstance(job.case, AttackSpec):
+        return None
+    device = choose_device()
+    public = read_public_model(job.public, job.owner.scheme if job.owner else None).drawable(job.public)
+    before = shown(public, views, device)
+    moved = [view.moved(exhibit.transform) for view in views]
+    after = shown(exhibit.public.drawable(exhibit.source), moved, device, exhibit.retouched)
+    drop = nan
+    if SCENE in job.views.photographed:
+        drop = damage(read_photographs(views, public.model.background), before, after)
+    level = fidelity(before, after)
+    return SceneChange(
+        damage=drop if isfinite(drop) else None,
+        fidelity=level if isfinite(level) else None,
+        coverage_lost=coverage_lost(before, after),
+    )
 
 
 def bits_evidence(job: Job, key: Key | None, marks: Mapping[str, Sequence[Reading]]) -> dict[str, BitEvidence]:

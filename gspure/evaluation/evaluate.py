@@ -15,7 +15,7 @@ from gspure.cameras import Camera
 from gspure.cameras.splits import read_split
 from gspure.codec import plain
 from gspure.evaluation.attacking import Context, attacked
-from gspure.evaluation.comparing import bits_evidence, compared, image_pairs, picture_evidence
+from gspure.evaluation.comparing import bits_evidence, compared, image_pairs, picture_evidence, scene_change
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Detector, Job
 from gspure.evaluation.showing import Exhibit, attacked_exhibit, control_exhibit, render
@@ -69,12 +69,12 @@ def evaluate(job: Job) -> Evaluation:
     render(job, exhibit, views, key)
     pairs = image_pairs(job, exhibit, views)
     marks = readings(job, exhibit, key)
-    return Evaluation(
-        attack=attack,
-        metrics=tuple(compared(job, pairs)),
-        readings=marks,
-        evidence=JobEvidence(picture_evidence(job, exhibit, views, key, pairs), bits_evidence(job, key, marks)),
+    evidence = JobEvidence(
+        scene=scene_change(job, exhibit, views[SCENE]),
+        pictures=picture_evidence(job, exhibit, views, key, pairs),
+        bits=bits_evidence(job, key, marks),
     )
+    return Evaluation(attack, tuple(compared(job, pairs)), marks, evidence)
 
 
 def write(job: Job, evaluation: Evaluation) -> None:

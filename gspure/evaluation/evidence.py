@@ -30,9 +30,19 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class JobEvidence:
-    """The content of `EVIDENCE`: by extraction, and by detector of bits."""
+class SceneChange:
+    """What an attack does to the scene (`gspure.metrics.damage`); damage needs photographs."""
 
+    damage: float | None  # dB
+    fidelity: float | None  # dB; None if nothing changed
+    coverage_lost: float  # share of the pixels
+
+
+@dataclass(frozen=True)
+class JobEvidence:
+    """The content of `EVIDENCE`: the change of the scene, and evidence by extraction and by detector of bits."""
+
+    scene: SceneChange | None = None  # None for a control
     pictures: Mapping[str, Evidence] = field(default_factory=dict)
     bits: Mapping[str, BitEvidence] = field(default_factory=dict)
 

@@ -72,6 +72,7 @@ def _without_owner(o: Outcome, attack: str) -> Result:
         strength=o.strength,
         damage=o.damage,
         fidelity=o.fidelity,
+        coverage_lost=o.coverage_lost,
         scene_values=scene.values if scene else {},
         pruned_share=o.pruned_share,
         failure=o.failure,

@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from gspure.evaluation.evidence import Evidence
+from gspure.evaluation.evidence import Evidence, SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
 from gspure.metrics.bit_evidence import BitEvidence
-from gspure.metrics.comparison import RENDER, TRUTH, ViewMetrics
+from gspure.metrics.comparison import ViewMetrics
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
@@ -41,6 +41,7 @@ class Outcome:
     affects: Mapping[str, bool] = field(default_factory=dict)  # by extraction: whether the attack changed what it reads
     failure: str = ""  # why there are no metrics; empty if there are
     identical: Mapping[str, int] = field(default_factory=dict)  # views of infinite PSNR, in no mean unless all are
+    change: SceneChange | None = None  # what the attack did to the scene
     evidence: Mapping[str, Evidence] = field(default_factory=dict)  # by extraction of the message
     detections: Mapping[str, Detection] = field(default_factory=dict)  # by detector, of renders of the scene
     bits: Mapping[str, BitEvidence] = field(default_factory=dict)  # by detector of bits
@@ -69,15 +70,20 @@ class Outcome:
 
     @property
     def damage(self) -> float:
-        """The drop of the scene's PSNR against photographs, dB."""
-        is_photographed = SCENE in self.targets and self.targets[SCENE].reference == TRUTH
-        return self.psnr_drop(SCENE) if is_photographed else math.nan
+        """The damage to the scene, dB; NaN without photographs, and for a control."""
+        return math.nan if self.change is None or self.change.damage is None else self.change.damage
 
     @property
     def fidelity(self) -> float:
-        """The PSNR of the scene's renders against those of the unattacked model, dB; NaN if there are photographs."""
-        is_rendered = SCENE in self.targets and self.targets[SCENE].reference == RENDER
-        return self.level(SCENE) if is_rendered and self.variant != UNATTACKED else math.nan
+        """The PSNR of the scene's renders against those of the unattacked model, dB, where there is no damage."""
+        if self.change is None or self.change.damage is not None or self.variant == UNATTACKED:
+            return math.nan
+        return math.inf if self.change.fidelity is None else self.change.fidelity
+
+    @property
+    def coverage_lost(self) -> float:
+        """The share of the pixels that the attack uncovers."""
+        return self.change.coverage_lost if self.change else math.nan
 
     @property
     def strength_text(self) -> str:

@@ -43,8 +43,9 @@ class Result(NamedTuple):
     strength: StrengthValue | None = None
     owner: OwnerName = ""
     extraction: str = ""  # the target that shows the message, or a detector
-    damage: float = nan  # drop of the scene's PSNR against photographs, dB
+    damage: float = nan  # drop of the scene's PSNR against photographs that a customer cannot undo, dB
     fidelity: float = nan  # PSNR of the scene against renders of the unattacked model, dB; without photographs
+    coverage_lost: float = nan  # share of the pixels that the attack uncovers
     scene_values: Annotated[Mapping[str, float], "scene_{}"] = _NONE
     message_values: Annotated[Mapping[str, float], "message_{}"] = _NONE
     trace: float = nan  # T

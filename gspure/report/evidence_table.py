@@ -15,7 +15,8 @@ from gspure.text import UNKNOWN, decimal, percent, significant
 
 _NOTE: Final = (
     "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "
-    "95% interval. Damage: drop of the scene's PSNR against photographs; fidelity: PSNR against the unattacked model, "
+    "95% interval. Damage: drop of the scene's PSNR against photographs, after the best map of colours, where the model "
+    "still covers the image; uncovered: the share where it does not. Fidelity: PSNR against the unattacked model, "
     "without photographs. T: trace, the mean correlation of the extraction's gradients with the message's. Legible: R, "
     "the share of the message's blocks that can be recognized. p: the largest of a scene. †: the attack changed "
     "nothing that this extraction reads."
@@ -30,6 +31,7 @@ def evidence_tables(rows: Sequence[Result]) -> list[Table]:
 def _table(extraction: str, rows: Sequence[Result]) -> Table:
     scenes = len({row.scene for row in rows})
     columns = {"attack": Column("attack"), "damage": Column("damage dB"), "fidelity": Column("fidelity dB")}
+    columns |= {"coverage_lost": Column("uncovered", main=False)}
     columns |= {"scene": Column("PSNR", "scene", main=False), "message": Column("PSNR", "message")}
     columns |= {
         "trace": Column("T"),
@@ -64,6 +66,7 @@ def _cells(alike: Sequence[Result], scenes: int) -> dict[str, Cell]:
         "attack": Cell(f"{title} †" if is_unaffected else title),
         "damage": number("damage"),
         "fidelity": number("fidelity"),
+        "coverage_lost": number("coverage_lost", text=percent),
         "scene": interval(_of_metric(alike, "scene_values"), scenes),
         "message": interval(_of_metric(alike, "message_values"), scenes),
         "trace": number("trace"),
