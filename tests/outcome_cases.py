@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.codec import plain
+from gspure.evaluation.evidence import SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
@@ -15,7 +16,7 @@ from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
 from gspure.metrics.image_metrics import METRICS
-from gspure.metrics.names import UNATTACKED
+from gspure.metrics.names import CONTROLS, UNATTACKED
 
 BEFORE = {"scene": 30.0, "message": 28.0}
 
@@ -33,7 +34,10 @@ def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "
     entry, _, damage = variant.removesuffix("dB").partition("@")
     if damage:
         known |= {"entry": entry, "wanted": float(damage)}
-    targets = {target: measured(target, psnr) for target, psnr in known.pop("targets", {}).items()}
+    levels = known.pop("targets", {})
+    targets = {target: measured(target, psnr) for target, psnr in levels.items()}
+    if "scene" in levels and variant not in CONTROLS:
+        known = {"change": SceneChange(BEFORE["scene"] - levels["scene"], None, 0.0)} | known
     reference = {target: measured(target, BEFORE[target.partition("_")[0]]) for target in targets}
     views = dict.fromkeys(targets, 3)
     return Outcome(

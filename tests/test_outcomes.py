@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gspure.evaluation.collecting import collect
+from gspure.evaluation.evidence import SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
 from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
@@ -42,13 +43,15 @@ NOISE = attacked("noise", 1.5, 6.0)
 MISSED = attacked("noise@1dB", 0.75, 2.0, strength=StrengthValue("sigma", 0.123456), search_damage=0.5)
 FAILED = outcome("crop", failure="no memory", detector_errors={"mark": "too slow"})
 EXACT = {"scene": measured("scene", math.inf)}
-RENDERED = replace(NOISE, targets={"scene": measured("scene", 41.0, reference="render")})
+RENDERED = replace(NOISE, change=SceneChange(None, 41.0, 0.25))
 
 
-def test_damage_needs_photographs_and_fidelity_renders() -> None:
+def test_damage_needs_photographs_and_fidelity_is_known_without_them() -> None:
     assert (NOISE.damage, NOISE.psnr_drop("message")) == (1.5, 6.0)
+    assert (RENDERED.fidelity, RENDERED.coverage_lost) == (41.0, 0.25)
     assert math.isnan(RENDERED.damage)
     assert math.isnan(NOISE.fidelity)
+    assert replace(RENDERED, change=SceneChange(None, None, 0.0)).fidelity == math.inf
 
 
 @pytest.mark.parametrize(
@@ -90,7 +93,6 @@ def test_a_change_beyond_rounding_contradicts_that_an_extraction_is_unaffected(c
         (replace(MISSED, wanted=math.nan), "strength_text", "sigma=0.1235"),
         (replace(MISSED, strength=None), "strength_text", ""),
         (MISSED, "damage", 0.75),
-        (RENDERED, "fidelity", 41.0),
         (MISSED, "title", "noise, 1 dB"),
         (attacked("gaussian_noise", 1.0, 2.0), "title", "Gaussian noise"),
         (FAILED, "failures", {"crop": "no memory", "mark of crop": "too slow"}),

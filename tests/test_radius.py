@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gspure.codec import plain
-from gspure.evaluation.evidence import Evidence
+from gspure.evaluation.evidence import Evidence, SceneChange
 from gspure.evaluation.judging import LEAST_CLEAN, judged
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.radius import Radius, model_radii, radii
@@ -66,7 +66,7 @@ def of(kind: str, owner: str, *outcomes: Outcome) -> Radius:
         (shown(0.3, 0.1), "proven"),
         (NOTHING, "gone"),
         (shown(0.95, 1.0, is_blank=True), "gone"),
-        (shown(0.3, 0.9, twins=(0.28, 0.31, 0.3, 0.29, 0.32, 0.3, 0.31, 0.29)), "gone"),
+        (shown(0.3, 0.9, twins=(0.28, 0.31, 0.3, 0.29, 0.32, 0.3, 0.31, 0.29)), "descent"),
         (shown(-0.5, 0.9, is_fitted=True), "gone"),
         (Evidence(0.95, 1.0), "gone"),
     ],
@@ -160,11 +160,11 @@ def test_a_radius_over_scenes_is_the_lower_median_and_seeds_of_a_scene_count_onc
 
 
 def test_without_photographs_the_gentlest_attack_that_ends_a_message_has_a_fidelity() -> None:
-    rendered = []
-    for variant, level, evidence in (("unattacked", inf, PLAIN), ("gof", 41.0, NOTHING), ("gspure", 33.0, NOTHING)):
-        o = attacked(variant, 0.0, message=evidence)
-        scene = o.targets["scene"]._replace(reference="render", values={**o.targets["scene"].values, "psnr": level})
-        rendered.append(replace(o, targets={**o.targets, "scene": scene}))
+    fidelity = {"unattacked": (None, PLAIN), "gof": (41.0, NOTHING), "gspure": (33.0, NOTHING)}
+    rendered = [
+        replace(attacked(name, 0.0, message=left), change=SceneChange(None, level, 0.0))
+        for name, (level, left) in fidelity.items()
+    ]
     radius = of("message", PUBLISHED, *rendered)
     assert isnan(radius.radius)
     assert (radius.killer, radius.fidelity, str(radius)) == ("gof", 41.0, "unknown")

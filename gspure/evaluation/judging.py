@@ -7,7 +7,19 @@ import numpy as np
 
 from gspure.evaluation.evidence import Evidence
 from gspure.evaluation.outcomes import Outcome, by_model
-from gspure.evaluation.results import ADAPTS, GONE, PROVEN, PUBLISHED, READABLE, TRACES, OwnerName, Result, Word, better
+from gspure.evaluation.results import (
+    ADAPTS,
+    DESCENT,
+    GONE,
+    PROVEN,
+    PUBLISHED,
+    READABLE,
+    TRACES,
+    OwnerName,
+    Result,
+    Word,
+    better,
+)
 from gspure.metrics import legibility
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
@@ -132,9 +144,13 @@ def _shows_message(control: Evidence) -> bool:
 
 
 def word_of(proof: Proof, legible: float) -> Word:
-    """Return whether a message is readable, shows traces, is proven only, or gone."""
+    """Return whether a message is readable, shows traces, is proven only, or gone.
+
+    An extraction that shows the message no better than from a redrawn twin shows whence the file comes.
+    """
     if not proof.is_proven:
-        return GONE
+        others = [proof.p_candidates] if proof.p_clean is None else [proof.p_candidates, proof.p_clean]
+        return DESCENT if max(others) <= proof.level <= COARSEST else GONE
     if legible >= legibility.READABLE:
         return READABLE
     return TRACES if legible >= legibility.TRACES else PROVEN

@@ -19,10 +19,11 @@ OwnerName = Literal["published", "adaptive", ""]
 READABLE: Final = "readable"  # proven, and a person or a program reads all of it
 TRACES: Final = "traces"  # proven, and a part of it can be recognized
 PROVEN: Final = "proven"  # proven, but nothing of it can be recognized
-GONE: Final = "gone"  # not proven
-Word = Literal["readable", "traces", "proven", "gone", ""]
+DESCENT: Final = "descent"  # the file descends from the owner's, but the message is not proven
+GONE: Final = "gone"  # neither
+Word = Literal["readable", "traces", "proven", "descent", "gone", ""]
 
-IN_ORDER: Final[tuple[Word, ...]] = (READABLE, TRACES, PROVEN, GONE)
+IN_ORDER: Final[tuple[Word, ...]] = (READABLE, TRACES, PROVEN, DESCENT, GONE)
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
