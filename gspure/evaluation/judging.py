@@ -23,7 +23,7 @@ from gspure.evaluation.results import (
 from gspure.metrics import legibility
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
-from gspure.metrics.evidence import COARSEST, SIGNIFICANCE, Proof, Traces, best_of, rank_p
+from gspure.metrics.evidence import COARSEST, SIGNIFICANCE, Proof, Traces, prove, rank_p
 from gspure.metrics.names import MESSAGE_FREE
 from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
 
@@ -99,42 +99,38 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     if row.extraction not in o.evidence:
         return row
     names = [name for name in tried if name in o.evidence]
-    verdicts = [proof_of([o.evidence[name]], [clean.get(name, ())]) for name in names[:1]]
-    verdicts.append(proof_of([o.evidence[name] for name in names], [clean.get(name, ()) for name in names]))
-    proof = min(verdicts, key=lambda one: one.p)  # never worse than as published
-    words = [word_of(verdict, o.evidence[name].legibility) for verdict in verdicts for name in names]
+    proofs = [proof_of(o.evidence[name], clean.get(name, ())) for name in names]
+    legibilities = [o.evidence[name].legibility for name in names]
+    proof = min(proofs, key=lambda one: one.p)
     return row._replace(
         message_values=o.targets[row.extraction].values if row.extraction in o.targets else {},
         trace=proof.trace,
-        legibility=max(o.evidence[name].legibility for name in names),
+        legibility=max(legibilities),
         z=proof.z,
         p=proof.p,
         level=proof.level,
         candidates=proof.candidates,
         clean_models=proof.clean_models,
         twins=proof.twins,
-        word=better(words),
+        word=better([word_of(one, max(legibilities)) for one in proofs]),
     )
 
 
-def proof_of(tries: Sequence[Evidence], clean: Sequence[Sequence[Evidence]]) -> Proof:
-    """Return the proof of the best of several tries, each with its evidence in clean models.
+def proof_of(evidence: Evidence, clean: Sequence[Evidence]) -> Proof:
+    """Return the proof that one extraction gives, with its evidence in clean models.
 
-    Fewer than `LEAST_CLEAN` of these cannot support a proof. They refute a try that shows the message in one of them.
+    Fewer than `LEAST_CLEAN` of these cannot support a proof. They refute an extraction that shows the message in one.
     """
-    traces = []
-    for attempt, controls in zip(tries, clean, strict=True):
-        refuted = len(controls) < LEAST_CLEAN and any(map(_shows_message, controls))
-        traces.append(
-            Traces(
-                message=0.0 if refuted or attempt.is_blank else attempt.trace,
-                candidates=np.array(attempt.candidates),
-                clean=np.array([control.trace for control in controls if len(controls) >= LEAST_CLEAN]),
-                twins=np.array(attempt.twins),
-                two_sided=not attempt.is_fitted,
-            )
-        )
-    return best_of(traces)
+    has_models = len(clean) >= LEAST_CLEAN
+    is_refuted = not has_models and any(map(_shows_message, clean))
+    traces = Traces(
+        message=0.0 if is_refuted or evidence.is_blank else evidence.trace,
+        candidates=np.array(evidence.candidates),
+        clean=np.array([model.trace for model in clean] if has_models else []),
+        twins=np.array(evidence.twins),
+        two_sided=not evidence.is_fitted,
+    )
+    return prove(traces)
 
 
 def _shows_message(control: Evidence) -> bool:

@@ -43,7 +43,7 @@ class Traces(NamedTuple):
 
 
 class Proof(NamedTuple):
-    """How strongly an extraction shows its message; of several tries, the one with the largest trace."""
+    """How strongly an extraction shows its message."""
 
     trace: float
     z: float  # standard score of the trace among those of the candidates; NaN with fewer than two
@@ -137,36 +137,25 @@ def standard_score(trace: float, others: Float64) -> float:
     return float((trace - np.mean(others)) / spread) if spread else math.nan
 
 
-def best_of(tries: Sequence[Traces]) -> Proof:
-    """Return the proof of the best of several tries, a declared list; all of them have the same candidates.
+def prove(attempt: Traces) -> Proof:
+    """Return the proof that an extraction gives.
 
-    The candidates' rank is that of the maximum over the tries, taken for message and candidates alike. The maxima of
-    models are not normal, and t-tests of them pass wrong claims at up to three times the nominal rate (magnitudes: at
-    seven times). So each try has a test of its own, and the least p-value is multiplied by the number of tries.
+    An owner who tries several extractions, a declared list, has the best of their proofs. So a wrong claim passes at
+    most at the nominal rate times their number.
     """
-    strengths = [abs(attempt.message) if attempt.two_sided else attempt.message for attempt in tries]
-    of_candidates = [np.abs(attempt.candidates) if attempt.two_sided else attempt.candidates for attempt in tries]
-    best = tries[int(np.argmax(strengths))]
+    strength = abs(attempt.message) if attempt.two_sided else attempt.message
+    of_candidates = np.abs(attempt.candidates) if attempt.two_sided else attempt.candidates
+    spread = _spread(attempt.candidates)
     return Proof(
-        trace=best.message,
-        z=standard_score(best.message, best.candidates),
-        p_candidates=rank_p(max(strengths), np.max(of_candidates, axis=0)),
-        p_clean=_least_p([_p_of(attempt, attempt.clean) for attempt in tries]),
-        p_twins=_least_p([_p_of(attempt, attempt.twins) for attempt in tries]),
-        candidates=len(best.candidates),
-        clean_models=len(best.clean),
-        twins=len(best.twins),
+        trace=attempt.message,
+        z=standard_score(attempt.message, attempt.candidates),
+        p_candidates=rank_p(strength, of_candidates),
+        p_clean=models_p(attempt.message, attempt.clean, spread, two_sided=attempt.two_sided),
+        p_twins=models_p(attempt.message, attempt.twins, spread, two_sided=attempt.two_sided),
+        candidates=len(attempt.candidates),
+        clean_models=len(attempt.clean),
+        twins=len(attempt.twins),
     )
-
-
-def _p_of(attempt: Traces, model_traces: Float64) -> float | None:
-    return models_p(attempt.message, model_traces, _spread(attempt.candidates), two_sided=attempt.two_sided)
-
-
-def _least_p(ps: Sequence[float | None]) -> float | None:
-    """Return the least known p-value, multiplied by the number of all (Bonferroni)."""
-    known = [p for p in ps if p is not None]
-    return min(1.0, len(ps) * min(known)) if known else None
 
 
 def _spread(values: Float64) -> float:
