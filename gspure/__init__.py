@@ -17,6 +17,7 @@ Cameras
     model without cameras.
 Rendering
     `Renderer`: images, feature maps, their gradients, contributions, depth and transmittance of a model's views.
+    `view`, also ``model.view()``: the `View` of a model in 3-D, which a cell of a notebook shows.
 The method
     `purify`: GSPure on one model.
 Attacks and schemes
@@ -50,11 +51,14 @@ if TYPE_CHECKING:
     from gspure.schemes.registry import find_scheme as find_scheme
     from gspure.schemes.registry import read_public_model as read_public_model
     from gspure.schemes.scheme import hide as hide
+    from gspure.viewer.view import View as View
+    from gspure.viewer.view import view as view
 else:
     _HOMES = {
         "InputError": "gspure.errors",
         "Pair": "gspure.schemes.pair",
         "Renderer": "gspure.renderer",
+        "View": "gspure.viewer.view",
         "find_attack": "gspure.attacks",
         "find_scheme": "gspure.schemes.registry",
         "hide": "gspure.schemes.scheme",
@@ -65,6 +69,7 @@ else:
         "read_model": "gspure.model",
         "read_public_model": "gspure.schemes.registry",
         "ssim": "gspure.metrics.image_metrics",
+        "view": "gspure.viewer.view",
         "write_cameras": "gspure.cameras",
         "write_model": "gspure.model",
     }

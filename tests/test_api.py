@@ -9,6 +9,7 @@ import pytest
 
 import gspure
 from gspure.errors import InputError
+from tests.models import blobs
 
 SOURCE = Path(gspure.__file__)
 
@@ -29,6 +30,20 @@ def test_importing_the_package_imports_nothing_else_of_it_and_no_other_package()
     command = [sys.executable, "-S", "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=SOURCE.parents[1])
     assert set(done.stdout.split()) <= {*sys.stdlib_module_names, "__main__"}
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda: gspure.purify(blobs(1), "orbit"), r"purify: cameras: .*'orbit' \(gspure.read_cameras"),
+        (lambda: gspure.purify(Path("model.ply"), []), r"purify: model: .*\(gspure.read_model"),
+        (lambda: gspure.Renderer("model.ply"), r"Renderer: model: .*\(gspure.read_model"),
+        (lambda: gspure.read_cameras("orbit"), r"read_cameras: path: .*\(gspure.cameras.orbit_cameras\(model\)"),
+    ],
+)
+def test_a_name_in_place_of_what_it_names_is_refused_with_the_function_that_reads_it(call, line):
+    with pytest.raises(InputError, match=f"^{line}"):
+        call()
 
 
 def test_the_bridge_without_torch_says_what_to_install(monkeypatch):
