@@ -28,7 +28,7 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
     not of this kind, is unsuitable, or has the name of another one.
     """
     by_name = {plugin.name: plugin for plugin in built_in}
-    for entry in _entries(group, tuple(sys.path)):
+    for entry in installed(group):
         source = f"{entry.dist.name if entry.dist else 'unknown package'} (entry point {entry.name!r} of {group})"
         expected = f"an importable {group}.{kind.__name__}"
         try:
@@ -43,6 +43,16 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
             raise InputError(source, "name", expected="a name not in use", found=repr(plugin.name))
         by_name[plugin.name] = plugin
     return by_name
+
+
+def installed(group: str) -> list[EntryPoint]:
+    """Return the entry points of a group, by name; nothing is imported."""
+    return _entries(group, tuple(sys.path))
+
+
+def package_of(entry: EntryPoint) -> str:
+    """Return name and version of the package of an entry point."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "unknown package"
 
 
 @cache
