@@ -10,8 +10,8 @@ The names below are the public interface; each is imported when it is first used
 >>> gspure.write_model("purified.ply", purified)  # doctest: +SKIP
 
 Models
-    `read_model`, `write_model`: a `gspure.model.Gaussians`, whose rows are ``model[:10]`` or ``model[mask]``, and
-    its file.
+    `read_model`, `write_model`: `Gaussians`, whose rows are ``model[:10]`` or ``model[mask]``, and their file;
+    ``Gaussians.from_gsplat`` takes the tensors of gsplat.
 Cameras
     `read_cameras`, `write_cameras`: a list of `gspure.cameras.Camera` and its file; `orbit_cameras`: views around a
     model without cameras.
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from gspure.method.purify import purify as purify
     from gspure.metrics.image_metrics import psnr as psnr
     from gspure.metrics.image_metrics import ssim as ssim
+    from gspure.model import Gaussians as Gaussians
     from gspure.model import read_model as read_model
     from gspure.model import write_model as write_model
     from gspure.renderer import Renderer as Renderer
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from gspure.viewer.view import view as view
 else:
     _HOMES = {
+        "Gaussians": "gspure.model",
         "InputError": "gspure.errors",
         "Pair": "gspure.schemes.pair",
         "Renderer": "gspure.renderer",

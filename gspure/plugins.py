@@ -67,5 +67,5 @@ def require_packages(packages: Mapping[str, str], user: str) -> None:
     """
     for package, requirement in packages.items():
         if find_spec(package) is None:
-            hint = f"pip install {requirement}"
+            hint = f"pip install '{requirement}'"
             raise InputError(user, "package", expected=package, found="no such package", hint=hint)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gspure
 from gspure.cameras import write_cameras
 from gspure.cli import main
 from gspure.model import read_model, write_model
@@ -31,7 +32,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_program_runs(folder):
-    (program,) = blocks(README, "python")
+    program, _ = blocks(README, "python")
     names = {}
     exec(program, names)  # noqa: S102
     assert names["image"].shape == (40, 48, 3)
@@ -40,6 +41,16 @@ def test_the_program_runs(folder):
     assert read_model(Path("purified.ply")).table.tobytes() == model().table[kept].tobytes()
     assert main(["purify", "point_cloud.ply", "--cameras", "cameras.json", "--out", "purified"]) == 0
     np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
+
+
+def test_tensors_of_gsplat_go_in_and_out(folder):
+    torch = pytest.importorskip("torch", reason="gspure[torch] is not installed")
+    tensors = {name: torch.from_numpy(array).requires_grad_() for name, array in model().to_gsplat().items()}
+    torch.save({"step": 0, "splats": tensors}, "ckpt.pt")
+    names = {"torch": torch, "gspure": gspure}
+    exec(blocks(README, "python")[1], names)  # noqa: S102
+    assert names["model"].table.tobytes() == model().table.tobytes()
+    assert all(torch.equal(names["splats"][name], tensors[name]) for name in tensors)
 
 
 def test_the_commands_run_one_after_the_other(folder, capsys, monkeypatch):
@@ -51,7 +62,7 @@ def test_the_commands_run_one_after_the_other(folder, capsys, monkeypatch):
     colmap_project(folder / "garden", ring(), np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3)))
     monkeypatch.setattr("gspure.cli.purify._draw", lambda *_: None)
     for arguments in COMMANDS:
-        if arguments[0] != "audit":
+        if arguments[0] not in {"audit", "demo"}:
             assert main([*arguments, *quick.get(arguments[0], [])]) == 0
     assert re.search(r"^renders +PSNR \d+\.\d dB, worst view \d+\.\d dB", capsys.readouterr().out, re.MULTILINE)
     assert np.load("purified/prune_mask.npy").any()
