@@ -10,13 +10,14 @@ The names below are the public interface; each is imported when it is first used
 >>> gspure.write_model("purified.ply", purified)  # doctest: +SKIP
 
 Models
-    `read_model`, `write_model`: a `gspure.model.Gaussians`, whose rows are ``model[:10]`` or ``model[mask]``, and
-    its file.
+    `read_model`, `write_model`: `Gaussians`, whose rows are ``model[:10]`` or ``model[mask]``, and their file;
+    ``Gaussians.from_gsplat`` takes the tensors of gsplat.
 Cameras
     `read_cameras`, `write_cameras`: a list of `gspure.cameras.Camera` and its file; `orbit_cameras`: views around a
     model without cameras.
 Rendering
     `Renderer`: images, feature maps, their gradients, contributions, depth and transmittance of a model's views.
+    `view`, also ``model.view()``: the `View` of a model in 3-D, which a cell of a notebook shows.
 The method
     `purify`: GSPure on one model.
 Attacks and schemes
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from gspure.method.purify import purify as purify
     from gspure.metrics.image_metrics import psnr as psnr
     from gspure.metrics.image_metrics import ssim as ssim
+    from gspure.model import Gaussians as Gaussians
     from gspure.model import read_model as read_model
     from gspure.model import write_model as write_model
     from gspure.renderer import Renderer as Renderer
@@ -50,11 +52,15 @@ if TYPE_CHECKING:
     from gspure.schemes.registry import find_scheme as find_scheme
     from gspure.schemes.registry import read_public_model as read_public_model
     from gspure.schemes.scheme import hide as hide
+    from gspure.viewer.view import View as View
+    from gspure.viewer.view import view as view
 else:
     _HOMES = {
+        "Gaussians": "gspure.model",
         "InputError": "gspure.errors",
         "Pair": "gspure.schemes.pair",
         "Renderer": "gspure.renderer",
+        "View": "gspure.viewer.view",
         "find_attack": "gspure.attacks",
         "find_scheme": "gspure.schemes.registry",
         "hide": "gspure.schemes.scheme",
@@ -65,6 +71,7 @@ else:
         "read_model": "gspure.model",
         "read_public_model": "gspure.schemes.registry",
         "ssim": "gspure.metrics.image_metrics",
+        "view": "gspure.viewer.view",
         "write_cameras": "gspure.cameras",
         "write_model": "gspure.model",
     }

@@ -40,6 +40,12 @@ class MissingFileError(InputError, FileNotFoundError):
         return f"{self.source}: no such file"
 
 
+def refuse_path(source: str, field: str, value: object, *, expected: str, hint: str) -> None:
+    """Refuse a path, or the name of a way to generate views, in place of what is read or made from it."""
+    if isinstance(value, (str, os.PathLike)):
+        raise InputError(source, field, expected=expected, found=repr(value), hint=hint)
+
+
 def printable(text: str) -> str:
     """Return `text` in one line, with the Python escape of every unprintable character."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -28,7 +28,7 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
     not of this kind, is unsuitable, or has the name of another one.
     """
     by_name = {plugin.name: plugin for plugin in built_in}
-    for entry in _entries(group, tuple(sys.path)):
+    for entry in installed(group):
         source = f"{entry.dist.name if entry.dist else 'unknown package'} (entry point {entry.name!r} of {group})"
         expected = f"an importable {group}.{kind.__name__}"
         try:
@@ -45,6 +45,16 @@ def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callab
     return by_name
 
 
+def installed(group: str) -> list[EntryPoint]:
+    """Return the entry points of a group, by name; nothing is imported."""
+    return _entries(group, tuple(sys.path))
+
+
+def package_of(entry: EntryPoint) -> str:
+    """Return name and version of the package of an entry point."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "unknown package"
+
+
 @cache
 def _entries(group: str, path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (it determines the packages)
     return sorted(entry_points(group=group), key=lambda entry: entry.name)
@@ -57,5 +67,5 @@ def require_packages(packages: Mapping[str, str], user: str) -> None:
     """
     for package, requirement in packages.items():
         if find_spec(package) is None:
-            hint = f"pip install {requirement}"
+            hint = f"pip install '{requirement}'"
             raise InputError(user, "package", expected=package, found="no such package", hint=hint)

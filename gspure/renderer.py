@@ -1,9 +1,11 @@
 """The only entry to the device: images, feature maps, contributions and depths of a model's views."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial, wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import ENERGIES, GEOMETRY_ATTRIBUTES, Energy
-from gspure.errors import InputError
+from gspure.errors import InputError, refuse_path
 from gspure.model.finite import filtered
 from gspure.model.gaussians import Gaussians
 from gspure.opencl.device import Device, choose_device
@@ -53,13 +55,28 @@ class Gradients:
 
 Pullback = Callable[[Float32], Gradients]
 
+Arguments = ParamSpec("Arguments")
+Product = TypeVar("Product")
+Method = Callable[Concatenate["Renderer", Arguments], Product]
+
+
+def _exclusive(method: Method[Arguments, Product]) -> Method[Arguments, Product]:
+    """Let one thread at a time run the exclusive methods of a renderer."""
+
+    @wraps(method)
+    def alone(self: Renderer, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Product:
+        with self._engine.exclusive():
+            return method(self, *args, **kwargs)
+
+    return alone
+
 
 class Renderer:
     """Renders views of one model on one OpenCL device.
 
     Gaussians are blended front to back by (view depth of the centre, row), with the rules of `gspure.constants`. Every
     result is the same to the last bit from run to run, for any number of threads of the device and any memory
-    budget. A renderer must not be used by two Python threads at once.
+    budget. Python threads that share a renderer take turns; a process forked after its first use is refused.
 
     Parameters
     ----------
@@ -89,12 +106,14 @@ class Renderer:
     ) -> None:
         if energy not in ENERGIES:
             raise ValueError(f"the energy is one of {', '.join(ENERGIES)}, not {energy!r}")
+        refuse_path("Renderer", "model", model, expected="Gaussians", hint="gspure.read_model reads a file")
         self.model = model
         self.energy: Energy = energy
         self._entry_budget = entry_budget
         self._engine = Engine((device or choose_device()).cl_device, style)
         self._storage = store(self._engine, filtered(model))
 
+    @_exclusive
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
 
@@ -104,10 +123,12 @@ class Renderer:
         """
         return self._render(camera, *self._channels(None), background).image()
 
+    @_exclusive
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
         """Return the blended `features` [K,C] of a view: [H,W,C]. `background` [C] is zero by default."""
         return self._render(camera, *self._channels(features), background).image()
 
+    @_exclusive
     def contributions(self, camera: Camera) -> NDArray[np.void]:
         """Return omega_{k,v} (paper, Eq. for omega) of each touched Gaussian, as `CONTRIBUTION`.
 
@@ -139,22 +160,26 @@ class Renderer:
         touched["max"] = shares[rows]
         return touched
 
+    @_exclusive
     def transmittance(self, camera: Camera) -> Float32:
         """Return the transmittance [H,W], the background's share of each pixel, 0 to 1."""
         canvas = self._render(camera, Traversal(self.energy)).canvas
         return self._engine.read(canvas.transmittance, (camera.height, camera.width), np.float32)
 
+    @_exclusive
     def depth(self, camera: Camera) -> Float32:
         """Return the median depth [H,W] along the view axis; infinite where half the light passes."""
         canvas = self._render(camera, Traversal(self.energy, median_depth=True)).canvas
         return self._engine.read(canvas.median_depth, (camera.height, camera.width), np.float32)
 
+    @_exclusive
     def rays(self, camera: Camera) -> PointRays:
         """Return a view prepared for `opacities_at`; usable until the renderer's next image."""
         if self.energy != "ray":
             raise ValueError("opacities of points exist for the energy 'ray'")
         return self._point_rays(camera)
 
+    @_exclusive
     def opacities_at(self, camera: Camera, points: NDArray[np.floating[Any]]) -> Float32:
         """Return the opacity [P] that a view's rays have met at each of the world `points` [P,3] (GOF).
 
@@ -164,6 +189,7 @@ class Renderer:
         """
         return self.rays(camera).opacities(points)
 
+    @_exclusive
     def vjp(
         self, camera: Camera, features: Float32 | None = None, background: Sequence[float] | None = None
     ) -> tuple[Float32, Pullback]:
@@ -180,7 +206,7 @@ class Renderer:
         -------
         image : array [H,W,C]
         pullback : callable
-            Takes dL/dimage [H,W,C] and returns `Gradients`. Usable until the renderer's next image.
+            Takes dL/dimage [H,W,C], finite, and returns `Gradients`. Usable until the renderer's next image.
 
         Raises
         ------
@@ -194,16 +220,17 @@ class Renderer:
             raise ValueError("gradients exist for the energy that models are trained with, 'ewa'")
         rendered = self._render(camera, *self._channels(features), background)
 
-        def pullback(image_gradient: Float32) -> Gradients:
-            if self._last is not rendered:
-                raise RuntimeError("the renderer has made another image since; call vjp again")
-            if image_gradient.shape != rendered.shape:
-                raise ValueError(f"the gradient is {image_gradient.shape}, the image {rendered.shape}")
-            return self._pull_back(rendered, np.asarray(image_gradient, np.float32))
+        return rendered.image(), partial(self._pull_back, rendered)
 
-        return rendered.image(), pullback
-
+    @_exclusive
     def _pull_back(self, rendered: Rendered, image_gradient: Float32) -> Gradients:
+        if self._last is not rendered:
+            raise RuntimeError("the renderer has made another image since; call vjp again")
+        if image_gradient.shape != rendered.shape:
+            raise ValueError(f"the gradient is {image_gradient.shape}, the image {rendered.shape}")
+        image_gradient = np.asarray(image_gradient, np.float32)
+        if not np.isfinite(image_gradient).all():  # kernels would leave out its pixels
+            raise InputError("vjp", "image_gradient", expected="finite numbers", found="infinity or not-a-number")
         engine = self._engine
         storage = self._storage
         traversal = rendered.frame.traversal

@@ -25,7 +25,6 @@ OUTSIDE = {
 """Pages of the repository, and their places on the site."""
 
 CLASSES = (
-    "gspure.model.Gaussians",
     "gspure.cameras.Camera",
     "gspure.method.purify.Purification",
     "gspure.attacks.Attack",

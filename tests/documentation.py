@@ -17,6 +17,11 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
+def example(name: str) -> str:
+    """Return the source of an example of the guide."""
+    return next(block for block in blocks(ROOT / "docs" / "extending.md", "python") if f"# {name}.py" in block)
+
+
 def install_example(folder):
     """Put the package of the guide into a folder, as pip would."""
     module, metadata = (blocks(ROOT / "docs" / "extending.md", language)[0] for language in ("python", "toml"))

@@ -1,6 +1,7 @@
 """A small ray-traced pair, and what schemes embed in it, each made once in a run of the tests."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,7 @@ from gspure.schemes.pair import Capture, read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme, hide
 from gspure.training.dataset import read_photographs
-from tests.documentation import ROOT, blocks
+from tests.documentation import example
 
 SETTINGS = {
     "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
@@ -28,7 +29,9 @@ SETTINGS = {
     "lsb_opacities": {"iterations": 30, "max_gaussians": 400},
     "planted": {"gaussians": 800},
     "veil": {"iterations": 20, "max_gaussians": 800},
+    "glint": {"iterations": 20, "max_gaussians": 800},
 }
+EXAMPLES = {"veil", "glint"}
 NEEDS_TORCH = {"gs_hider", "secure_gs", "keyss", "marked_clones", "rendered_bits"}
 
 
@@ -49,12 +52,12 @@ def quality(view: RenderView, capture: Capture) -> float:
     return float(np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in held_out(capture)]))
 
 
-def example() -> Scheme:
-    """Return the scheme of the guide, as its package would hold it."""
-    source = next(block for block in blocks(ROOT / "docs" / "schemes.md", "python") if "veil.py" in block)
-    spec = importlib.util.spec_from_loader("veil", loader=None)
+def scheme_of_example(name: str) -> Scheme:
+    """Return a scheme of the guide, as its package would hold it."""
+    spec = importlib.util.spec_from_loader(name, loader=None)
     module = importlib.util.module_from_spec(spec)
-    exec(compile(source, "veil.py", "exec"), module.__dict__)  # noqa: S102
+    sys.modules[name] = module  # where dataclasses look for it
+    exec(compile(example(name), f"{name}.py", "exec"), module.__dict__)  # noqa: S102
     return module.SCHEME
 
 
@@ -62,7 +65,7 @@ def embedded_in(folder: Path, name: str) -> SimpleNamespace:
     """Return a scheme, the pair in a folder, and what the scheme made of it."""
     if name in NEEDS_TORCH:
         pytest.importorskip("torch")
-    scheme = example() if name == "veil" else find_scheme(name)
+    scheme = scheme_of_example(name) if name in EXAMPLES else find_scheme(name)
     pair = read_pair(folder)
     public, key = hide(scheme, pair, **SETTINGS[name])
     return SimpleNamespace(scheme=scheme, pair=pair, public=public, key=key, settings=SETTINGS[name], folder=folder)

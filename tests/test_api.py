@@ -9,6 +9,7 @@ import pytest
 
 import gspure
 from gspure.errors import InputError
+from tests.models import blobs
 
 SOURCE = Path(gspure.__file__)
 
@@ -31,9 +32,23 @@ def test_importing_the_package_imports_nothing_else_of_it_and_no_other_package()
     assert set(done.stdout.split()) <= {*sys.stdlib_module_names, "__main__"}
 
 
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda: gspure.purify(blobs(1), "orbit"), r"purify: cameras: .*'orbit' \(gspure.read_cameras"),
+        (lambda: gspure.purify(Path("model.ply"), []), r"purify: model: .*\(gspure.read_model"),
+        (lambda: gspure.Renderer("model.ply"), r"Renderer: model: .*\(gspure.read_model"),
+        (lambda: gspure.read_cameras("orbit"), r"read_cameras: path: .*\(gspure.cameras.orbit_cameras\(model\)"),
+    ],
+)
+def test_a_name_in_place_of_what_it_names_is_refused_with_the_function_that_reads_it(call, line):
+    with pytest.raises(InputError, match=f"^{line}"):
+        call()
+
+
 def test_the_bridge_without_torch_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     for name in ("pytorch", "torch_bridge"):
         monkeypatch.delitem(sys.modules, f"gspure.training.{name}", raising=False)
-    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install gspure\[torch\]"):
+    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install 'gspure\[torch\]"):
         import gspure.training.torch_bridge  # noqa: F401

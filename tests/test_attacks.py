@@ -93,8 +93,9 @@ def test_image_attacks_do_what_they_say() -> None:
 
 
 @pytest.mark.parametrize("attack", [attack for attack in HERE if attack.needs], ids=lambda attack: attack.name)
-def test_missing_measurements_are_refused(attack: Attack) -> None:
-    with pytest.raises(InputError, match=f"attack {attack.name}: ({'|'.join(attack.needs)}): .*, found nothing"):
+def test_missing_measurements_are_refused_with_the_command_that_writes_them(attack: Attack) -> None:
+    refusal = f"attack {attack.name}: ({'|'.join(attack.needs)}): .*, found nothing .run `gspure (purify|audit) MODEL"
+    with pytest.raises(InputError, match=refusal):
         attack.apply(blobs(COUNT), Measurements())
 
 

@@ -233,7 +233,7 @@ def test_rows_come_back_from_formats_that_keep_few_colours(codec: str, colour: f
 @pytest.mark.parametrize(("package", "codec"), [("gsply", "spz"), ("gaussforge", "sog")])
 def test_without_the_package_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, package: str, codec: str) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=rf"attack compression: .*{package}.*pip install gspure\[compression\]"):
+    with pytest.raises(InputError, match=rf"attack compression: .*{package}.*pip install 'gspure\[compression\]"):
         apply("compression", blobs(300), codec=codec)
 
 

@@ -164,7 +164,7 @@ def test_a_name_of_another_format_is_not_written(tmp_path):
 def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, name, package):
     monkeypatch.setitem(sys.modules, package, None)
     write_all(tmp_path)
-    with pytest.raises(InputError, match=rf"the package {package}.*pip install gspure\[compression\]"):
+    with pytest.raises(InputError, match=rf"the package {package}.*pip install 'gspure\[compression\]"):
         read_model(tmp_path / name) if (tmp_path / name).exists() else write_model(tmp_path / name, blobs(3))
 
 

@@ -16,8 +16,9 @@ from gspure.evaluation.results import read_results
 from gspure.evaluation.survival import Survival
 from gspure.metrics.comparison import ViewMetrics
 from gspure.metrics.csv_tables import header, read_table
+from gspure.model import write_model
 from gspure.workflow.config import SchemeConfig, VariantConfig
-from tests.documentation import PAGES, ROOT, blocks, install_example, workflow_edges
+from tests.documentation import PAGES, ROOT, blocks, example, install_example, workflow_edges
 from tests.models import blobs
 from tests.workflow_cases import configuration
 
@@ -84,6 +85,15 @@ def test_the_example_of_a_package_is_registered_configured_and_works(tmp_path, m
     attacked = attacks()["faint_pruning"].apply(model, Measurements(weights=weights), share=0.5)
     assert attacked.prune_mask.tolist() == [False] * 20 + [True] * 20
     assert attacked.model.table.tobytes() == model.table[:20].tobytes()
+
+
+def test_the_example_of_bits_in_the_file_reads_them_unless_they_were_rounded(tmp_path, monkeypatch, capsys):
+    write_model(tmp_path / "model.ply", blobs(400))
+    monkeypatch.setattr("sys.argv", ["low_bits.py", str(tmp_path / "model.ply")])
+    exec(example("low_bits"), {})  # noqa: S102
+    unchanged, rounded = (float(line.split()[1]) for line in capsys.readouterr().out.splitlines())
+    assert unchanged == 1
+    assert 0.3 < rounded < 0.7
 
 
 def numbers(table: Path) -> set[float]:

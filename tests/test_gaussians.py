@@ -62,6 +62,31 @@ def test_parameters_survive_being_stored(seed, degree):
         np.testing.assert_allclose(getattr(model, name), value, rtol=2e-6)
 
 
+@pytest.mark.parametrize("degree", [0, 3])
+def test_parameters_of_gsplat_mean_the_same_and_return_unchanged(degree):
+    model = blobs(7, sh_degree=degree)
+    splats = model.to_gsplat()
+    colours = np.concatenate([splats["sh0"], splats["shN"]], axis=1)  # as gsplat draws them
+    np.testing.assert_array_equal(colours, model.sh_coeffs)
+    np.testing.assert_allclose(np.exp(splats["scales"]), model.scales, rtol=1e-6)
+    np.testing.assert_allclose(1 / (1 + np.exp(-splats["opacities"])), model.opacities, rtol=1e-6)
+    restored = Gaussians.from_gsplat(splats)
+    assert {name: restored.table[name].tobytes() for name in model.names} == {
+        name: model.table[name].tobytes() for name in model.names
+    }
+
+
+@pytest.mark.parametrize(("name", "shape"), [("opacities", (7, 1)), ("shN", (7, 24, 3)), ("scales", None)])
+def test_parameters_of_gsplat_that_are_missing_or_of_another_shape_are_refused(name, shape):
+    splats = blobs(7).to_gsplat()
+    if shape:
+        splats[name] = np.zeros(shape)
+    else:
+        del splats[name]
+    with pytest.raises(InputError, match=f"^splats: {name}: expected "):
+        Gaussians.from_gsplat(splats)
+
+
 def test_numbered_columns_come_in_the_order_of_their_numbers():
     model = Gaussians(table_of(["f_10", "f_9", "f_1", "f_x", "af_2", "f_"]))
     assert model.columns_named("f_") == ("f_1", "f_9", "f_10")

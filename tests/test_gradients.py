@@ -203,10 +203,12 @@ def test_a_pullback_ends_with_the_renderers_next_image(device):
         pullback(random_gradient(view))
 
 
-def test_a_gradient_of_another_shape_is_refused(device):
+def test_a_gradient_of_another_shape_or_without_value_is_refused(device):
     _, pullback = Renderer(blobs(3), device).vjp(camera(8, 9))
     with pytest.raises(ValueError, match=r"\(8, 9, 3\).*\(9, 8, 3\)"):
         pullback(np.ones((8, 9, 3), np.float32))
+    with pytest.raises(InputError, match="finite"):
+        pullback(np.full((9, 8, 3), np.nan))
 
 
 def test_gradients_exist_for_one_energy_only(device):

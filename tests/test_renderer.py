@@ -1,5 +1,9 @@
 """The renderer against the reference, and its invariants, on every OpenCL device at hand, in both kernel styles."""
 
+import os
+import signal
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -181,6 +185,30 @@ def test_earlier_views_leave_no_trace(device, style, energy):
     used = Renderer(model, device, energy=energy, style=style)
     for view in (large, small, large):
         assert_same_bits(everything(used, view), everything(Renderer(model, device, energy=energy, style=style), view))
+
+
+def test_threads_that_share_a_renderer_get_the_same_bits(device, style):
+    renderer = Renderer(blobs(300, 5), device, style=style)
+    views = [tilted_camera(48 + i, 33) for i in range(20)]
+    alone = [renderer.image(view) for view in views]
+    with ThreadPoolExecutor(2) as pool:
+        assert_same_bits(alone, pool.map(renderer.image, views))
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+@pytest.mark.parametrize("use", [lambda renderer: renderer.depth(camera(8, 8)), lambda _: Renderer(blobs(1))])
+def test_a_forked_process_is_refused_instead_of_waiting_forever(device, use):
+    renderer = Renderer(blobs(1), device)
+    child = os.fork()
+    if not child:
+        signal.alarm(20)
+        try:
+            use(renderer)
+        except InputError as error:
+            os._exit("fork" not in str(error))
+        finally:
+            os._exit(1)
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_a_device_is_chosen_only_where_none_is_named(device, monkeypatch):

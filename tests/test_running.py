@@ -85,6 +85,26 @@ print("Building DAG of jobs", file=sys.stderr)
     assert capfd.readouterr() == ("--logger gspure --cores 1\n", "Building DAG of jobs\n")
 
 
+def test_a_dry_run_counts_the_jobs_and_knows_how_long_such_jobs_took_here(snakemake):
+    records = [{"rule": "draw", "starttime": 0, "endtime": 60}, {"rule": "evaluate_all", "starttime": 5, "endtime": 35}]
+    snakemake("""
+rules = {"draw": 1, "evaluate_all": 2, "all": 1} | ({"train": 3} if "--forceall" in sys.argv else {})
+assert "--dry-run" in sys.argv
+send(event="planned", jobs=sum(rules.values()), rules=rules)
+send(event="started", job=1, text="Drawing", log="a.log")
+""")
+    counts = ["     1  draw", "     2  evaluate all"]
+    assert running.forecast([]) == ["3 jobs to run; 3 up to date", *counts]
+    folder = Path(".snakemake", "metadata", "nested")
+    folder.mkdir(parents=True)
+    (folder / "other").write_text('{"rule": "train"}')
+    for number, record in enumerate(records):
+        (folder / str(number)).write_text(json.dumps(record))
+    assert running.forecast([]) == ["3 jobs to run, about 2 min; 3 up to date", *counts]
+    snakemake("print('gspure: mine.yaml: no such setting', file=sys.stderr); sys.exit(2)")
+    assert running.forecast([]) == []
+
+
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
@@ -180,7 +200,7 @@ def test_a_dry_run_ends_quietly_with_the_reader_of_its_output(snakemake):
 while True:
     print("Building DAG of jobs", flush=True)
 """)
-    command = [sys.executable, "-m", "gspure", "demo", "--dry-run"]
+    command = [sys.executable, "-m", "gspure", "demo", "--dry-run", "--verbose"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "Building DAG of jobs\n"
         process.stdout.close()
@@ -211,7 +231,7 @@ def test_the_logger_writes_events_as_lines(tmp_path, monkeypatch):
     monkeypatch.setattr(LogHandler, "_watch", lambda _: None)  # it would end the tests with their reader
     handler = LogHandler(None, LogHandlerSettings(silent=True))
     records = [
-        {"event": LogEvent.RUN_INFO, "stats": {"all": 1, "total": 3}},
+        {"event": LogEvent.RUN_INFO, "stats": {"all": 1, "draw": 2, "total": 3}},
         {"event": LogEvent.JOB_INFO, "jobid": 2, "rule_msg": "Ättacking", "rule_name": "attack", "log": ["a.log"]},
         {"event": LogEvent.JOB_INFO, "jobid": 3, "rule_msg": None, "rule_name": "all", "log": []},
         {"event": LogEvent.PROGRESS, "done": 1, "total": 3},
@@ -225,7 +245,7 @@ def test_the_logger_writes_events_as_lines(tmp_path, monkeypatch):
         handler.emit(logging.makeLogRecord({"levelno": level, **fields}))
     assert handler.writes_to_stream
     assert [json.loads(line) for line in os.read(reader, 9999).splitlines()] == [
-        {"event": "planned", "jobs": 3},
+        {"event": "planned", "jobs": 3, "rules": {"all": 1, "draw": 2}},
         {"event": "started", "job": 2, "text": "Ättacking", "log": "a.log"},
         {"event": "started", "job": 3, "text": "all", "log": ""},
         {"event": "finished", "job": 3},

@@ -1,4 +1,4 @@
-"""Properties of every scheme: the built-in ones, and the example of the guide."""
+"""Properties of every scheme: the built-in ones, and the examples of the guide."""
 
 from fnmatch import filter as matching
 from functools import partial
@@ -113,6 +113,16 @@ def test_a_wrong_key_shows_something_else(pictured):
     wrong = [shown_with(pictured.key.wrong(np.random.default_rng(seed))) for seed in (1, 1, 2)]
     assert wrong[0] == wrong[1]
     assert right not in wrong
+
+
+def test_the_owner_reads_the_bits_of_the_example_in_any_view(trained):
+    glint = trained("glint")
+    camera, _ = held_out(glint.pair.scene)[0]
+    image = glint.public.scene()(camera).clip(0, 1)
+    assert glint.key.read_bits(image).tolist() == glint.key.bits.tolist()
+    wrong = glint.key.wrong(np.random.default_rng(0))
+    assert 2 <= (wrong.read_bits(image) == glint.key.bits).sum() <= 14
+    assert psnr(image, PublicModel(glint.key.clean).scene()(camera)) > 20
 
 
 def test_units_can_be_pruned_and_the_rest_is_untouched(embedded):

@@ -30,12 +30,16 @@ def test_the_commands_of_the_tutorial_run_one_after_the_other(tmp_path, monkeypa
     for program, *arguments in map(shlex.split, lines):
         if program == "cp":
             shutil.copy(*arguments)
+        elif program == "mkdir":
+            Path(*arguments).mkdir()
+        elif program == "cd":
+            monkeypatch.chdir(*arguments)
         elif arguments[0] == "audit":
             command = [sys.executable, "-m", "gspure", *arguments, "--dry-run"]
             assert subprocess.run(command, capture_output=True, check=False).returncode == 0
         else:
             assert main([*arguments, *smaller.get(arguments[0], [])]) == 0, arguments
-    assert {path.name for path in Path("purified", "figures").glob("*.png")} >= {"kept.png", "weights.png"}
+    assert {path.name for path in (tmp_path / "purified" / "figures").glob("*.png")} >= {"kept.png", "weights.png"}
 
 
 def test_the_references_name_everything():

@@ -6,6 +6,7 @@ import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,15 @@ def test_a_page_shows_two_models_beside_each_other(tmp_path: Path, monkeypatch: 
     assert "divider" in page
     assert not re.search(r'(src|href)="(?!data:)', page)
     assert capsys.readouterr().out == "view.html\n"
+
+
+def test_a_cell_of_a_notebook_shows_the_page_of_a_model(tmp_path: Path) -> None:
+    view = blobs(30).view([camera(name="from the door")])
+    view.write(tmp_path / "view.html")
+    page = (tmp_path / "view.html").read_text()
+    (shown,) = re.findall('<iframe srcdoc="([^"]*)"', view._repr_html_())
+    assert unescape(shown) == page
+    assert '"name": "from the door"' in page
 
 
 def test_large_models_are_sampled(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -61,6 +61,15 @@ PUBLIC: Final = frozenset({"columns", "teacher"})
 RESERVED: Final = PUBLIC | {"attack", "cameras", "damage", "decision", "device", "measurements", "public", "seed"}
 """Names that no setting may have: they are options of commands, configurations and `Attack.apply`."""
 
+_IN_PYTHON: Final = {
+    "weights": "gspure.purify(model, cameras).weights",
+    "prune_mask": "gspure.purify(model, cameras).prune_mask",
+    "labels": "gspure.purify(model, cameras).labels",
+    "opacities": "public.opacities(cameras)",
+    "surface": "gspure.surface.distances.depth_distances(public, cameras)",
+}
+"""How a program gets each measurement of a `PublicModel` and its Gaussians."""
+
 LEARNED: Final = {
     "all": ("colour", "opacity", "scale", "rotation", "position"),
     "appearance": ("colour", "opacity"),
@@ -247,8 +256,19 @@ class Attack:
         if array is None or array.shape != (count,) or (array.dtype == np.bool_) != (name == "prune_mask"):
             expected = f"[{count}] {'bool' if name == 'prune_mask' else 'numbers'}, one per row"
             actual = "nothing" if array is None else f"{list(array.shape)} {array.dtype}"
-            raise InputError(f"attack {self.name}", name, expected=expected, found=actual)
+            raise InputError(f"attack {self.name}", name, expected=expected, found=actual, hint=_remedy(name))
         return array
+
+
+def _remedy(name: str) -> str:
+    """Return how to get a measurement, on the command line and in Python."""
+    program = _IN_PYTHON[name]
+    option = f"--{name.replace('_', '-')}"
+    if program.startswith("gspure.purify"):
+        command = f"run `gspure purify MODEL --cameras CAMERAS --out purified`, then pass {option} purified/{name}.npy"
+    else:
+        command = f"run `gspure audit MODEL`, then pass {option} and the {name}.npy below results/"
+    return f"{command}; in Python, Measurements({name}={program})"
 
 
 def named(functions: Mapping[Callable[..., Attacked], Strength | None]) -> tuple[Attack, ...]:

@@ -12,6 +12,7 @@ from gspure.cameras import inria, nerfstudio
 from gspure.cameras.camera import Camera, require_rigid
 from gspure.cameras.colmap import find_sparse, read_colmap
 from gspure.cameras.entry import Entry
+from gspure.cameras.orbit import GENERATED
 from gspure.errors import InputError, reading
 from gspure.files import read_json
 from gspure.progress import say
@@ -57,6 +58,9 @@ _LISTED: Final = 8  # most folders in an error
 
 def read_cameras(path: str | Path) -> list[Camera]:
     """Read the cameras of a file or folder as `read_lenses` does; raise `InputError` for a distorted one."""
+    if str(path) in GENERATED and not Path(path).exists():
+        hint = f"gspure.cameras.{GENERATED[str(path)].__name__}(model) generates views"
+        raise InputError("read_cameras", "path", expected="a file or folder", found=repr(str(path)), hint=hint)
     cameras = read_lenses(path)
     for camera in cameras:
         if camera.distortion:

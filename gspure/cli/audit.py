@@ -18,8 +18,8 @@ from gspure.errors import InputError
 from gspure.files import Json
 from gspure.progress import say
 from gspure.settings import CORES
+from gspure.workflow.running import forecast, unlock
 from gspure.workflow.running import run as run_workflow
-from gspure.workflow.running import unlock
 
 EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
@@ -63,7 +63,7 @@ def add_run_options(parser: Parser) -> None:
     parser.flag("--json", "print the answer as JSON")
     meaning = "exit with status 3 if an attack removes the message with less damage to the scene, in dB of PSNR"
     parser.text("--fail-under", "DB", meaning, type=decibels)
-    parser.flag("-n", "--dry-run", "list the jobs that would run, and why")
+    parser.flag("-n", "--dry-run", "count the jobs that would run; with -v, list them, and why")
     parser.number("-c --cores", "N", "number of cores (default: all)", CORES)
     parser.flag(*QUIET)
     parser.flag("-v", "--verbose", "print Snakemake's output instead of progress; implied by options after --")
@@ -122,6 +122,11 @@ def audited(run_options: RunOptions, configuration: Path) -> int:
     With options after ``--``, all output is Snakemake's. Jobs that failed leave the answer for the other variants.
     """
     words = _snakemake_options(run_options, configuration)
+    if run_options.dry_run and not (run_options.verbose or run_options.passed_on):
+        lines = forecast(words)
+        if lines:
+            print(*lines, sep="\n")
+        return SUCCESS if lines else FAILED
     if run_options.dry_run or run_options.passed_on:
         return SUCCESS if run_workflow(words) else FAILED
     if unlock(words):

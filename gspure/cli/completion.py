@@ -21,7 +21,7 @@ def run(args: Arguments) -> None:
     from gspure.cli import COMMANDS, parser_of
     from gspure.plugins import require_packages
 
-    require_packages({"shtab": "gspure[completion]"}, "completion")
+    require_packages({"shtab": "shtab>=1.7"}, "completion")
     import shtab
 
     whole = argparse.ArgumentParser(prog="gspure")

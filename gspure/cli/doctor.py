@@ -61,6 +61,7 @@ def examine() -> list[str]:
     """Print the findings; return the fix of each fault without which gspure cannot run."""
     checks = {
         "Packages: installed, required": packages,
+        "Plug-ins: attacks and schemes of installed packages": plug_ins,
         "OpenGL: a picture drawn off screen": opengl,
         "OpenCL: a small frame rendered on each device": opencl,
     }
@@ -124,6 +125,22 @@ def packages() -> list[Finding]:
         ok = version != "missing" and specifier.contains(version, prereleases=True)
         findings.append(Finding(ok, (name, version, str(specifier)), fix=_pip(f"{name}{specifier}")))
     return findings
+
+
+def plug_ins() -> list[Finding]:
+    """Return one finding per attack or scheme of an installed package."""
+    from gspure.plugins import installed, package_of
+
+    findings = []
+    for entry in [*installed("gspure.attacks"), *installed("gspure.schemes")]:
+        problem = ""
+        try:
+            entry.load()
+        except Exception as error:  # noqa: BLE001 - a foreign module may raise anything
+            problem = f"{type(error).__name__}: {error}"
+        cells = (entry.name, entry.group.removeprefix("gspure.").removesuffix("s"), package_of(entry), problem)
+        findings.append(Finding(not problem, cells, needed=False))
+    return findings or [Finding(ok=True, cells=("none",), needed=False)]
 
 
 def _pip(*arguments: str) -> str:

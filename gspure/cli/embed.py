@@ -27,7 +27,7 @@ EXAMPLES = """\
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
 negative controls in a few training views. A warning is printed if the message does not stand out from them.
-gs_hider, secure_gs and keyss need PyTorch: pip install gspure[torch].
+gs_hider, secure_gs and keyss need PyTorch: pip install 'gspure[torch]'.
 """
 
 

@@ -223,11 +223,17 @@ def remove_older(folder: Path, *patterns: str) -> None:
 
 
 def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme]) -> None:
-    """Add a list of attacks or schemes below the examples, with their settings and defaults."""
+    """Add a list of attacks or schemes below the examples, with their settings and defaults; then those of packages."""
+    from gspure.plugins import installed, package_of
+
     lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:"]
     for choice in choices:
         settings = " ".join(f"{name}={value}" for name, value in choice.settings.items())
         lines.append(f"  {choice.name:<28}{settings}".rstrip())
+    plug_ins = installed(f"gspure.{title}")
+    if plug_ins:
+        lines.append(f"{title} of installed packages:")
+        lines += [f"  {entry.name:<28}{package_of(entry)}" for entry in plug_ins]
     parser.epilog = "\n".join(lines)
 
 

@@ -41,6 +41,7 @@ from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
 from gspure.public_model import PublicModel
 from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
+from gspure.text import decimal
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
@@ -55,7 +56,7 @@ files in DIR:
   diagnosis.json     diagnosis of clustering and renders, with warnings and suspicious rows
   renders/           held-out views of the model before and after pruning, and after repair
   metrics.csv        metrics of the renders after pruning (and repair), against those before
-  figures/           clusters, weights, kept and pruned rows, before and after; if one fails, a warning says why
+  figures/           clusters, weights, kept and pruned rows, before and after; captions.json explains them
   provenance.json    command, settings and inputs
 """
 
@@ -118,24 +119,21 @@ def run(args: Arguments) -> None:
             save_array(folder / f"{name}.npy", getattr(purification, name))
         metrics = _compare(folder, models, test, device)
         diagnosis = _diagnosis(purification, suspects, metrics)
+        if public.rows_are_gaussians:
+            diagnosis["warnings"] += _remarks_on_views(public.model, purification.weights, train, args.energy)
         write_json(folder / "diagnosis.json", diagnosis)
         options.record_command(args, folder, resolved=settings.of_purify)
         renders = [f"renders/{title}/*.png" for title in _RENDERS]
         options.remove_older(args.out, "metrics.csv", "figures/*.png", "figures/*.svg", *renders)
     if public.visible and isinstance(args.cameras, str):
         mention_up(public.model, public.scene(device, public.model.background), args.up, args.out)
-    captions: list[str] = []
     if not args.no_figures:
-        captions = _draw(args.out, public, purification, settings, cameras, [*models], device)
-    lines = [*purification.diagnosis.lines(), *suspicious_lines(suspects, len(public.model))]
-    if public.rows_are_gaussians:
-        lines += _lines_of_views(public.model, purification.weights, train, args.energy, cameras[0].width)
-    lines += _lines_of_repair(diagnosis)
-    lines.append(f"results in {args.out}")
-    if metrics:
-        lines += comparison.as_text(metrics, per_view=args.per_view)
-    print("\n".join([*lines, *captions]))
-    _warn_of_lost_detail(metrics)
+        _draw(args.out, public, purification, settings, cameras, [*models], device)
+    print(*purification.diagnosis.lines(), *_lines_of_metrics(metrics), sep="\n")
+    print(*suspicious_lines(suspects, len(public.model))[:1], f"results in {args.out}", sep="\n")
+    if args.per_view and metrics:
+        print("", *comparison.as_text(metrics, per_view=True), sep="\n")
+    _warn(diagnosis["warnings"], args.out)
 
 
 def _settings(args: Arguments, public: PublicModel) -> MethodSettings:
@@ -202,34 +200,45 @@ def _diagnosis(purification: Purification, suspects: Mapping[str, Indices], metr
         if math.isfinite(low.psnr):
             key = "psnr" if mean.target == "scene" else "psnr_before_repair"
             diagnosis[key] = {"mean": mean.psnr, "worst": low.psnr, "worst_view": low.view}
-    diagnosis["warnings"] += comparison.far_below(metrics)
+    diagnosis["warnings"] = [*_lost_detail(metrics), *comparison.far_below(metrics), *diagnosis["warnings"]]
     return diagnosis
 
 
-def _lines_of_views(
-    model: Gaussians, weights: Float32, views: Sequence[Camera], energy: Energy, width: int
-) -> list[str]:
+def _remarks_on_views(model: Gaussians, weights: Float32, views: Sequence[Camera], energy: Energy) -> list[str]:
     """Return remarks on Gaussians near the cameras and, with energy "ray", on those smaller than a pixel."""
-    lines = []
+    lines = near_lines(model, weights, views)
     subpixel = subpixel_rows(model, weights, views) if energy == "ray" else None
     if subpixel:
-        lines.append(subpixel.line(len(model), width))
-    return lines + near_lines(model, weights, views)
+        lines.append(subpixel.line(len(model), views[0].width))
+    return lines
 
 
-def _lines_of_repair(diagnosis: Json) -> list[str]:
-    if not {"psnr_before_repair", "psnr"} <= diagnosis.keys():
-        return []
-    before = diagnosis["psnr_before_repair"]["mean"]
-    after = diagnosis["psnr"]["mean"]
-    return [f"repair: mean PSNR {before:.2f} dB before, {after:.2f} dB after"]
+def _lines_of_metrics(metrics: Sequence[ViewMetrics]) -> list[str]:
+    """Return the PSNR of the purified model's renders and, if it was repaired, of those before."""
+    lines = []
+    for mean, low in zip(comparison.means(metrics), comparison.worst(metrics), strict=True):
+        title = "renders" if mean.target == "scene" else "before repair"
+        worst_view = f"worst view {decimal(low.psnr, 1)} dB ({low.view})"
+        lines.append(f"{title:<16}  PSNR {decimal(mean.psnr, 1)} dB, {worst_view}")
+    return lines
 
 
-def _warn_of_lost_detail(metrics: Sequence[ViewMetrics]) -> None:
+def _lost_detail(metrics: Sequence[ViewMetrics]) -> list[str]:
+    """Return a sentence if the worst view of the purified model visibly differs."""
+    sentences = []
     for low in comparison.worst([row for row in metrics if row.target == "scene"]):
         if low.psnr < _VISIBLE:
             level = f"{low.view} has {low.psnr:.1f} dB, so visible detail is lost"
-            warn(f"{level}: a larger --tau-n prunes less, --repair trains the remaining rows")
+            sentences.append(f"{level}: a larger --tau-n prunes less, --repair trains the remaining rows")
+    return sentences
+
+
+def _warn(sentences: Sequence[str], out: Path) -> None:
+    """Print the first warning, and the number of the others."""
+    for sentence in sentences[:1]:
+        warn(sentence)
+    if len(sentences) > 1:
+        warn(f"{len(sentences) - 1} more in {out / 'diagnosis.json'}")
 
 
 def _draw(
@@ -240,8 +249,8 @@ def _draw(
     cameras: Sequence[Camera],
     titles: Sequence[str],
     device: Device,
-) -> list[str]:
-    """Draw some of the compared views before and after, and the model; return a line for each that succeeds."""
+) -> None:
+    """Draw some of the compared views before and after, and the model."""
     from gspure.figures.clouds import Purified
     from gspure.figures.gallery import draw_model
     from gspure.figures.panels import draw_before_after
@@ -254,11 +263,10 @@ def _draw(
         tau_c=settings.factors.tau_c,
         tau_n=settings.factors.tau_n,
     )
-    captions = draw_model(folder, model, cameras, device)
+    draw_model(folder, model, cameras, device)
     if public.visible:
         path = folder / "before_after.png"
         try:
-            captions[path.name] = draw_before_after(path, {title: out / "renders" / title for title in titles})
+            draw_before_after(path, {title: out / "renders" / title for title in titles})
         except Exception as error:  # noqa: BLE001 - plotting libraries raise many types
             warn(f"{path}: not drawn: {' '.join(str(error).split()) or type(error).__name__}")
-    return [f"{folder / name}: {caption}" for name, caption in captions.items()]

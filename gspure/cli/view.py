@@ -23,13 +23,12 @@ def run(args: Arguments) -> None:
     """Write the page."""
     from gspure.cameras.reading import place_in
     from gspure.schemes.registry import read_public_model
-    from gspure.viewer.data import view_of
-    from gspure.viewer.page import write_view
+    from gspure.viewer.view import view_beside
 
     files = [file for file in (args.model, args.other) if file]
     folder = args.model if args.model.is_dir() else args.model.parent
     source = args.cameras or place_in(folder)
     cameras = read_source(source, args.model, up=args.up) if source else []
     models = {str(file): read_public_model(file).drawable(file) for file in files}
-    write_view(args.out, view_of(models, cameras))
+    view_beside(models, cameras).write(args.out)
     print(args.out)

@@ -84,19 +84,13 @@ class Diagnosis:
         return tuple(sentences)
 
     def lines(self) -> list[str]:
-        """Return the diagnosis as lines of text, warnings last."""
+        """Return the pruned rows and the clusters as lines of text."""
         pruned_rows = f"{percent(self.pruned_share)} of {self.gaussians:,} rows"
         table = {
-            "clusters": f"{self.clusters} (largest {percent(self.largest_share)}, noise {percent(self.noise_share)})",
             "pruned": f"{pruned_rows}, {percent(self.pruned_weight_share, 2)} of {self._total}",
-            "  with a cluster": percent(self.pruned_as_cluster),
-            "  as noise": percent(self.pruned_as_noise),
-            "plain rule": f"{percent(self.plain_share)} would be pruned without clustering",
-            "changed": f"{percent(self.changed_share)} of the rows that either rule prunes, "
-            f"{percent(self.changed_share_clustered)} of those in clusters",
+            "clusters": f"{self.clusters} (largest {percent(self.largest_share)}, noise {percent(self.noise_share)})",
         }
-        lines = [f"{name:<16}  {text}" for name, text in table.items()]
-        return lines + [f"warning: {text}" for text in self.warnings]
+        return [f"{name:<16}  {text}" for name, text in table.items()]
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as numbers, strings and lists of them."""

@@ -13,7 +13,7 @@ from gspure import __version__
 from gspure.arrays import Bools, Float32
 from gspure.cameras.camera import Camera
 from gspure.constants import MAX_CLUSTER_SHARE, MIN_CLUSTER_SIZE, MIN_SAMPLES, TAU_C, TAU_N
-from gspure.errors import InputError
+from gspure.errors import InputError, refuse_path
 from gspure.method import pruning
 from gspure.method.clusters import Labels, Selection, select
 from gspure.method.diagnosis import Diagnosis, diagnose
@@ -128,6 +128,9 @@ def purify(
         pruned = pruning.prune_mask(labels, weights, tau_c, tau_n)
         return labels, pruned, diagnose(labels, weights, tau_c, tau_n, coincident_points(tree))
 
+    refuse_path("purify", "model", model, expected="Gaussians or a PublicModel", hint="gspure.read_model reads a file")
+    hint = "gspure.read_cameras reads a file, gspure.orbit_cameras(model) generates views"
+    refuse_path("purify", "cameras", cameras, expected="a list of cameras", hint=hint)
     public = model if isinstance(model, PublicModel) else PublicModel(model)
     public = public.drawable("model")
     rows = public.model

@@ -129,7 +129,7 @@ def package(path: Path, name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        hint = f"pip install {PACKAGES['gsply']}"
+        hint = f"pip install '{PACKAGES['gsply']}'"
         raise InputError(path, name, expected=f"the package {name}", found=str(error), hint=hint) from None
 
 

@@ -7,14 +7,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from mmap import MADV_DONTNEED, mmap
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+import gspure
 from gspure.arrays import Float32
+from gspure.errors import InputError
 from gspure.files import digest
 from gspure.text import Described
+
+if TYPE_CHECKING:
+    from gspure.cameras.camera import Camera
 
 Table = NDArray[np.void]
 Values = NDArray[Any]
@@ -181,6 +186,10 @@ class Gaussians(Described):
         """Return the same rows with one more comment line."""
         return Gaussians(self.table, (*self.comments, comment))
 
+    def view(self, cameras: Sequence[Camera] = ()) -> gspure.View:
+        """Return the model in 3-D, for a cell of a notebook; this layer knows the viewer by `gspure.view` only."""
+        return gspure.view(self, cameras)
+
     @property
     def background(self) -> tuple[float, ...]:
         """The colour that the model was trained on, if a comment names it, else black."""
@@ -208,6 +217,50 @@ class Gaussians(Described):
         return Gaussians.from_stored(log_scales=np.log(scales), opacity_logits=logit(opacities), **parameters)
 
     @staticmethod
+    def from_gsplat(splats: Mapping[str, Any]) -> Gaussians:
+        """Build a vanilla table from the parameters of gsplat: arrays, or tensors of PyTorch on any device.
+
+        `splats` are those of ``simple_trainer``: ``means`` [K,3], ``quats`` [K,4] (w, x, y, z), ``scales`` [K,3] (log),
+        ``opacities`` [K] (logit), ``sh0`` [K,1,3] and ``shN`` [K,S-1,3]; others are ignored. Raise `InputError` if one
+        is missing or has another shape.
+        """
+        arrays = {name: _on_host(values) for name, values in splats.items()}
+        count = len(arrays.get("means", ()))
+        allowed: dict[str, list[tuple[int, ...]]] = {
+            "means": [(count, 3)],
+            "quats": [(count, 4)],
+            "scales": [(count, 3)],
+            "opacities": [(count,)],
+            "sh0": [(count, 1, 3)],
+            "shN": [(count, rest, 3) for rest in REST_COEFFICIENTS],
+        }
+        for name, shapes in allowed.items():
+            if name not in arrays:
+                raise InputError("splats", name, expected="an array", found=", ".join(arrays) or "nothing")
+            shape = arrays[name].shape
+            if shape not in shapes:
+                raise InputError("splats", name, expected=" or ".join(map(str, shapes)), found=str(shape))
+        return Gaussians.from_stored(
+            means=arrays["means"],
+            quats=arrays["quats"],
+            log_scales=arrays["scales"],
+            opacity_logits=arrays["opacities"],
+            sh_coeffs=np.concatenate([arrays["sh0"], arrays["shN"]], axis=1),
+        )
+
+    def to_gsplat(self) -> dict[str, Float32]:
+        """Return copies of the parameters by gsplat's names, as `from_gsplat` takes them."""
+        parameters = {
+            "means": self.means,
+            "quats": self.quats,
+            "scales": self.log_scales,
+            "opacities": self.columns("opacity")[:, 0],
+            "sh0": self.sh_coeffs[:, :1],
+            "shN": self.sh_coeffs[:, 1:],
+        }
+        return {name: np.array(values) for name, values in parameters.items()}
+
+    @staticmethod
     def from_stored(
         *, means: Values, quats: Values, log_scales: Values, opacity_logits: Values, sh_coeffs: Values
     ) -> Gaussians:
@@ -225,6 +278,11 @@ class Gaussians(Described):
         for name, column in columns.items():
             table[name] = column
         return Gaussians(table)
+
+
+def _on_host(values: Any) -> Float32:
+    """Return an array, or a tensor of PyTorch, as an array."""
+    return np.asarray(values.detach().cpu() if hasattr(values, "detach") else values, np.float32)
 
 
 def _colour_columns(sh_coeffs: Values) -> dict[str, Values]:

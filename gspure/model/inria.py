@@ -31,7 +31,9 @@ def point_cloud(folder: Path) -> Path:
         if (folder / name).is_file():
             return folder / name
     expected = "an INRIA output folder with point_cloud/iteration_*/point_cloud.ply"
-    problem = "no such file" if folder.is_dir() else "no such folder"
+    problem = "no such folder"
+    if folder.is_dir():
+        problem = "no such file" if any(folder.iterdir()) else "an empty folder"
     models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
     hint = f"name one of {', '.join(models)}" if models else "or name the .ply itself"
     raise InputError(folder, "point_cloud", expected=expected, found=problem, hint=hint)

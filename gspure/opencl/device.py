@@ -33,6 +33,19 @@ kernel void scale(global const float16 *input, global float16 *output) {
 """
 
 
+@cache
+def _process() -> int:
+    """Return the process that uses OpenCL: the first one to ask."""
+    return os.getpid()
+
+
+def require_same_process() -> None:
+    """Raise `InputError` in a process that was forked from one that used OpenCL: drivers would wait forever."""
+    if os.getpid() != _process():
+        hint = "start processes by `spawn`: multiprocessing.set_start_method"
+        raise InputError("OpenCL", "process", expected="the one that used it first", found="a fork of it", hint=hint)
+
+
 @dataclass(frozen=True)
 class Device:
     """One OpenCL device of this machine, as its driver reports it; `version` is the platform's.
@@ -77,6 +90,7 @@ def matching_devices(spec: str | None = None) -> tuple[Device, ...]:
     `spec` is an index, or a part of the name of the device or platform, or of its version ("pocl"), in any case. Raise
     `InputError` if no device matches.
     """
+    require_same_process()
     devices = list_devices()
     spec = spec or os.environ.get(DEVICE_VARIABLE)
     if not spec:

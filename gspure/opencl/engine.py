@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
 from functools import cache
-from threading import get_ident
+from threading import RLock, get_ident
 from typing import Any, Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gspure.errors import InputError
 from gspure.opencl.buffers import Buffers
-from gspure.opencl.device import Device, built, first_line
+from gspure.opencl.device import Device, built, first_line, require_same_process
 from gspure.opencl.program import build_options, kernel_source
 
 Style = Literal["cpu", "gpu"]
@@ -130,7 +130,9 @@ class Engine:
     """
 
     def __init__(self, device: cl.Device, style: Style | None = None) -> None:
+        require_same_process()
         self.device = device
+        self._lock = RLock()
         self.style: Style = style or suited_style(device)
         self.context = _context(device)
         with _in_memory(device):
@@ -138,6 +140,13 @@ class Engine:
         self.buffers = Buffers(self.allocate, self.copied)
         # On a device that shares the host's memory, mapping such a buffer costs nothing.
         self._flags = cl.mem_flags.READ_WRITE | (cl.mem_flags.ALLOC_HOST_PTR if device.host_unified_memory else 0)
+
+    @contextmanager
+    def exclusive(self) -> Iterator[None]:
+        """Keep the queue and the buffers from other threads; refuse a forked process."""
+        require_same_process()
+        with self._lock:
+            yield
 
     def beside(self) -> Engine:
         """Return an engine with the same device, queue and programs, but its own buffers."""

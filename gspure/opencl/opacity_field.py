@@ -49,12 +49,13 @@ class PointRays:
         columns, _ = self.frame.tiles
         rows, tiles, positions = _by_tile(self.frame, points)
         values = np.full(len(points), owners is None, np.float32)
-        for band in self.bands:
-            inside = slice(*np.searchsorted(tiles, (band.start * columns, band.stop * columns)))
-            band_rows = rows[inside]
-            if len(band_rows):
-                band_owners = None if owners is None else owners[band_rows]
-                values[band_rows] = self._blend_band(band, tiles[inside], positions[inside], band_owners, least)
+        with self.frame.engine.exclusive():
+            for band in self.bands:
+                inside = slice(*np.searchsorted(tiles, (band.start * columns, band.stop * columns)))
+                band_rows = rows[inside]
+                if len(band_rows):
+                    band_owners = None if owners is None else owners[band_rows]
+                    values[band_rows] = self._blend_band(band, tiles[inside], positions[inside], band_owners, least)
         return values
 
     def _blend_band(

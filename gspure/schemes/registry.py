@@ -83,6 +83,9 @@ def made_by(key: Path) -> tuple[str, Path]:
     and in those above the key.
     """
     file = key / PROVENANCE
+    if not file.is_file():
+        hint = "`gspure embed --out DIR` writes DIR/key"
+        raise InputError(key, "key", expected="a key of gspure", found=f"no {PROVENANCE} in it", hint=hint)
     with reading(file, "the provenance of a key"):
         record = read_json(file)
         scheme = str(record["settings"]["scheme"])

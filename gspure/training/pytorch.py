@@ -20,7 +20,7 @@ from gspure.progress import warn
 try:
     import torch
 except ImportError as error:
-    hint = "pip install gspure[torch]"
+    hint = "pip install 'gspure[torch]'"
     raise InputError("torch", "package", expected="PyTorch", found=str(error), hint=hint) from None
 
 _M_TRIM_THRESHOLD = -1  # malloc.h

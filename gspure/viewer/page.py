@@ -1,25 +1,16 @@
-"""The page of the 3-D view, and the templates that it shares with the report."""
+"""The templates of the 3-D view, which the report shares."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from gspure import __version__
-from gspure.files import write_text
 from gspure.text import percent
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
-
-
-def write_view(path: Path, data: Mapping[str, Any]) -> None:
-    """Write a page with the view of `gspure.viewer.data.view_of` alone, whole or not at all."""
-    page = template_environment().get_template("view.html.j2")
-    write_text(path, page.render(version=__version__, data=data))
 
 
 def template_environment(*folders: Path) -> Environment:

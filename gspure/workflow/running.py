@@ -16,6 +16,7 @@ from typing import IO, Final
 from gspure.errors import InputError
 from gspure.progress import EVENTS
 from gspure.workflow.console import Console
+from gspure.workflow.forecast import Forecast, forecast_lines
 
 _SNAKEMAKE: Final = (sys.executable, "-m", "snakemake")
 _STATE: Final = Path(".snakemake")
@@ -31,20 +32,34 @@ def run(options: Sequence[str], *, silent: bool = False) -> bool:
     Snakemake and its jobs are a process group of their own. They end with this process: an interruption ends them here,
     and if this process is killed, the logger in `plugins` ends them.
     """
-    logger = ["--logger", "gspure", *(["--logger-gspure-silent"] if silent else [])]
+    return _run(options, Console() if silent else None)
+
+
+def forecast(options: Sequence[str]) -> list[str]:
+    """Return lines on the jobs that would run; none if Snakemake fails, with its reason on standard error."""
+    planned = Forecast()
+    whole = Forecast()
+    if not (_run([*options, "--dry-run"], planned) and _run([*options, "--dry-run", "--forceall"], whole)):
+        return []
+    return [*forecast_lines(planned.jobs, sum(whole.jobs.values()))]
+
+
+def _run(options: Sequence[str], console: Console | None) -> bool:
+    """Run Snakemake; a console takes the place of its output."""
+    logger = ["--logger", "gspure", *(["--logger-gspure-silent"] if console else [])]
     with (
         _pipe() as (path, pipe),
         subprocess.Popen(
             [*_SNAKEMAKE, *logger, *options],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL if silent else subprocess.PIPE,
-            stderr=subprocess.PIPE if silent else None,
+            stdout=subprocess.DEVNULL if console else subprocess.PIPE,
+            stderr=subprocess.PIPE if console else None,
             env=_environment() | {EVENTS: str(path)},
             process_group=0,
         ) as process,
     ):
         try:
-            _follow(process, pipe, Console() if silent else None)
+            _follow(process, pipe, console)
         except BaseException:
             _end(process)
             raise

@@ -274,6 +274,9 @@ async function start(form) {
   controls.camera.onchange = controls.reset.onclick = look;
   controls.fill.onclick = fill;
   controls.fill.hidden = !document.fullscreenEnabled;
+  document.addEventListener("fullscreenchange", () => {
+    controls.fill.textContent = document.fullscreenElement === form ? "exit" : "full screen";
+  });
   if (controls.divider) controls.divider.oninput = redraw;
   if (controls.cut) {
     controls.cut.oninput = prune;

@@ -67,7 +67,8 @@ def _event(record: LogRecord) -> dict[str, Any] | None:
     fields = record.__dict__
     match fields.get("event"):
         case LogEvent.RUN_INFO:
-            return {"event": "planned", "jobs": fields["stats"]["total"]}
+            rules = dict(fields["stats"])
+            return {"event": "planned", "jobs": rules.pop("total"), "rules": rules}
         case LogEvent.JOB_INFO:
             text = fields["rule_msg"] or fields["rule_name"]
             return {
