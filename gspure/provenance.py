@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from gspure.files import file_digest, read_json, write_json
+from gspure.files import digest_as_read, read_json, write_json
 
 PROVENANCE: Final = "provenance.json"
 
@@ -34,7 +34,7 @@ def write_provenance(
 def _input_record(path: Path) -> dict[str, str]:
     record = {"path": str(path)}
     if Path(path).is_file():
-        record["sha256"] = file_digest(path)
+        record["sha256"] = digest_as_read(path)
     return record
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
+from gspure.files import read_bytes
 from gspure.model.gaussians import CERTAIN, LEAST_OPACITY, REST_COEFFICIENTS, Gaussians, finite, logit
 from gspure.model.header import Header, require_size, with_comments
 from gspure.progress import warn
@@ -48,10 +49,10 @@ _TOLERANCE: Final = 0.1  # of the median length of quaternions, which tells them
 def read_splat(path: Path) -> Gaussians:
     """Read a ``.splat`` file."""
     with reading(path, "a .splat model"):
-        size = path.stat().st_size
-        if not size or size % _ROW.itemsize:
-            raise ValueError(f"{size} bytes, no rows of {_ROW.itemsize}")
-        rows = np.fromfile(path, _ROW)
+        data = read_bytes(path)
+        if not data or len(data) % _ROW.itemsize:
+            raise ValueError(f"{len(data)} bytes, no rows of {_ROW.itemsize}")
+        rows = np.frombuffer(data, _ROW)
         quats = (rows["quat"].astype(np.float32) - 128) / 128
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
             raise ValueError("rotations that are no unit quaternions")
@@ -71,7 +72,7 @@ def read_packed(path: Path, file: Header) -> Gaussians:
     header = file.content
     with reading(path, "a compressed .ply"):
         count = header["vertex"].count
-        require_room(path, path.stat().st_size, count, REST_COEFFICIENTS[-1] if "sh" in header else 0)
+        require_room(path, len(file.file), count, REST_COEFFICIENTS[-1] if "sh" in header else 0)
         tables = _tables(path, file)
         packed = tables["vertex"]
         chunks = tables["chunk"][np.arange(count) // CHUNK]
@@ -184,7 +185,7 @@ def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:
     tables = {}
     offset = file.size
     for element in header.elements:
-        tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)
+        tables[element.name] = np.frombuffer(file.file, dtypes[element.name], element.count, offset)
         offset += tables[element.name].nbytes
     return tables
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import read_bytes
 from gspure.model.compressed import from_bytes, quats_of_smallest, require_room
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
 from gspure.model.inria import UNPACKED_SOG
@@ -40,15 +41,16 @@ def read_sog(path: Path) -> Gaussians:
     with reading(path, "a SOG model"):
         if path.name == UNPACKED_SOG:
             return _model(path, partial(_beside, path.parent))
-        most = max(UNPACKED_ROOM, UNPACKED_RATIO * path.stat().st_size)
-        with zipfile.ZipFile(path) as archive:
+        data = read_bytes(path)
+        most = max(UNPACKED_ROOM, UNPACKED_RATIO * len(data))
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _model(path, partial(_member, archive, most))
 
 
 def read_streamed(path: Path) -> Gaussians:
     """Read the finest level of a streamed model from its ``lod-meta.json``, an index of chunks, each a SOG model."""
     with reading(path, "a streamed SOG model"):
-        index = json.loads(path.read_bytes())
+        index = json.loads(read_bytes(path))
         ranges = [_finest_level(node["lods"]) for node in _nodes(index["tree"])]
         chunks = {number: _chunk(path, index["filenames"][number]) for number in {rows["file"] for rows in ranges}}
         if sum(rows["count"] for rows in ranges) > sum(map(len, chunks.values())):
@@ -89,7 +91,7 @@ def _beside(folder: Path, name: str) -> bytes:
     if Path(name).name != name:
         raise ValueError(f"a file elsewhere, {name}")
     with reading(folder / name, "a file of a SOG model"):
-        return (folder / name).read_bytes()
+        return read_bytes(folder / name)
 
 
 def _member(archive: zipfile.ZipFile, most: int, name: str) -> bytes:

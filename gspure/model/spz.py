@@ -19,6 +19,7 @@ import numpy as np
 
 from gspure.arrays import Float32, UInt8
 from gspure.errors import InputError, reading
+from gspure.files import read_bytes
 from gspure.model.compressed import from_bytes, gsply_model, package, quats_of_smallest, require_room, warn_of_clipping
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
 from gspure.model.header import decoded, encoded
@@ -69,7 +70,7 @@ class _Header(NamedTuple):
 def read_spz(path: Path) -> Gaussians:
     """Read an ``.spz`` file; one of version 4 needs the package zstandard."""
     with reading(path, "an SPZ model of version 2 to 4"):
-        data = path.read_bytes()
+        data = read_bytes(path)
         gzipped = data[:2] == _GZIP
         unpack = zlib.decompressobj(31)
         head = unpack.decompress(data, _HEADER.size) if gzipped else data[: _HEADER.size]
