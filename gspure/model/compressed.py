@@ -11,6 +11,7 @@ A ``.splat`` has 32 bytes per Gaussian, no header and no spherical harmonics bey
 gsply (MIT), an optional package, writes compressed ``.ply`` and SPZ.
 """
 
+import math
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -85,7 +86,7 @@ def read_packed(path: Path, file: Header) -> Gaussians:
         scale_shares = _numbers(packed["packed_scale"], _SCALE_BITS)
         log_scales = _in_range(chunks, ("scale_x", "scale_y", "scale_z"), scale_shares)
         opacities = (packed["packed_color"] & 255).astype(np.uint8)
-        sh_rest = _sh_rest(tables["sh"]) if "sh" in tables else None
+        sh_rest = _sh_rest(path, tables["sh"]) if "sh" in tables else None
         model = from_bytes(means, quats, log_scales, opacities, (colours - 0.5) / SH_DC, sh_rest)
         return Gaussians(model.table, file.comments)
 
@@ -98,6 +99,16 @@ def require_room(path: Path, size: int, rows: int, rest_coefficients: int = 0) -
     most = max(UNPACKED_ROOM, UNPACKED_RATIO * size)
     if unpacked > most:
         raise InputError(path, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
+
+
+def require_harmonics(path: Path, count: float) -> int:
+    """Return the degree of spherical harmonics with `count` coefficients beyond the zeroth; refuse others than 0 to 3."""
+    if count in REST_COEFFICIENTS:
+        return REST_COEFFICIENTS.index(int(count))
+    degree = math.sqrt(count + 1) - 1
+    stored = f"{3 * count:g}, SH degree {degree:g}" if degree.is_integer() else f"{3 * count:g}"
+    hint = "train it, or save it again, with SH degree 3"
+    raise InputError(path, "f_rest_*", expected="0, 9, 24 or 45 (SH degree 0 to 3)", found=stored, hint=hint)
 
 
 def from_bytes(
@@ -201,10 +212,10 @@ def _numbers(packed: UInt32, bits: Bits) -> Float32:
     return np.stack(columns, 1)
 
 
-def _sh_rest(stored: NDArray[np.void]) -> Float32:
+def _sh_rest(path: Path, stored: NDArray[np.void]) -> Float32:
     """Return coefficients [K,S,3]: the ends of their range for levels 0 and 255, else the centre of the level."""
     levels = np.stack([stored[f"f_rest_{i}"] for i in range(len(stored.dtype.names or ()))], 1)
-    degree = REST_COEFFICIENTS.index(levels.shape[1] // 3)
+    degree = require_harmonics(path, levels.shape[1] / 3)
     levels = levels.reshape(len(stored), 3, REST_COEFFICIENTS[degree]).transpose(0, 2, 1)
     shares = np.where(levels == 0, 0, np.where(levels == 255, 1, (levels + np.float32(0.5)) / 256))
     return np.asarray((shares - 0.5) * _SH_RANGE, np.float32)

@@ -19,8 +19,8 @@ from gspure.arrays import Float64, UInt8
 from gspure.constants import LARGEST, SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import replacing
-from gspure.model.compressed import is_packed, read_packed
-from gspure.model.gaussians import COLOUR, CORE, NORMALS, REST_COEFFICIENTS, SCALES, Gaussians
+from gspure.model.compressed import is_packed, read_packed, require_harmonics
+from gspure.model.gaussians import COLOUR, CORE, NORMALS, SCALES, Gaussians
 from gspure.model.header import Header, header_of, read_header, require_size
 from gspure.progress import warn
 
@@ -127,9 +127,7 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], lookalike: str) -> No
     """
     stored = dtype.names or ()
     rest_count = len(Gaussians(np.empty(0, dtype)).columns_named("f_rest_"))
-    if rest_count not in [3 * count for count in REST_COEFFICIENTS]:
-        expected = "0, 9, 24 or 45 properties (SH degree 0 to 3)"
-        raise InputError(path, "f_rest_*", expected=expected, found=f"{rest_count} properties")
+    require_harmonics(path, rest_count / 3)
     rest = [f"f_rest_{i}" for i in range(rest_count)]
     required = [*CORE]
     if rest or not {*COLOUR}.isdisjoint(stored):

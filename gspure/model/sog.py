@@ -18,7 +18,7 @@ import numpy as np
 from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
 from gspure.errors import InputError, reading
 from gspure.files import read_bytes
-from gspure.model.compressed import from_bytes, quats_of_smallest, require_room
+from gspure.model.compressed import from_bytes, quats_of_smallest, require_harmonics, require_room
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
 from gspure.model.inria import UNPACKED_SOG
 
@@ -106,7 +106,7 @@ def _model(path: Path, member: Member) -> Gaussians:
     meta = json.loads(member(UNPACKED_SOG))
     version = meta.get("version", 1)
     if version not in (1, 2):
-        raise InputError(path, "version", expected="1 or 2", found=str(version))
+        raise InputError(path, "version", expected="1 or 2", found=str(version), hint="save it as SOG 2 or as .ply")
     mode = _RENDER_MODES["antialiased" if meta.get("antialias") else meta.get("model", "default")]
     rows = meta["count"] if version == 2 else meta["means"]["shape"][0]
     files = {part: [member(name) for name in meta[part]["files"]] for part in _PARTS if part in meta}
@@ -127,7 +127,7 @@ def _model(path: Path, member: Member) -> Gaussians:
     sh_rest = None
     if "shN" in meta:
         palette = _pixels(files["shN"].pop(0), _PALETTE_LIMIT * REST_COEFFICIENTS[-1])
-        degree = REST_COEFFICIENTS.index(palette.shape[1] // _PER_ROW)
+        degree = require_harmonics(path, palette.shape[1] / _PER_ROW)
         entries = _values(meta["shN"], palette.reshape(-1, REST_COEFFICIENTS[degree], 4)[..., :3])
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
         sh_rest = entries[: meta["shN"].get("count")][low | high << 8]
