@@ -20,7 +20,7 @@ from gspure.model.inria import (
     trained_background,
 )
 from gspure.model.ply import read_ply, write_ply
-from gspure.model.sog import read_sog, read_streamed
+from gspure.model.sog import read_chunks, read_sog, read_streamed
 from gspure.model.spz import read_spz, write_spz
 
 __all__ = [
@@ -81,7 +81,7 @@ def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
     The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
-    of an unpacked or streamed SOG model. Raise `InputError` if there is no such file, or if it holds no 3DGS model.
+    of an unpacked or streamed SOG model; a folder of several SOG models is one in chunks. Raise `InputError` if there is no such file, or if it holds no 3DGS model.
     """
     file = model_file(Path(path))
     if file.suffix.lower() in _FORMATS:
@@ -89,6 +89,8 @@ def read_model(path: str | Path) -> Gaussians:
         found = f"{file.name} of {program}"
         raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=found, hint=hint)
     read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
+    if file.is_dir():
+        read = read_chunks
     try:
         model = read(file)
     except InputError as error:
@@ -112,7 +114,10 @@ def _recognized(path: Path, error: InputError) -> InputError:
 
 
 def model_file(path: Path) -> Path:
-    """Return the file of a model: the path itself, or in an INRIA output folder that of the newest iteration."""
+    """Return the file of a model: the path itself, or in an INRIA output folder that of the newest iteration.
+
+    The chunks of a SOG model have only their folder.
+    """
     return point_cloud(path) if path.is_dir() else path
 
 

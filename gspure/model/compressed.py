@@ -102,7 +102,7 @@ def require_room(path: Path, size: int, rows: int, rest_coefficients: int = 0) -
 
 
 def require_harmonics(path: Path, count: float) -> int:
-    """Return the degree of spherical harmonics with `count` coefficients beyond the zeroth; refuse others than 0 to 3."""
+    """Return the SH degree with `count` coefficients beyond the zeroth, or refuse the file; it may be 0 to 3."""
     if count in REST_COEFFICIENTS:
         return REST_COEFFICIENTS.index(int(count))
     degree = math.sqrt(count + 1) - 1

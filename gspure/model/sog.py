@@ -8,7 +8,7 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +20,8 @@ from gspure.errors import InputError, reading
 from gspure.files import read_bytes
 from gspure.model.compressed import from_bytes, quats_of_smallest, require_harmonics, require_room
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
-from gspure.model.inria import UNPACKED_SOG
+from gspure.model.inria import UNPACKED_SOG, sog_chunks
+from gspure.progress import warn
 
 Member = Callable[[str], bytes]
 
@@ -58,14 +59,27 @@ def read_streamed(path: Path) -> Gaussians:
         models = [chunks[rows["file"]][rows["offset"] : rows["offset"] + rows["count"]] for rows in ranges]
         if index.get("environment"):
             models.append(_chunk(path, index["environment"]))
-        degree = max(model.sh_degree for model in models)
-        return Gaussians.from_stored(
-            means=np.concatenate([model.means for model in models]),
-            quats=np.concatenate([model.quats for model in models]),
-            log_scales=np.concatenate([model.log_scales for model in models]),
-            opacity_logits=np.concatenate([model.table["opacity"] for model in models]),
-            sh_coeffs=np.concatenate([model.sh_coeffs_of(degree) for model in models]),
-        )
+        return _joined(models)
+
+
+def read_chunks(folder: Path) -> Gaussians:
+    """Read the chunks of a folder, `sog_chunks`, as one model."""
+    chunks = sog_chunks(folder)
+    if len(chunks) > 1:
+        warn(f"{folder}: {len(chunks)} SOG chunks are read as one model; to read one of them, name its file")
+    return _joined([read_sog(file) for file in chunks])
+
+
+def _joined(models: Sequence[Gaussians]) -> Gaussians:
+    """Return the rows of several models, with the highest of their degrees."""
+    degree = max(model.sh_degree for model in models)
+    return Gaussians.from_stored(
+        means=np.concatenate([model.means for model in models]),
+        quats=np.concatenate([model.quats for model in models]),
+        log_scales=np.concatenate([model.log_scales for model in models]),
+        opacity_logits=np.concatenate([model.table["opacity"] for model in models]),
+        sh_coeffs=np.concatenate([model.sh_coeffs_of(degree) for model in models]),
+    )
 
 
 def _finest_level(levels: Mapping[str, Any]) -> Any:
