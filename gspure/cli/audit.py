@@ -255,9 +255,10 @@ def _asset(wanted: AuditOptions, model: Path) -> Json:
     from gspure.schemes.registry import made_by
 
     run_folder = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
+    folder = model if model.is_dir() else model.parent
     pairs = [made_by(wanted.key)[1]] if wanted.key else []
     message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
-    cameras = wanted.cameras or next(filter(place_in, [*pairs, model.parent, run_folder]), "orbit")
+    cameras = wanted.cameras or next(filter(place_in, [*pairs, folder, run_folder]), "orbit")
     owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""
     say(f"{model}: views {cameras}{owner}")
     paths = {"model": model, "cameras": cameras, "key": wanted.key, "message": message}
