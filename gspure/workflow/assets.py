@@ -66,6 +66,8 @@ def _read_asset(entry: AssetConfig, source: str, place: str) -> Asset:
     require_known(scheme, [*schemes()], source, f"{place}.scheme")
     views = [] if not entry.cameras or entry.cameras in GENERATED else read_cameras(entry.cameras)
     has_photographs = bool(views) and not missing_photographs(views)
+    if has_photographs:
+        files = (*files, *(camera.image for camera in views if camera.image))
     return Asset(entry, model, scheme, has_photographs, distinct((*files, *key_files(entry.key))))
 
 
