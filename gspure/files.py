@@ -72,6 +72,30 @@ def filling(folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def filling_alone(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder as `filling` does; refuse a folder that another process fills."""
+    with alone_in(folder), filling(folder) as temporary:
+        yield temporary
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Raise `InputError` if another process is in this block with the same folder, which is made if it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(_locked(folder))
+        except BlockingIOError:
+            hint = "wait for it, or name another folder"
+            raise InputError(
+                folder, "output", expected="no other run", found="one that writes here", hint=hint
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+
+
+@contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Lock a folder, or raise OSError if another process holds its lock."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

@@ -23,8 +23,8 @@ def write_provenance(
 ) -> None:
     """Write ``provenance.json`` to a folder of results: version, command, settings, inputs with their SHA-256.
 
-    `further` are outputs that the folder's purpose does not name. `run` is the run ID of the embedding to which the results belong: the digest of its public model. By default it is
-    that of the first input with one.
+    `further` are outputs beside the main one. `run` is the run ID of the embedding to which the results belong: the
+    digest of its public model. By default it is that of the first input with one.
     """
     from gspure import __version__
 

@@ -6,8 +6,10 @@ The detector is the key of a scheme that hides bits, or a command of the user's.
 from __future__ import annotations
 
 import reprlib
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -36,15 +38,20 @@ class Reading(NamedTuple):
 def read_marks(command: str, images: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
     """Return what a command reads from each PNG file of the folder `images`, within `timeout` seconds.
 
-    The command runs in `folder` and gets `images` as its last argument. The last line that it prints is a JSON object.
-    It maps the name of each image, without ``.png``, to bits, as a text of 0 and 1, or to a score, which is high if the
-    mark is present. `message` holds the embedded bits, and is empty if the command returns scores.
+    The command runs in `folder` and gets a folder of copies, which it may change, as its last argument. The last line
+    that it prints is a JSON object. It maps the name of each image, without ``.png``, to bits, as a text of 0 and 1, or
+    to a score, which is high if the mark is present. `message` holds the embedded bits, and is empty if the command
+    returns scores.
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views = {file.stem for file in png_files(images)}
-    words = [*words_of(command), str(images)]
-    answer = answer_of("detector", command, words, timeout, folder)
+    files = png_files(images)
+    views = {file.stem for file in files}
+    words = words_of(command)
+    with TemporaryDirectory(prefix="gspure-") as copies:
+        for file in files:
+            shutil.copyfile(file, Path(copies, file.name))
+        answer = answer_of("detector", command, [*words, copies], timeout, folder)
     for view in sorted(views.symmetric_difference(answer)):
         mismatch = "no entry" if view in views else "an entry without an image"
         raise InputError("detector", view, expected="an entry for every image", found=mismatch)

@@ -81,7 +81,8 @@ def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
     The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
-    of an unpacked or streamed SOG model; a folder of several SOG models is one in chunks. Raise `InputError` if there is no such file, or if it holds no 3DGS model.
+    of an unpacked or streamed SOG model; a folder of several SOG models is one model in chunks. Raise `InputError` if
+    there is no such file, or if it holds no 3DGS model.
     """
     file = model_file(Path(path))
     if file.suffix.lower() in _FORMATS:
