@@ -1,7 +1,5 @@
 """``gspure extract``: render the message with the owner's key."""
 
-from pathlib import Path
-
 import numpy as np
 
 from gspure.cameras.camera import Camera
