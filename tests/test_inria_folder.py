@@ -30,7 +30,9 @@ def test_an_earlier_iteration_is_read_by_naming_its_folder(trained):
 
 
 def test_a_folder_without_a_model_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"point_cloud: expected .*iteration_.*found no such file"):
+    with pytest.raises(
+        InputError, match=r"point_cloud: expected .*iteration_.*found no such file: the folder is empty"
+    ):
         read_model(tmp_path)
 
 
