@@ -1,7 +1,9 @@
 """The exception type for bad input: which file, which field, what was expected, what was found."""
 
 import os
+import struct
 import warnings
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,6 +67,22 @@ def _short(text: str) -> str:
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
+def _reason(error: Exception) -> str:
+    """Return what was found, in place of Python's words for content of another structure than a reader expects."""
+    match error:
+        case OSError(strerror=str(reason)):
+            return reason
+        case KeyError():
+            return f"no entry {error}"
+        case UnicodeDecodeError():
+            return "no UTF-8 text"
+        case zlib.error():
+            return "damaged data"
+        case AttributeError() | IndexError() | TypeError() | struct.error():
+            return "another structure"
+    return str(error)
+
+
 @contextmanager
 def reading(path: str | Path, content: str, field: str = "file") -> Iterator[None]:
     """Turn every exception of the block, which reads `content` from the `field` of a file, into an `InputError`.
@@ -83,7 +101,6 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
         raise
     except Exception as error:
         is_missing = isinstance(error, FileNotFoundError) and not os.path.lexists(path)
-        reason = (isinstance(error, OSError) and error.strerror) or str(error)
-        line = " ".join(reason.split()) or type(error).__name__
+        line = " ".join(_reason(error).split()) or type(error).__name__
         kind = MissingFileError if is_missing else InputError
         raise kind(path, field, expected=content, found=line) from error

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,12 @@ from gspure.errors import InputError, reading
 
 Json = dict[str, Any]  # the content of a JSON object
 
+FileState = tuple[int, ...]
+
 _TEMPORARY: Final = ".gspure-"
+
+_digests_as_read: dict[str, tuple[FileState, str]] = {}
+"""State and SHA-256, by absolute path, of the files that this process read."""
 
 
 @contextmanager
@@ -64,6 +69,30 @@ def filling(folder: Path) -> Iterator[Path]:
                 file.replace(target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def filling_alone(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder as `filling` does; refuse a folder that another process fills."""
+    with alone_in(folder), filling(folder) as temporary:
+        yield temporary
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Raise `InputError` if another process is in this block with the same folder, which is made if it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(_locked(folder))
+        except BlockingIOError:
+            hint = "wait for it, or name another folder"
+            raise InputError(
+                folder, "output", expected="no other run", found="one that writes here", hint=hint
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        yield
 
 
 @contextmanager
@@ -115,7 +144,33 @@ def write_json(path: Path, value: Any) -> None:
 def read_json(path: Path) -> Any:
     """Read JSON, with or without a byte-order mark; raise `InputError` with the line of a syntax error."""
     with reading(path, "JSON"):
-        return json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        return json.loads(read_bytes(path).decode("utf-8-sig"))
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a file; `digest_as_read` then names this content, even if another replaces it."""
+    with Path(path).open("rb") as stream:
+        return read_all(stream)
+
+
+def read_all(stream: BinaryIO) -> bytes:
+    """Return the content of an open file, as `read_bytes` does.
+
+    It is a copy: a mapped file that another program cuts short would end this process.
+    """
+    place = os.path.abspath(stream.name)  # noqa: PTH100 -- links stay
+    state = file_state(os.fstat(stream.fileno()))
+    stream.seek(0)
+    content = stream.read()
+    known_state, _ = _digests_as_read.get(place, ((), ""))
+    if state != known_state:
+        _digests_as_read[place] = state, hashlib.sha256(content).hexdigest()
+    return content
+
+
+def file_state(status: os.stat_result) -> FileState:
+    """Return what changes with the content of a file: no program can set the time of its last change (ctime)."""
+    return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
 
 
 def digest(*parts: bytes | str | NDArray[Any]) -> str:
@@ -136,3 +191,9 @@ def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file, in hexadecimal digits."""
     with Path(path).open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def digest_as_read(path: Path) -> str:
+    """Return the SHA-256 of a file as this process last read it; of one that it did not read, as it is now."""
+    _, content_digest = _digests_as_read.get(os.path.abspath(path), ((), ""))  # noqa: PTH100 -- links stay
+    return content_digest or file_digest(path)

@@ -30,6 +30,8 @@ FORMATS: Final = {
 }
 """Formats of photographs, and their suffixes. Pillow knows more formats, some of which start other programs."""
 
+SUFFIXES: Final = frozenset(suffix for suffixes in FORMATS.values() for suffix in suffixes)
+
 _DEEP: Final = re.compile(";16[BLN]")  # in Pillow's name of 16-bit channels, which it cuts to 8 bits
 
 MOST_PIXELS: Final = 1 << 27  # a compressed file may claim any number of pixels; no camera takes so many
@@ -114,7 +116,7 @@ def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
 
 def png_files(folder: Path) -> list[Path]:
     """Return the PNG files of a folder, sorted; raise `InputError` if there is none."""
-    files = sorted(folder.glob("*.png"))
+    files = sorted(file for file in folder.glob("*") if file.suffix.lower() == ".png")
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none")
     return files

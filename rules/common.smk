@@ -17,7 +17,7 @@ from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
 from gspure.workflow.decisions import decision_folders
 from gspure.workflow.planning import VANILLA, plan_of
-from gspure.workflow.sources import code_digest, file_states_digest
+from gspure.workflow.sources import code_digest, files_digest
 
 
 def refuse(reason):
@@ -103,7 +103,7 @@ def step(name, version=None, **settings):
 
     def version_of(wildcards):
         model = get_model(wildcards)
-        return f"{code_of(name, model.module)} {file_states_digest(model.users_files)}"
+        return f"{code_of(name, model.module)} {files_digest(model.users_files)}"
 
     def text_of(wildcards):
         return codec.text({key: value(wildcards) if callable(value) else value for key, value in settings.items()})
@@ -117,7 +117,7 @@ def job_parameters(get_jobs):
     def version(wildcards):
         modules = {module for job in get_jobs(wildcards) for module in job.modules}
         users_files = dict.fromkeys(file for job in get_jobs(wildcards) for file in job.users_files)
-        return f"{code_of('evaluate', *sorted(modules))} {file_states_digest(users_files)}"
+        return f"{code_of('evaluate', *sorted(modules))} {files_digest(users_files)}"
 
     return step("evaluate", version=version, jobs=get_jobs)
 

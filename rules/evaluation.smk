@@ -80,7 +80,7 @@ rule write_report:
         "../envs/gspure.yaml"
     params:
         code=code_of("report"),
-        templates=file_states_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
+        templates=files_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),
         plan=lambda wildcards: codec.text(PLAN),  # a plain text with braces would be taken for wildcards
     message:
         "Writing tables, figures and the report"

@@ -16,7 +16,7 @@ use rule base_command as make_pair with:
         "results/benchmarks/pairs/{scene}/pair.tsv"
     params:
         code=code_of("pair"),
-        read=lambda wildcards: file_states_digest(PLAN.pairs[wildcards.scene].users_files),
+        read=lambda wildcards: files_digest(PLAN.pairs[wildcards.scene].users_files),
         command=lambda wildcards: command(
             "pair",
             *PLAN.pairs[wildcards.scene].sources,
@@ -36,7 +36,7 @@ use rule base_command as train_message with:
         "results/benchmarks/messages/{message}.tsv"
     params:
         code=code_of("train"),
-        read=lambda wildcards: file_states_digest(PLAN.messages[wildcards.message].users_files),
+        read=lambda wildcards: files_digest(PLAN.messages[wildcards.message].users_files),
         command=lambda wildcards: command(
             "train",
             *PLAN.messages[wildcards.message].sources,
@@ -59,7 +59,7 @@ use rule base_command as train_model with:
         f"results/benchmarks/{VANILLA}/{{scene}}/train.tsv"
     params:
         code=code_of("train"),
-        read=lambda wildcards: file_states_digest(PLAN.trained[wildcards.scene].users_files),
+        read=lambda wildcards: files_digest(PLAN.trained[wildcards.scene].users_files),
         command=lambda wildcards: command(
             "train",
             *PLAN.trained[wildcards.scene].sources,
@@ -86,7 +86,7 @@ use rule base_command as embed_message with:
         scheme=WATERMARKED,
     params:
         code=lambda wildcards: code_of("embed", get_model(wildcards).module),
-        read=lambda wildcards: file_states_digest(get_model(wildcards).users_files),
+        read=lambda wildcards: files_digest(get_model(wildcards).users_files),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
@@ -121,7 +121,7 @@ use rule base_step as prepare_cameras with:
     threads: 1
     params:
         **step("cameras", model=get_public_model, sources=lambda wildcards: get_model(wildcards).cameras),
-        read=lambda wildcards: file_states_digest(get_model(wildcards).camera_files),
+        read=lambda wildcards: files_digest(get_model(wildcards).camera_files),
     message:
         "Preparing the cameras of {wildcards.scheme}/{wildcards.scene}"
 

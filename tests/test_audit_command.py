@@ -14,7 +14,7 @@ from gspure.codec import plain
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.plan import Plan
 from gspure.evaluation.survival import Survival, survival
-from gspure.files import write_json
+from gspure.files import alone_in, write_json
 from gspure.metrics.csv_tables import write_table
 from gspure.model import write_model
 from tests.contest_cases import write_model as write_results
@@ -48,6 +48,17 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
     write_model(folder / "other.ply", blobs(30))
     assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
     assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
+    write_model(folder / "elsewhere" / "my model.ply", blobs(30))
+    assert main(["audit", "elsewhere/my model.ply", "--cameras", "orbit"]) == 2
+    assert "model: expected elsewhere/my model.ply, found my model.ply (delete" in capsys.readouterr().err
+
+
+def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):
+    with alone_in(folder):
+        assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 2
+    assert "output: expected no other run, found one that writes here" in capsys.readouterr().err
+    assert not (folder / "results").exists()
+    assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
 
 
 def test_the_key_s_pair_has_the_views_and_the_message(folder, words):

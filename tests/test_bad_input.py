@@ -14,6 +14,7 @@ from gspure.arrays import save_array
 from gspure.cli import main
 from gspure.images import write_image
 from gspure.model import read_model, write_model
+from gspure.provenance import write_provenance
 
 ROOT = Path(__file__).parents[1]
 COUNT = 30
@@ -89,6 +90,13 @@ BAD = {
         "of another model": (
             lambda: save_array(Path("weights.npy"), np.ones(3, np.float32)),
             "weights.npy: array: expected float32 [30], found float32 [3]",
+        ),
+        "measured on another order of rows": (
+            lambda: [
+                write_provenance(Path(), "purify", inputs={"model": Path("model.ply")}, settings={}),
+                write_model("model.ply", read_model("model.ply")[::-1]),
+            ],
+            "weights.npy: model: expected an array of the rows of model.ply, found one of model.ply, another model",
         ),
         "NaN": (
             lambda: save_array(Path("weights.npy"), np.full(COUNT, np.nan, np.float32)),

@@ -1,5 +1,6 @@
 """What commands write: each once on small inputs, with its provenance and the run ID of the embedding."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -70,6 +71,9 @@ def test_extract_takes_the_key_of_another_run_only_as_a_control(folder, capsys):
     assert gspure(EXTRACT, "--key", "marked/key", "--out", "message") == 0
     command, inputs, run = record("message")
     assert (command, inputs["model"], run) == ("extract", "marked/public/point_cloud.ply", runs[0])
+    in_views_of_scene = re.findall("readable: .*", capsys.readouterr().err)
+    assert gspure(EXTRACT.replace("--cameras pair", "--key marked/key --out of_message")) == 0
+    assert in_views_of_scene == re.findall("readable: .*", capsys.readouterr().err) != []
     assert {path.stem for path in Path("message").glob("*.png")} == {v.name for v in split(read_cameras("pair"))[1]}
     capsys.readouterr()
     assert gspure(EXTRACT, "--key", "other/key", "--out", "refused") == 2

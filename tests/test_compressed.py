@@ -203,9 +203,48 @@ def test_images_elsewhere_are_not_read(tmp_path):
     refused(tmp_path, "a file elsewhere")
 
 
-def test_a_format_that_is_not_read_is_refused_with_a_remedy(tmp_path):
-    (tmp_path / "m.ksplat").touch()
-    refused(tmp_path / "m.ksplat", "format: expected .ply, .spz, .sog or .splat, found m.ksplat .*splat-transform")
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("m.ksplat", "splat-transform"), ("m.LCC", "splat-transform"), ("m.spx", "save")]
+)
+def test_a_format_that_is_not_read_is_refused_with_a_remedy(tmp_path, name, remedy):
+    (tmp_path / name).touch()
+    refused(tmp_path / name, f"format: expected .ply, .spz, .sog or .splat, found {name} .*{remedy}")
+
+
+@pytest.mark.parametrize(
+    ("version", "degree", "message"),
+    [
+        (1, 0, "version: expected 2 to 4, found 1 .save it"),
+        (5, 0, "version: expected 2 to 4, found 5 .save it"),
+        (3, 4, "f_rest_.: expected .*, found 72, SH degree 4 .train it"),
+    ],
+)
+def test_an_spz_model_of_another_version_or_degree_is_refused_with_a_remedy(tmp_path, version, degree, message):
+    head = struct.pack("<4sIIBBBB", b"NGSP", version, 3, degree, 12, 0, 0)
+    (tmp_path / "m.spz").write_bytes(gzip.compress(head + bytes(300)))
+    refused(tmp_path / "m.spz", message)
+
+
+@pytest.mark.parametrize(
+    ("names", "chunks"),
+    [
+        (("a.sog", "b.sog"), 2),
+        (("0_0/meta.json", "0_1/meta.json", "1_0/meta.json"), 2),
+        (("lod0_0.sog", "lod1_0.sog", "env.sog"), 2),
+    ],
+)
+def test_the_chunks_of_a_folder_without_an_index_are_one_model_of_the_finest_level(tmp_path, names, chunks):
+    for name in names:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        if name.endswith(".sog"):
+            (tmp_path / name).write_bytes((SPLAT_TRANSFORM / "model.sog").read_bytes())
+            continue
+        for part, data in unpacked_sog().items():
+            (tmp_path / name).with_name(part).write_bytes(data)
+    one = len(read_model(tmp_path / names[0]))
+    assert len(read_model(tmp_path)) == chunks * one
+    write_model(tmp_path / "other.ply", read_model(tmp_path / names[0]))
+    refused(tmp_path, "name one of")
 
 
 def streamed(folder, *, environment, **more):

@@ -117,6 +117,14 @@ def renders(tmp_path):
     return folder
 
 
+def test_a_detector_may_change_its_images(renders):
+    before = {file.name: file.read_bytes() for file in renders.iterdir()}
+    code = "import pathlib, sys; [file.write_bytes(b'') for file in pathlib.Path(sys.argv[1]).glob('*.png')]"
+    code += '; print(\'{"a": 1, "b": 2}\')'
+    assert len(read_marks(shlex.join([sys.executable, "-c", code]), renders, "", 60)) == 2
+    assert {file.name: file.read_bytes() for file in renders.iterdir()} == before
+
+
 def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
     code = 'import pathlib, sys; print(\'loading\'); print(\'{"a": "0110", "b": "1111"}\'.replace(\'a\', sorted('
     code += "pathlib.Path(sys.argv[1]).glob('*.png'))[0].stem))"

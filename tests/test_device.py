@@ -15,14 +15,13 @@ import pytest
 
 from gspure.constants import TILE
 from gspure.errors import InputError
-from gspure.model.gaussians import Gaussians
 from gspure.opencl import device as devices
 from gspure.opencl import selftest
 from gspure.opencl.blending import _batch
 from gspure.opencl.device import choose_device, list_devices, works
 from gspure.opencl.engine import Engine, Program, _kernels, device_identity
 from gspure.opencl.frame import Traversal
-from gspure.opencl.storage import BLOCK, blocked_shape, store, upload_attributes, upload_sh_coeffs
+from gspure.opencl.storage import BLOCK, blocked_shape, upload_attributes
 from gspure.renderer import Renderer
 from tests.models import blobs, tilted_camera
 
@@ -205,17 +204,6 @@ def test_attributes_lie_in_storage_order_in_blocks_padded_with_zeros(device):
     positions = engine.read(buffer, blocked_shape(len(values), 2), np.float32).swapaxes(1, 2).reshape(-1, 2)
     assert np.array_equal(positions[: len(values)], values[::-1])
     assert not positions[len(values) :].any()
-
-
-def test_each_part_of_a_model_leaves_memory_once_it_is_uploaded(device, monkeypatch):
-    released = []
-    monkeypatch.setattr(Gaussians, "release_pages", lambda model: released.append(id(model)))
-    monkeypatch.setattr("gspure.opencl.storage._CHUNK", 16)
-    engine, model = Engine(device.cl_device), blobs(40)
-    storage = store(engine, model)
-    assert released == [id(model)] * 3
-    upload_sh_coeffs(engine, storage, model)
-    assert released == [id(model)] * 6
 
 
 def test_memory_that_is_mapped_to_be_read_is_not_written(device):

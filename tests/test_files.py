@@ -154,3 +154,22 @@ def test_provenance_names_inputs_with_their_digests_and_passes_on_the_run(tmp_pa
     assert (record["command"], record["settings"]) == ("attack", {"scale": 0.5})
     assert run_of(attacked) == run_of(model) == record["run"] == "abc"
     assert run_of(tmp_path) == ""
+
+
+def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(tmp_path):
+    file = tmp_path / "cameras.json"
+    files.write_text(file, "[1]")
+    content_digest = file_digest(file)
+    assert files.read_json(file) == [1]
+    files.write_text(file, "[2]")
+    write_provenance(tmp_path, "render", inputs={"cameras": file}, settings={})
+    record = json.loads((tmp_path / "provenance.json").read_text())
+    assert record["inputs"]["cameras"]["sha256"] == content_digest != file_digest(file)
+
+
+def test_a_folder_is_filled_by_one_run_at_a_time(tmp_path):
+    with files.filling_alone(tmp_path / "out") as folder:
+        (folder / "first").touch()
+        with pytest.raises(InputError, match="out: output: expected no other run"), files.alone_in(tmp_path / "out"):
+            pytest.fail("two at once")
+    assert content(tmp_path / "out") == {"first": ""}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from gspure.cli import main
 from gspure.errors import InputError
@@ -176,6 +177,19 @@ def test_command_writes_every_view_and_prints_the_means(tmp_path: Path, capsys: 
     write_image(b / "scene" / "002.png", image(0, 20, 31))
     assert main(["metrics", str(a), str(b)]) == 2
     assert "size: expected 30x20, as " in capsys.readouterr().err
+
+
+def test_images_of_a_view_may_have_other_suffixes(tmp_path: Path) -> None:
+    a, b = folders(tmp_path, "scene")
+    for file in a.rglob("*.png"):
+        file.rename(file.with_suffix(".PNG"))
+    Image.open(b / "scene" / "002.png").save(b / "scene" / "002.jpg")
+    (b / "scene" / "002.png").unlink()
+    pairs, _ = pair_images(a, b)
+    assert [(pair.view, pair.reference.suffix, pair.image.suffix) for pair in pairs] == [
+        ("001", ".PNG", ".png"),
+        ("002", ".PNG", ".jpg"),
+    ]
 
 
 def test_targets_that_are_not_chosen_are_left_out(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ FILES = {
         zipped("archive/data.pkl", "archive/data/0"),
         b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.",
         b"\x40" + bytes(7) + b'{"means":',
+        b"\2" + bytes(7) + b"{}",
     ],
     "arrays (export": [zipped("means.npy", "quats.npy"), b"\x93NUMPY\1\0"],
     "a picture (`gspure train`": [
@@ -49,6 +50,11 @@ FILES = {
         b"II*\0\x08",
     ],
     "a mesh (`gspure train`": [b"# Blender\n\n# www\nmtllib a.mtl\nv 0 0 0\n", b"glTF\2\0\0\0", b"solid cube\nfacet"],
+    "Gaussians in glTF (save it": [
+        b"glTF\2\0\0\0" + b' {"extensionsUsed": ["KHR_gaussian_splatting"]}',
+        b'{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_gaussian_splatting"]}',
+    ],
+    "a USD scene (save it": [zipped("scene.usdc"), b"PXR-USDC", b"#usda 1.0"],
     "a point cloud (`gspure train`": [b"LASF\0\0"],
     "JSON (name the model's file)": [b'[{"id": 0}]', b'{"asset": {"version": "2.0"}}'],
     "an empty file (copy or": [b""],

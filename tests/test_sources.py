@@ -5,7 +5,7 @@ import os
 import pytest
 
 from gspure.workflow import sources
-from gspure.workflow.sources import code_digest, file_states_digest
+from gspure.workflow.sources import code_digest, files_digest
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -87,14 +87,30 @@ def test_kernels_count_where_the_device_is_used(package, monkeypatch):
     assert code_digest("gspure.stage") == stage
 
 
-def test_files_count_by_name_size_and_time(tmp_path):
+def test_files_count_by_name_and_content(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     file = tmp_path / "a.ply"
-    digests = [file_states_digest([file])]
+    digests = []
     for text, time in (("one", 1), ("two", 1), ("two", 2), ("three", 2)):
-        file.write_text(text)
-        os.utime(file, (time, time))
-        digests.append(file_states_digest([file]))
-    nothing, first, same_state, later, longer = digests
-    assert first == same_state
-    assert len({nothing, first, later, longer, file_states_digest([file, file])}) == 5
-    assert nothing == file_states_digest([]) == file_states_digest([tmp_path])
+        (tmp_path / "new").write_text(text)
+        os.utime(tmp_path / "new", (time, time))
+        (tmp_path / "new").replace(file)
+        digests.append(files_digest([file]))
+    first, same_size_and_time, later, longer = digests
+    assert same_size_and_time == later
+    assert len({first, later, longer, files_digest([file, file])}) == 4
+    assert files_digest([]) == files_digest([tmp_path])
+
+
+def test_a_file_is_read_once_unless_it_changed_just_now(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    reads = []
+    monkeypatch.setattr(sources, "file_digest", lambda file: reads.append(file.name) or file.read_text())
+    file = tmp_path / "a.ply"
+    file.write_text("one")
+    for settled in (10**12, 0):  # a change of the next moment might leave size and time as they are
+        monkeypatch.setattr(sources, "_SETTLED", settled)
+        for _ in range(2):
+            sources._known_digests.cache_clear()
+            files_digest([file])
+    assert len(reads) == 3

@@ -17,9 +17,10 @@ from gspure.errors import InputError
 from gspure.evaluation.attacking import AttackResult, Context, attacked, learns
 from gspure.evaluation.plan import AttackSpec
 from gspure.images import read_image
-from gspure.model import require_writable
+from gspure.model import model_file, require_writable
 from gspure.opencl.device import Device
 from gspure.progress import warn
+from gspure.provenance import require_rows_of
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model
 from gspure.settings import DECIBELS, SEED, parsed_settings
@@ -93,6 +94,8 @@ def run(args: Arguments) -> None:
     require_writable(wanted.out)
     spec = _spec(wanted)
     public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
+    for file in spec.measured.values():
+        require_rows_of(model_file(wanted.model), file)
     attack_result = attacked(public, spec, _context(wanted, spec))
     if attack_result.match and wanted.damage is not None:
         _mention(attack_result, attack_result.match, wanted.damage)

@@ -15,7 +15,7 @@ from gspure.cli import options
 from gspure.cli.options import QUIET, add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import Json
+from gspure.files import Json, alone_in
 from gspure.progress import say
 from gspure.settings import CORES
 from gspure.workflow.running import forecast, unlock
@@ -104,16 +104,15 @@ def run(args: Arguments) -> int:
     """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
     wanted = options.typed(args, AuditOptions)
     run_options = options.typed(args, RunOptions)
-    if wanted.is_configuration:
-        if wanted.cameras or wanted.up or wanted.key or wanted.everyday:
-            conflict = "views or a key"
-            raise InputError(wanted.source, "--cameras", expected="nothing beside a configuration", found=conflict)
-        return audited(run_options, wanted.source)
-    if not run_options.dry_run:
-        return audited(run_options, _write_configuration(wanted, _CONFIGURATION, draws=True))
-    with TemporaryDirectory() as folder:
-        target = Path(folder) / _CONFIGURATION.name
-        return audited(run_options, _write_configuration(wanted, target, draws=False))
+    if wanted.is_configuration and (wanted.cameras or wanted.up or wanted.key or wanted.everyday):
+        conflict = "views or a key"
+        raise InputError(wanted.source, "--cameras", expected="nothing beside a configuration", found=conflict)
+    if run_options.dry_run:
+        with TemporaryDirectory() as folder:
+            target = Path(folder) / _CONFIGURATION.name
+            return audited(run_options, _configuration(wanted, target, draws=False))
+    with alone_in(Path.cwd()):
+        return audited(run_options, _configuration(wanted, _CONFIGURATION, draws=True))
 
 
 def audited(run_options: RunOptions, configuration: Path) -> int:
@@ -177,8 +176,13 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _write_configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
-    """Write the configuration of a model, unless the results here are of another one; warn of doubtful views."""
+def _configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
+    """Return the configuration: the user's, or that of a model, written unless the results here are of another one.
+
+    Warn of doubtful views.
+    """
+    if wanted.is_configuration:
+        return wanted.source
     import yaml
 
     from gspure.cameras import GENERATED
@@ -202,7 +206,7 @@ def _write_configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> 
     variants = _variants(wanted, has_photographs=_has_photographs(asset["cameras"]))
     if variants:
         content["variants"] = variants
-    _require_same_scene(scene)
+    _require_same_model(scene, model)
     write_text(target, yaml.safe_dump(content))
     return target
 
@@ -228,16 +232,19 @@ def _variants(wanted: AuditOptions, *, has_photographs: bool) -> Json:
     return {name: {} for name in DEFAULT_VARIANTS} | (_SEARCHED if has_photographs else {})
 
 
-def _require_same_scene(scene: str) -> None:
-    """Refuse to replace the results of another model."""
+def _require_same_model(scene: str, model: Path) -> None:
+    """Refuse to replace the results of another model, even of one that has the same name."""
     from gspure.workflow.config_reading import load_yaml
 
     if not _CONFIGURATION.is_file():
         return
-    scenes = [*load_yaml(_CONFIGURATION).get("assets", {})]
-    if scenes != [scene]:
-        hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
-        raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(scenes), hint=hint)
+    assets = load_yaml(_CONFIGURATION).get("assets", {})
+    hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
+    if [*assets] != [scene]:
+        raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(assets), hint=hint)
+    audited_model = str(assets[scene].get("model", ""))
+    if Path(audited_model).resolve() != model.resolve():
+        raise InputError(_CONFIGURATION, "model", expected=str(model), found=audited_model, hint=hint)
 
 
 def _scene_name(source: Path) -> str:
@@ -265,9 +272,10 @@ def _asset(wanted: AuditOptions, model: Path) -> Json:
     from gspure.schemes.registry import made_by
 
     run_folder = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
+    folder = model if model.is_dir() else model.parent
     pairs = [made_by(wanted.key)[1]] if wanted.key else []
     message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
-    cameras = wanted.cameras or next(filter(place_in, [*pairs, model.parent, run_folder]), "orbit")
+    cameras = wanted.cameras or next(filter(place_in, [*pairs, folder, run_folder]), "orbit")
     owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""
     say(f"{model}: views {cameras}{owner}")
     paths = {"model": model, "cameras": cameras, "key": wanted.key, "message": message}

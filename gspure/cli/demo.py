@@ -1,8 +1,11 @@
 """``gspure demo``: the whole evaluation on a scene made here."""
 
+from pathlib import Path
+
 from gspure.cli import options
 from gspure.cli.audit import RunOptions, add_run_options, audited, snakefile
 from gspure.cli.parser import Arguments, Parser
+from gspure.files import alone_in
 
 EXAMPLES = """\
   gspure demo              # results/report.html, in two to three minutes on two CPU cores
@@ -15,4 +18,5 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> int:
     """Run the demo's configuration."""
-    return audited(options.typed(args, RunOptions), snakefile().parent / "config" / "config.yaml")
+    with alone_in(Path.cwd()):
+        return audited(options.typed(args, RunOptions), snakefile().parent / "config" / "config.yaml")

@@ -8,7 +8,7 @@ from gspure.cli import options
 from gspure.cli.pair import PairSettings, make_pair
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import file_digest, filling, write_json
+from gspure.files import file_digest, filling_alone, write_json
 from gspure.metrics.targets import BITS, MODEL_BITS
 from gspure.model import is_trained_model
 from gspure.progress import say
@@ -58,7 +58,7 @@ def run(args: Arguments) -> None:
         raise InputError("embed", "PAIR", expected="a pair, or --scene and --message", found="neither or both")
     resolved = {"set": scheme.settings | settings, "pair": args.out / "pair" if makes_pair else args.pair}
     model = Path("public", "point_cloud.ply")
-    with filling(args.out) as folder:
+    with filling_alone(args.out) as folder:
         if makes_pair:
             make_pair(_pair_settings(args), folder / "pair")
         pair = read_pair(folder / "pair" if makes_pair else args.pair, args.initialization)

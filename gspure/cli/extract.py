@@ -1,15 +1,14 @@
 """``gspure extract``: render the message with the owner's key."""
 
-from pathlib import Path
-
 import numpy as np
 
-from gspure.cameras.photographs import missing_photographs
+from gspure.cameras.camera import Camera
+from gspure.cameras.photographs import photograph, photograph_size
 from gspure.cameras.reading import read_transform
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
-from gspure.files import filling
+from gspure.files import filling_alone
 from gspure.images import is_blank, write_image
 from gspure.metrics.targets import ADAPTIVE
 from gspure.model import model_file
@@ -37,7 +36,7 @@ def add_arguments(parser: Parser) -> None:
     meaning = "message (as published; the default), message_adaptive (adapted to the attack), or another of the scheme"
     parser.text("--extraction", "NAME", meaning)
     options.add_control_keys(parser)
-    meaning = "photographs of the message (PAIR/message), for `message_adaptive` of gs_hider, secure_gs and keyss"
+    meaning = "photographs of the message, to judge it and to adapt to (default: to judge it, those of the key's pair)"
     parser.reads("--photographs", "DIR", meaning, required=False)
     meaning = "the published model; first undo an unknown rotation, translation and scale of MODEL"
     parser.reads("--original", "MODEL", meaning, required=False)
@@ -67,7 +66,7 @@ def run(args: Arguments) -> None:
         key = key.fitted(public, _lesson(args))
     images = key.images(public, extraction, views, options.read_device(args))
     all_blank = True
-    with filling(args.out) as folder:
+    with filling_alone(args.out) as folder:
         for camera, image in zip(track(views, "extract"), images, strict=True):
             write_image(folder / f"{camera.name}.png", image)
             all_blank &= is_blank(image)
@@ -77,11 +76,32 @@ def run(args: Arguments) -> None:
         options.record_command(args, folder, resolved=resolved)
     if args.wrong_key is not None:
         return
-    if isinstance(source, Path) and not missing_photographs(views):
-        readability(Capture.read(source), public, key, options.read_device(args)).report()
+    capture = None if args.transform else _message_photographs(args)
+    if capture:
+        readability(capture, public, key, options.read_device(args)).report()
     if all_blank:
         may_adapt = ADAPTIVE in scheme.extractions and extraction != ADAPTIVE
         _warn_of_blank_images(has_original=bool(args.original), may_adapt=may_adapt)
+
+
+def _message_photographs(args: Arguments) -> Capture | None:
+    """Return the photographs of the message, by which it is judged: those of ``--photographs`` or of the key's pair.
+
+    Return None without any, or if they have not the shape of their views.
+    """
+    if args.photographs:
+        return Capture.read(args.photographs)
+    try:
+        capture = Capture.read(message_folder(made_by(args.key)[1]))
+    except InputError:  # the pair is elsewhere, or its photographs are
+        return None
+    return capture if all(map(_has_shape_of_photograph, capture.views)) else None
+
+
+def _has_shape_of_photograph(view: Camera) -> bool:
+    """Return whether a view is its photograph, perhaps reduced and rounded to whole pixels."""
+    width, height = photograph_size(photograph(view))
+    return abs(width * view.height - height * view.width) <= width + height
 
 
 def _warn_of_blank_images(*, has_original: bool, may_adapt: bool) -> None:

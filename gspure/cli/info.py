@@ -9,7 +9,7 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import printable
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import FILTER
-from gspure.model.inria import UNPACKED_SOG, training_arguments
+from gspure.model.inria import model_parts, training_arguments
 from gspure.model.summary import Summary, doubts, summarize, suspicious_lines
 from gspure.progress import warn
 from gspure.provenance import run_of
@@ -55,10 +55,7 @@ def _facts(file: Path, model: Gaussians) -> str:
     """Return the numbers of rows and properties, the colours and the size of the file."""
     rows = "anchors" if model.has_anchors else "Gaussians"
     colour = f"SH degree {model.sh_degree}" if model.sh_degree >= 0 else "no spherical harmonics"
-    files = [file]
-    if file.name == UNPACKED_SOG:
-        files += file.parent.glob("*.webp")  # its images
-    size = sum(part.stat().st_size for part in files) / 1e6
+    size = sum(part.stat().st_size for part in model_parts(file)) / 1e6
     return f"{len(model):,} {rows}, {colour}, {len(model.names)} properties, {size:,.1f} MB"
 
 

@@ -14,8 +14,8 @@ EXAMPLES = """\
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.reads("images", "DIR_A", "reference images, PNG; may hold more views than DIR_B")
-    parser.reads("other", "DIR_B", "images to compare, PNG, with the same names, sizes and subfolders")
+    parser.reads("images", "DIR_A", "reference images; may hold more views than DIR_B")
+    parser.reads("other", "DIR_B", "images to compare, with the same names (suffixes may differ), sizes and subfolders")
     meaning = "kind of images in DIR_A: photographs (truth) or renders of the unattacked model"
     parser.choice("--reference", REFERENCES, meaning, RENDER)
     parser.pairs("--against", "TARGET=OTHER", "compare subfolder TARGET of DIR_B with subfolder OTHER of DIR_A")

@@ -194,7 +194,8 @@ def record_command(args: Arguments, folder: Path, run: str = "", resolved: Mappi
     settings = {name: value for name, value in recorded.items() if name not in inputs}
     if "model" in inputs:
         inputs["model"] = model_file(inputs["model"])
-    write_provenance(folder, args.verb, inputs=inputs, settings=settings, run=run)
+    further = [values[name] for name in args.outputs if name != "out" and values[name]]
+    write_provenance(folder, args.verb, inputs=inputs, settings=settings, further=further, run=run)
 
 
 def require_own_folder(args: Arguments) -> None:

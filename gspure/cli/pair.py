@@ -12,7 +12,7 @@ from gspure.cli.options import add_device, selected_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.files import filling
+from gspure.files import filling_alone
 from gspure.images import is_flat, write_image
 from gspure.model import Gaussians, read_model, require_finite
 from gspure.model.ply import write_point_ply
@@ -93,7 +93,7 @@ def make_pair(settings: PairSettings, out: Path) -> None:
         expected = f"both of {NAMES}, or both files"
         names = f"{settings.scene} and {settings.message}"
         raise InputError("pair", "SCENE and MESSAGE", expected=expected, found=names)
-    with filling(out) as folder:
+    with filling_alone(out) as folder:
         if scene and message:
             _trace(settings, scene, message, folder)
         else:

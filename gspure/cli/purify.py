@@ -26,7 +26,7 @@ from gspure.constants import (
     Energy,
 )
 from gspure.errors import InputError
-from gspure.files import Json, filling, write_json
+from gspure.files import Json, filling_alone, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
 from gspure.method.purify import Purification, purify
@@ -110,7 +110,7 @@ def run(args: Arguments) -> None:
         warn("a single view: it measures the weights, and none is held out for the metrics")
         train = test
     device = choose_device(args.device)
-    with filling(args.out) as folder:
+    with filling_alone(args.out) as folder:
         purification = purify(public, train, device=device, **settings.of_purify)
         models = _models(public, purification, train, args.repair, device)
         models["purified"].write(folder / "purified.ply")

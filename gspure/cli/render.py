@@ -26,7 +26,7 @@ def run(args: Arguments) -> None:
     from gspure.arrays import save_array
     from gspure.cameras.worlds import mention_unseen
     from gspure.cli.options import mention_up
-    from gspure.files import filling
+    from gspure.files import filling_alone
     from gspure.images import is_flat, write_image
     from gspure.schemes.registry import read_public_model
 
@@ -36,7 +36,7 @@ def run(args: Arguments) -> None:
     background = tuple(args.background or public.model.background)
     scene = public.scene(options.read_device(args), background, args.energy)
     empty = []
-    with filling(args.out) as folder:
+    with filling_alone(args.out) as folder:
         for camera in track(views, "render"):
             image = scene(camera)
             if is_flat(image):

@@ -75,7 +75,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Check the data, train, write the model, and compare the held-out views."""
-    from gspure.files import filling, replacing
+    from gspure.files import filling_alone, replacing
     from gspure.metrics.comparison import as_text
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
@@ -96,7 +96,7 @@ def run(args: Arguments) -> None:
     say(f"{views}, {len(data.xyz)} points, extent {data.extent:.3g}")
     device = options.read_device(args)
     options.record_command(args, args.out, resolved={"background": background, "max_gaussians": max_gaussians})
-    with filling(args.out) as folder:
+    with filling_alone(args.out) as folder:
         trainer = _train(settings, data, images, args.out / CHECKPOINT, resume=args.resume, device=device)
         parameters = trainer.model.state().parameters
         written = output.write_output(folder, data, parameters, args.iterations, background, place=args.out)

@@ -10,7 +10,7 @@ import numpy as np
 from gspure.cameras.orbit import UP_SHEET
 from gspure.errors import InputError
 from gspure.grouping import grouped
-from gspure.images import mean_colour, read_image
+from gspure.images import SUFFIXES, mean_colour, read_image
 from gspure.metrics.csv_tables import Values, read_table, write_table
 from gspure.metrics.image_metrics import METRICS, measured
 from gspure.metrics.names import BLACK
@@ -54,30 +54,31 @@ def pair_images(
     targets: Iterable[str] = (),
     background: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> tuple[list[ImagePair], int]:
-    """Pair the PNG files below two folders by their relative paths, sorted by target and view.
+    """Pair the images below two folders by their relative paths without suffix, sorted by target and view.
 
     A target is a subfolder. `against` maps a target of `images` to the target of `reference` that it is compared with,
     if that has another name. `targets` select targets of `images`; without any, all are compared. Also return the
-    number of images of `reference` without a counterpart. Raise `InputError` if a folder holds no PNG file, or `images`
+    number of images of `reference` without a counterpart. Raise `InputError` if a folder holds no image, or `images`
     lacks a target or has a file that `reference` lacks.
     """
     renamed = against or {}
     chosen = frozenset(targets)
-    available = _png_files(reference)
-    compared = _png_files(images, chosen)
+    available = _image_files(reference)
+    compared = _image_files(images, chosen)
     present = {path.parent.as_posix() for path in compared}
     for target in sorted((renamed.keys() | chosen) - present):
         raise InputError(images, "target", expected=f"one of {', '.join(sorted(present))}", found=repr(target))
     counterparts = {path: Path(renamed.get(path.parent.as_posix(), path.parent)) / path.name for path in compared}
     for path, counterpart in sorted(counterparts.items()):
         if counterpart not in available:
-            expected = f"a counterpart of {images / path}"
-            raise InputError(reference / counterpart, "file", expected=expected, found="nothing")
+            expected = f"a counterpart of {compared[path]}"
+            place = reference / counterpart.with_name(compared[path].name)
+            raise InputError(place, "file", expected=expected, found="nothing")
     pairs = [
-        ImagePair(path.parent.as_posix(), path.stem, reference / counterpart, images / path, tuple(background))
+        ImagePair(path.parent.as_posix(), path.name, available[counterpart], compared[path], tuple(background))
         for path, counterpart in counterparts.items()
     ]
-    return sorted(pairs), len(available - {*counterparts.values()})
+    return sorted(pairs), len(available.keys() - {*counterparts.values()})
 
 
 def compare(pair: ImagePair, reference: Reference = RENDER, baseline: str | None = None) -> ViewMetrics:
@@ -173,12 +174,14 @@ def _named(row: ViewMetrics) -> str:
     return row.view if row.target == "." else f"{row.target}/{row.view}"
 
 
-def _png_files(folder: Path, targets: Container[str] = ()) -> set[Path]:
-    files = {path.relative_to(folder) for path in folder.rglob("*.png")}
+def _image_files(folder: Path, targets: Container[str] = ()) -> dict[Path, Path]:
+    """Return the images below a folder by their relative paths without suffix; of several, the PNG file."""
+    files = {path.relative_to(folder) for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES}
     if any(path.name.startswith(("orbit_", "shell_")) for path in files):  # generated views, perhaps with candidates
         files.discard(Path(UP_SHEET))
     files = {path for path in files if not targets or path.parent.as_posix() in targets}
     files = {path for path in files if not path.parts[0].startswith(".")}  # left by a killed process
     if not files:
         raise InputError(folder, "folder", expected="PNG files", found="none" if folder.is_dir() else "no such folder")
-    return files
+    png_last = sorted(files, key=lambda path: path.suffix.lower() == ".png")
+    return {path.with_suffix(""): folder / path for path in png_last}

@@ -6,8 +6,10 @@ The detector is the key of a scheme that hides bits, or a command of the user's.
 from __future__ import annotations
 
 import reprlib
+import shutil
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,16 +40,23 @@ class Reading(NamedTuple):
 def read_marks(command: str, source: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
     """Return what a command reads from a model's file, or from each PNG file of a folder, within `timeout` seconds.
 
-    The command runs in `folder` and gets `source` as its last argument. The last line that it prints is a JSON object.
-    It maps the name of each image, without ``.png``, or `MODEL`, to bits, as a text of 0 and 1, or to a score, which is
-    high if the mark is present. `message` holds the embedded bits, and is empty if the command returns scores.
+    The command runs in `folder` and gets a copy of the file, or a folder of copies, as its last argument: it may change
+    them. The last line that it prints is a JSON object. It maps the name of each image, without ``.png``, or `MODEL`,
+    to bits, as a text of 0 and 1, or to a score, which is high if the mark is present. `message` holds the embedded
+    bits, and is empty if the command returns scores.
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
-    views = {MODEL} if source.is_file() else {file.stem for file in png_files(source)}
-    words = [*words_of(command), str(source)]
-    answer = answer_of("detector", command, words, timeout, folder)
-    expected = f'one entry, "{MODEL}"' if source.is_file() else "an entry for every image"
+    is_model = source.is_file()
+    files = [source] if is_model else png_files(source)
+    views = {MODEL} if is_model else {file.stem for file in files}
+    words = words_of(command)
+    with TemporaryDirectory(prefix="gspure-") as copies:
+        for file in files:
+            shutil.copyfile(file, Path(copies, file.name))
+        read = str(Path(copies, source.name)) if is_model else copies
+        answer = answer_of("detector", command, [*words, read], timeout, folder)
+    expected = f'one entry, "{MODEL}"' if is_model else "an entry for every image"
     for view in sorted(views.symmetric_difference(answer)):
         mismatch = "no entry" if view in views else "a further entry"
         raise InputError("detector", view, expected=expected, found=mismatch)

@@ -20,7 +20,7 @@ from gspure.model.inria import (
     trained_background,
 )
 from gspure.model.ply import read_ply, write_ply
-from gspure.model.sog import read_sog, read_streamed
+from gspure.model.sog import read_chunks, read_sog, read_streamed
 from gspure.model.spz import read_spz, write_spz
 
 __all__ = [
@@ -36,6 +36,18 @@ __all__ = [
 _READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog, STREAMED: read_streamed}
 """Readers by suffix or by name. All other files are PLY; the header of a compressed one tells that it is."""
 
+_SAVE: Final = "save it as .ply, .spz or .sog in the program that made it"
+_CONVERT: Final = "convert it with splat-transform"
+_FORMATS: Final = {
+    ".ksplat": ("GaussianSplats3D", _CONVERT),
+    ".lcc": ("XGRIDS", _CONVERT),
+    ".psht": ("Postshot", _SAVE),
+    ".rad": ("Spark", _SAVE),
+    ".spx": ("Reall3D", _SAVE),
+    ".ssproj": ("SuperSplat", _SAVE),
+}
+"""Formats of models that are not read, by suffix: their program, and a remedy."""
+
 _UNPACK: Final = "unpack it, and name the model's file"
 _EXPORT: Final = "export a .ply with the trainer, as by `ns-export gaussian-splat`"
 _TRAIN: Final = "`gspure train` makes a model from photographs"
@@ -49,12 +61,14 @@ _KINDS: Final = (
     (rb"NGSP", "an SPZ model", "name it .spz", ".spz"),
     (rb"PK.*(meta\.json|\.webp)", "a SOG model", "name it .sog", ".sog"),
     (rb"\s*ply\s", "a PLY", "name it .ply", ".ply"),
-    (rb'PK.*data\.pkl|\x80[\x02-\x05]|.{8}\{"', "a PyTorch checkpoint", _EXPORT, None),
+    (rb"(glTF|\s*\{).*KHR_gaussian_splatting", "Gaussians in glTF", _SAVE, None),
+    (rb"PK.*\.usd|PXR-USDC|#usda", "a USD scene", _SAVE, None),
+    (rb"PK.*data\.pkl|\x80[\x02-\x05]|.{5}\x00{3}\{", "a PyTorch checkpoint", _EXPORT, None),
     (rb"PK.*\.npy|\x93NUMPY|\x89HDF", "arrays", _EXPORT, None),
     (rb"PK|7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd|.{257}ustar", "an archive", _UNPACK, None),
     (rb"\x89PNG|\xff\xd8\xff|GIF8|RIFF....WEBP|BM....\x00{4}|II\*\x00|MM\x00\*", "a picture", _TRAIN, None),
     (rb"....ftyp", "a film or picture", _TRAIN, None),
-    (rb"glTF|solid\s|Kaydara|PXR-USDC|(?:#[^\n]*\n|\s)*(mtllib|usemtl|[ogs]|v[nt]?)\s", "a mesh", _TRAIN, None),
+    (rb"glTF|solid\s|Kaydara|(?:#[^\n]*\n|\s)*(mtllib|usemtl|[ogs]|v[nt]?)\s", "a mesh", _TRAIN, None),
     (rb"LASF|ASTM-E57|# \.PCD", "a point cloud", _TRAIN, None),
     (rb"(\xef\xbb\xbf)?\s*<", "a web page", _AGAIN, None),
     (rb"\s*[\[{]", "JSON", "name the model's file", ".json"),
@@ -67,13 +81,17 @@ def read_model(path: str | Path) -> Gaussians:
     """Read a model from a file, or from an INRIA output folder (its newest iteration).
 
     The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
-    of an unpacked or streamed SOG model. Raise `InputError` if there is no such file, or if it holds no 3DGS model.
+    of an unpacked or streamed SOG model; a folder of several SOG models is one model in chunks. Raise `InputError` if
+    there is no such file, or if it holds no 3DGS model.
     """
     file = model_file(Path(path))
-    if file.suffix.lower() == ".ksplat":
-        hint = "convert it with splat-transform"
-        raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=file.name, hint=hint)
+    if file.suffix.lower() in _FORMATS:
+        program, hint = _FORMATS[file.suffix.lower()]
+        found = f"{file.name} of {program}"
+        raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=found, hint=hint)
     read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
+    if file.is_dir():
+        read = read_chunks
     try:
         model = read(file)
     except InputError as error:
@@ -86,7 +104,7 @@ def _recognized(path: Path, error: InputError) -> InputError:
     if not path.is_file():
         return error
     with path.open("rb") as stream:
-        head = stream.read(512)
+        head = stream.read(1 << 16)
     matching = (row for row in _KINDS if re.match(row[0], head, re.DOTALL))
     _, kind, hint, suffix = next(matching, (b"", "", "", ""))
     if not kind or suffix == path.suffix.lower():
@@ -97,7 +115,10 @@ def _recognized(path: Path, error: InputError) -> InputError:
 
 
 def model_file(path: Path) -> Path:
-    """Return the file of a model: the path itself, or in an INRIA output folder that of the newest iteration."""
+    """Return the file of a model: the path itself, or in an INRIA output folder that of the newest iteration.
+
+    The chunks of a SOG model have only their folder.
+    """
     return point_cloud(path) if path.is_dir() else path
 
 

@@ -11,6 +11,7 @@ A ``.splat`` has 32 bytes per Gaussian, no header and no spherical harmonics bey
 gsply (MIT), an optional package, writes compressed ``.ply`` and SPZ.
 """
 
+import math
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, Indices, UInt8, UInt32
 from gspure.constants import SH_DC
 from gspure.errors import InputError, reading
+from gspure.files import read_bytes
 from gspure.model.gaussians import CERTAIN, LEAST_OPACITY, REST_COEFFICIENTS, Gaussians, finite, logit
 from gspure.model.header import Header, require_size, with_comments
 from gspure.progress import warn
@@ -48,10 +50,10 @@ _TOLERANCE: Final = 0.1  # of the median length of quaternions, which tells them
 def read_splat(path: Path) -> Gaussians:
     """Read a ``.splat`` file."""
     with reading(path, "a .splat model"):
-        size = path.stat().st_size
-        if not size or size % _ROW.itemsize:
-            raise ValueError(f"{size} bytes, no rows of {_ROW.itemsize}")
-        rows = np.fromfile(path, _ROW)
+        data = read_bytes(path)
+        if not data or len(data) % _ROW.itemsize:
+            raise ValueError(f"{len(data)} bytes, no rows of {_ROW.itemsize}")
+        rows = np.frombuffer(data, _ROW)
         quats = (rows["quat"].astype(np.float32) - 128) / 128
         if not np.median(np.abs(np.linalg.norm(quats, axis=1) - 1)) < _TOLERANCE:
             raise ValueError("rotations that are no unit quaternions")
@@ -71,7 +73,7 @@ def read_packed(path: Path, file: Header) -> Gaussians:
     header = file.content
     with reading(path, "a compressed .ply"):
         count = header["vertex"].count
-        require_room(path, path.stat().st_size, count, REST_COEFFICIENTS[-1] if "sh" in header else 0)
+        require_room(path, len(file.file), count, REST_COEFFICIENTS[-1] if "sh" in header else 0)
         tables = _tables(path, file)
         packed = tables["vertex"]
         chunks = tables["chunk"][np.arange(count) // CHUNK]
@@ -84,7 +86,7 @@ def read_packed(path: Path, file: Header) -> Gaussians:
         scale_shares = _numbers(packed["packed_scale"], _SCALE_BITS)
         log_scales = _in_range(chunks, ("scale_x", "scale_y", "scale_z"), scale_shares)
         opacities = (packed["packed_color"] & 255).astype(np.uint8)
-        sh_rest = _sh_rest(tables["sh"]) if "sh" in tables else None
+        sh_rest = _sh_rest(path, tables["sh"]) if "sh" in tables else None
         model = from_bytes(means, quats, log_scales, opacities, (colours - 0.5) / SH_DC, sh_rest)
         return Gaussians(model.table, file.comments)
 
@@ -97,6 +99,16 @@ def require_room(path: Path, size: int, rows: int, rest_coefficients: int = 0) -
     most = max(UNPACKED_ROOM, UNPACKED_RATIO * size)
     if unpacked > most:
         raise InputError(path, "size", expected=f"at most {most} bytes unpacked", found=f"{unpacked} bytes")
+
+
+def require_harmonics(path: Path, count: float) -> int:
+    """Return the SH degree with `count` coefficients beyond the zeroth, or refuse the file; it may be 0 to 3."""
+    if count in REST_COEFFICIENTS:
+        return REST_COEFFICIENTS.index(int(count))
+    degree = math.sqrt(count + 1) - 1
+    stored = f"{3 * count:g}, SH degree {degree:g}" if degree.is_integer() else f"{3 * count:g}"
+    hint = "train it, or save it again, with SH degree 3"
+    raise InputError(path, "f_rest_*", expected="0, 9, 24 or 45 (SH degree 0 to 3)", found=stored, hint=hint)
 
 
 def from_bytes(
@@ -184,7 +196,7 @@ def _tables(path: Path, file: Header) -> dict[str, NDArray[np.void]]:
     tables = {}
     offset = file.size
     for element in header.elements:
-        tables[element.name] = np.fromfile(path, dtypes[element.name], element.count, offset=offset)
+        tables[element.name] = np.frombuffer(file.file, dtypes[element.name], element.count, offset)
         offset += tables[element.name].nbytes
     return tables
 
@@ -200,10 +212,10 @@ def _numbers(packed: UInt32, bits: Bits) -> Float32:
     return np.stack(columns, 1)
 
 
-def _sh_rest(stored: NDArray[np.void]) -> Float32:
+def _sh_rest(path: Path, stored: NDArray[np.void]) -> Float32:
     """Return coefficients [K,S,3]: the ends of their range for levels 0 and 255, else the centre of the level."""
     levels = np.stack([stored[f"f_rest_{i}"] for i in range(len(stored.dtype.names or ()))], 1)
-    degree = REST_COEFFICIENTS.index(levels.shape[1] // 3)
+    degree = require_harmonics(path, levels.shape[1] / 3)
     levels = levels.reshape(len(stored), 3, REST_COEFFICIENTS[degree]).transpose(0, 2, 1)
     shares = np.where(levels == 0, 0, np.where(levels == 255, 1, (levels + np.float32(0.5)) / 256))
     return np.asarray((shares - 0.5) * _SH_RANGE, np.float32)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from mmap import MADV_DONTNEED, mmap
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -162,14 +161,6 @@ class Gaussians(Described):
         for start in range(0, len(self), _BLOCK_ROWS):
             rows = slice(start, start + _BLOCK_ROWS)
             yield rows, self.table[rows]
-
-    def release_pages(self) -> None:
-        """Let the system reclaim the memory of a mapped file; pages are read again when they are used."""
-        base: Any = self.table
-        while base is not None and not isinstance(base, mmap):
-            base = base.base if isinstance(base, np.ndarray) else None
-        if base is not None:
-            base.madvise(MADV_DONTNEED)
 
     def with_columns(self, values: Mapping[str, Values]) -> Gaussians:
         """Return a copy in which the named columns hold `values` (each [K])."""

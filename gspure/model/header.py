@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyElement
 
 from gspure.errors import InputError, reading
+from gspure.files import read_all
 from gspure.progress import warn
 
 _LIMIT: Final = 1 << 20  # largest header in bytes; the search for its end stops there
@@ -19,11 +20,12 @@ _COMMENT: Final = re.compile(rb"\s*(?:comment|obj_info)(?:[ \t](.*))?", re.DOTAL
 
 
 class Header(NamedTuple):
-    """A parsed header, its size in bytes, and its comments."""
+    """A parsed header, its size in bytes, its comments, and all bytes of its file."""
 
     content: PlyData
     size: int
     comments: tuple[str, ...]
+    file: bytes
 
 
 def read_header(path: Path, content: str) -> Header:
@@ -46,14 +48,15 @@ def read_header(path: Path, content: str) -> Header:
         plain = [b" ".join(line.split()) for line in lines if line.strip()]
         # plyfile cannot read only the header publicly, and `PlyData.read` allocates as many rows as it claims.
         parsed = PlyData._parse_header(io.BytesIO(b"\n".join([b"ply", *plain, b"end_header", b""])))  # noqa: SLF001
+        file = read_all(stream)
     if plain != lines:
         warn(f"{path}: blanks or empty lines in the header are skipped")
-    return Header(parsed, end.end(), comments)
+    return Header(parsed, end.end(), comments, file)
 
 
 def require_size(path: Path, header: Header, size: int) -> None:
     """Refuse a file with fewer bytes than its header and `size` bytes of elements; warn of bytes after these."""
-    stored = path.stat().st_size
+    stored = len(header.file)
     expected = header.size + size
     if stored < expected:
         hint = "cut short: copy or download it again"

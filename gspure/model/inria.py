@@ -8,7 +8,9 @@
 """
 
 import ast
+import re
 from pathlib import Path
+from typing import Final
 
 from gspure.errors import InputError, reading
 
@@ -18,9 +20,16 @@ POINT_CLOUD = "point_cloud.ply"
 UNPACKED_SOG = "meta.json"
 STREAMED = "lod-meta.json"  # the index of a streamed model: one model per level of detail
 
+_PARTS: Final = {UNPACKED_SOG: ("*.webp",), STREAMED: ("*.sog", f"*/{UNPACKED_SOG}", "*/*.webp")}
+"""Patterns of the further files of a model, by the name of its index."""
+
+_LEVEL: Final = re.compile(r"lod_?(\d+).*|(\d+)_\d+")  # names of chunks of a level of detail, such as 0_3 and lod0_3
+
 
 def point_cloud(folder: Path) -> Path:
     """Return the model file of the newest iteration in an INRIA output folder, or of an unpacked SOG model.
+
+    A folder of SOG chunks without an index stands for itself.
 
     For an earlier iteration, pass its folder, ``<model>/point_cloud/iteration_7000``.
     """
@@ -30,6 +39,9 @@ def point_cloud(folder: Path) -> Path:
     for name in (POINT_CLOUD, UNPACKED_SOG, STREAMED):
         if (folder / name).is_file():
             return folder / name
+    models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
+    if len(sog_chunks(folder)) > 1 and all(name.endswith(".sog") for name in models):
+        return folder
     expected = "an INRIA output folder with point_cloud/iteration_*/point_cloud.ply"
     problem = "no such folder"
     if folder.is_dir():
@@ -37,6 +49,24 @@ def point_cloud(folder: Path) -> Path:
     models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
     hint = f"name one of {', '.join(models)}" if models else "or name the .ply itself"
     raise InputError(folder, "point_cloud", expected=expected, found=problem, hint=hint)
+
+
+def sog_chunks(folder: Path) -> list[Path]:
+    """Return the SOG models in a folder, ``*.sog`` or ``*/meta.json``; of numbered levels of detail, the finest."""
+    chunks = {file: file.stem for file in folder.glob("*.sog")}
+    chunks |= {file: file.parent.name for file in folder.glob(f"*/{UNPACKED_SOG}")}
+    matches = {file: _LEVEL.fullmatch(name) for file, name in chunks.items()}
+    levels = {file: int(match[1] or match[2]) for file, match in matches.items() if match}
+    finest = min(levels.values(), default=0)
+    return sorted(file for file in chunks if levels.get(file, finest) == finest)
+
+
+def model_parts(model: Path) -> list[Path]:
+    """Return the files of a model: its file, and the images or chunks that this file names; or those of all chunks."""
+    if model.is_dir():
+        return [file for chunk in sog_chunks(model) for file in model_parts(chunk)]
+    patterns = _PARTS.get(model.name, ())
+    return [model, *sorted(file for pattern in patterns for file in model.parent.glob(pattern))]
 
 
 def saved_iterations(folder: Path) -> dict[int, Path]:

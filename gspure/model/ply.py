@@ -19,8 +19,8 @@ from gspure.arrays import Float64, UInt8
 from gspure.constants import LARGEST, SH_DC
 from gspure.errors import InputError, reading
 from gspure.files import replacing
-from gspure.model.compressed import is_packed, read_packed
-from gspure.model.gaussians import COLOUR, CORE, NORMALS, REST_COEFFICIENTS, SCALES, Gaussians
+from gspure.model.compressed import is_packed, read_packed, require_harmonics
+from gspure.model.gaussians import COLOUR, CORE, NORMALS, SCALES, Gaussians
 from gspure.model.header import Header, header_of, read_header, require_size
 from gspure.progress import warn
 
@@ -34,10 +34,9 @@ _FINE: Final = 1 / 200  # largest step of coordinates in float32, as a share of 
 def read_ply(path: Path) -> Gaussians:
     """Read a 3DGS PLY: binary of either byte order or ASCII, with spherical harmonics of degree 0 to 3 or no colour.
 
-    Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. A
-    little-endian binary file is mapped: its table is read-only and takes memory only where it is used. Properties that
-    are named or stored in another way are `converted` to those of 3DGS, with a warning. Values are not checked; see
-    `gspure.model.finite`.
+    Return the rows of ``element vertex``, little-endian, with the file's columns and the header's comments. Those of a
+    little-endian binary file are read-only. Properties that are named or stored in another way are `converted` to those
+    of 3DGS, with a warning. Values are not checked; see `gspure.model.finite`.
     """
     header = read_header(path, "a 3DGS .ply")
     if is_packed(header):
@@ -128,9 +127,7 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], lookalike: str) -> No
     """
     stored = dtype.names or ()
     rest_count = len(Gaussians(np.empty(0, dtype)).columns_named("f_rest_"))
-    if rest_count not in [3 * count for count in REST_COEFFICIENTS]:
-        expected = "0, 9, 24 or 45 properties (SH degree 0 to 3)"
-        raise InputError(path, "f_rest_*", expected=expected, found=f"{rest_count} properties")
+    require_harmonics(path, rest_count / 3)
     rest = [f"f_rest_{i}" for i in range(rest_count)]
     required = [*CORE]
     if rest or not {*COLOUR}.isdisjoint(stored):
@@ -146,10 +143,10 @@ def _require_columns(path: Path, dtype: np.dtype[np.void], lookalike: str) -> No
 
 
 def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Return the rows that the header counts; those of a little-endian binary file are mapped and read-only."""
+    """Return the rows that the header counts; those of a little-endian binary file are read-only."""
     header = file.content
     count = header["vertex"].count
-    size = path.stat().st_size - file.size
+    size = len(file.file) - file.size
     if header.text:
         row_bytes = 2 * len(dtype.names or ())  # a digit and a separator per number
         room = (size + 1) // row_bytes  # the last separator may be missing
@@ -166,14 +163,15 @@ def _rows(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void
         require_size(path, file, sum(sizes))
     if not count:
         return np.empty(0, dtype)
-    return np.memmap(path, stored_dtypes[0], "r", file.size, count).view(np.ndarray).astype(dtype, copy=False)
+    return np.frombuffer(file.file, stored_dtypes[0], count, file.size).astype(dtype, copy=False)
 
 
 def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Return the rows of an ASCII file, parsed by numpy, several times faster than plyfile."""
     count = file.content["vertex"].count
-    with reading(path, "one number per property, in its range", "element vertex"), path.open("rb") as stream:
-        stream.seek(file.size)
+    stream = io.BytesIO(file.file)
+    stream.seek(file.size)
+    with reading(path, "one number per property, in its range", "element vertex"):
         text = io.TextIOWrapper(stream, encoding="latin-1")
         try:
             rows = np.loadtxt(iter(text.readline, ""), dtype, comments=None, max_rows=count, ndmin=1)

@@ -8,7 +8,7 @@ import io
 import json
 import struct
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -17,9 +17,11 @@ import numpy as np
 
 from gspure.arrays import UNPACKED_RATIO, UNPACKED_ROOM, Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.model.compressed import from_bytes, quats_of_smallest, require_room
+from gspure.files import read_bytes
+from gspure.model.compressed import from_bytes, quats_of_smallest, require_harmonics, require_room
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
-from gspure.model.inria import UNPACKED_SOG
+from gspure.model.inria import UNPACKED_SOG, sog_chunks
+from gspure.progress import warn
 
 Member = Callable[[str], bytes]
 
@@ -40,15 +42,16 @@ def read_sog(path: Path) -> Gaussians:
     with reading(path, "a SOG model"):
         if path.name == UNPACKED_SOG:
             return _model(path, partial(_beside, path.parent))
-        most = max(UNPACKED_ROOM, UNPACKED_RATIO * path.stat().st_size)
-        with zipfile.ZipFile(path) as archive:
+        data = read_bytes(path)
+        most = max(UNPACKED_ROOM, UNPACKED_RATIO * len(data))
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return _model(path, partial(_member, archive, most))
 
 
 def read_streamed(path: Path) -> Gaussians:
     """Read the finest level of a streamed model from its ``lod-meta.json``, an index of chunks, each a SOG model."""
     with reading(path, "a streamed SOG model"):
-        index = json.loads(path.read_bytes())
+        index = json.loads(read_bytes(path))
         ranges = [_finest_level(node["lods"]) for node in _nodes(index["tree"])]
         chunks = {number: _chunk(path, index["filenames"][number]) for number in {rows["file"] for rows in ranges}}
         if sum(rows["count"] for rows in ranges) > sum(map(len, chunks.values())):
@@ -56,14 +59,27 @@ def read_streamed(path: Path) -> Gaussians:
         models = [chunks[rows["file"]][rows["offset"] : rows["offset"] + rows["count"]] for rows in ranges]
         if index.get("environment"):
             models.append(_chunk(path, index["environment"]))
-        degree = max(model.sh_degree for model in models)
-        return Gaussians.from_stored(
-            means=np.concatenate([model.means for model in models]),
-            quats=np.concatenate([model.quats for model in models]),
-            log_scales=np.concatenate([model.log_scales for model in models]),
-            opacity_logits=np.concatenate([model.table["opacity"] for model in models]),
-            sh_coeffs=np.concatenate([model.sh_coeffs_of(degree) for model in models]),
-        )
+        return _joined(models)
+
+
+def read_chunks(folder: Path) -> Gaussians:
+    """Read the chunks of a folder, `sog_chunks`, as one model."""
+    chunks = sog_chunks(folder)
+    if len(chunks) > 1:
+        warn(f"{folder}: {len(chunks)} SOG chunks are read as one model; to read one of them, name its file")
+    return _joined([read_sog(file) for file in chunks])
+
+
+def _joined(models: Sequence[Gaussians]) -> Gaussians:
+    """Return the rows of several models, with the highest of their degrees."""
+    degree = max(model.sh_degree for model in models)
+    return Gaussians.from_stored(
+        means=np.concatenate([model.means for model in models]),
+        quats=np.concatenate([model.quats for model in models]),
+        log_scales=np.concatenate([model.log_scales for model in models]),
+        opacity_logits=np.concatenate([model.table["opacity"] for model in models]),
+        sh_coeffs=np.concatenate([model.sh_coeffs_of(degree) for model in models]),
+    )
 
 
 def _finest_level(levels: Mapping[str, Any]) -> Any:
@@ -89,7 +105,7 @@ def _beside(folder: Path, name: str) -> bytes:
     if Path(name).name != name:
         raise ValueError(f"a file elsewhere, {name}")
     with reading(folder / name, "a file of a SOG model"):
-        return (folder / name).read_bytes()
+        return read_bytes(folder / name)
 
 
 def _member(archive: zipfile.ZipFile, most: int, name: str) -> bytes:
@@ -104,7 +120,7 @@ def _model(path: Path, member: Member) -> Gaussians:
     meta = json.loads(member(UNPACKED_SOG))
     version = meta.get("version", 1)
     if version not in (1, 2):
-        raise InputError(path, "version", expected="1 or 2", found=str(version))
+        raise InputError(path, "version", expected="1 or 2", found=str(version), hint="save it as SOG 2 or as .ply")
     mode = _RENDER_MODES["antialiased" if meta.get("antialias") else meta.get("model", "default")]
     rows = meta["count"] if version == 2 else meta["means"]["shape"][0]
     files = {part: [member(name) for name in meta[part]["files"]] for part in _PARTS if part in meta}
@@ -125,7 +141,7 @@ def _model(path: Path, member: Member) -> Gaussians:
     sh_rest = None
     if "shN" in meta:
         palette = _pixels(files["shN"].pop(0), _PALETTE_LIMIT * REST_COEFFICIENTS[-1])
-        degree = REST_COEFFICIENTS.index(palette.shape[1] // _PER_ROW)
+        degree = require_harmonics(path, palette.shape[1] / _PER_ROW)
         entries = _values(meta["shN"], palette.reshape(-1, REST_COEFFICIENTS[degree], 4)[..., :3])
         low, high = pixels("shN")[0][:, :2].astype(np.intp).T
         sh_rest = entries[: meta["shN"].get("count")][low | high << 8]

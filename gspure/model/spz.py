@@ -19,7 +19,16 @@ import numpy as np
 
 from gspure.arrays import Float32, UInt8
 from gspure.errors import InputError, reading
-from gspure.model.compressed import from_bytes, gsply_model, package, quats_of_smallest, require_room, warn_of_clipping
+from gspure.files import read_bytes
+from gspure.model.compressed import (
+    from_bytes,
+    gsply_model,
+    package,
+    quats_of_smallest,
+    require_harmonics,
+    require_room,
+    warn_of_clipping,
+)
 from gspure.model.gaussians import RENDER_MODE, REST_COEFFICIENTS, Gaussians
 from gspure.model.header import decoded, encoded
 from gspure.progress import warn
@@ -69,15 +78,18 @@ class _Header(NamedTuple):
 def read_spz(path: Path) -> Gaussians:
     """Read an ``.spz`` file; one of version 4 needs the package zstandard."""
     with reading(path, "an SPZ model of version 2 to 4"):
-        data = path.read_bytes()
+        data = read_bytes(path)
         gzipped = data[:2] == _GZIP
         unpack = zlib.decompressobj(31)
         head = unpack.decompress(data, _HEADER.size) if gzipped else data[: _HEADER.size]
         header = _Header(*_HEADER.unpack(head))
+        if header.magic != b"NGSP" or header.fraction_bits > 24:
+            raise ValueError("no header of SPZ")
         versions = (2, 3) if gzipped else (4,)
-        is_known = header.magic == b"NGSP" and header.version in versions
-        if not is_known or header.degree >= len(REST_COEFFICIENTS) or header.fraction_bits > 24:
-            raise ValueError(str(header))
+        if header.version not in versions:
+            hint = "save it as SPZ 3 or as .ply"
+            raise InputError(path, "version", expected="2 to 4", found=str(header.version), hint=hint)
+        require_harmonics(path, (header.degree + 1) ** 2 - 1)
         require_room(path, len(data), header.rows, REST_COEFFICIENTS[header.degree])
         if gzipped:
             size = sum(header.sizes())

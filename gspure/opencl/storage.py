@@ -58,7 +58,6 @@ def store(engine: Engine, model: Gaussians) -> Storage:
 
     def geometry(rows: slice) -> Float32:
         stored = Gaussians(model.table[rows]).columns(*_GEOMETRY)
-        model.release_pages()
         with np.errstate(over="ignore"):
             stored[:, 7:10] = np.exp(stored[:, 7:10])
         stored[:, 10] = sigmoid(stored[:, 10])
@@ -74,7 +73,6 @@ def upload_sh_coeffs(engine: Engine, storage: Storage, model: Gaussians) -> cl.B
 
     def sh_coeffs(rows: slice) -> Float32:
         stored = Gaussians(model.table[rows]).sh_coeffs
-        model.release_pages()
         return stored.reshape(len(stored), attributes)
 
     return upload_attributes(engine, storage.order, attributes, sh_coeffs)
@@ -87,7 +85,7 @@ def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Call
     with engine.mapped(buffer, shape, np.float32, write=True) as blocked:
         blocked[-1] = 0.0
         positions = positions_of(order)
-        for begin in range(0, len(order), _CHUNK):  # in row order, so that a mapped file is read once
+        for begin in range(0, len(order), _CHUNK):  # a part at a time: the activated values take memory, too
             rows = slice(begin, begin + _CHUNK)
             block, lane = np.divmod(positions[rows], np.uint32(BLOCK))
             blocked[block, :, lane] = values(rows)

@@ -62,6 +62,8 @@ def _read_asset(entry: AssetConfig, source: str, place: str) -> Asset:
         files = (*files, *photographs(entry.message))
     views = [] if not entry.cameras or entry.cameras in GENERATED else read_cameras(entry.cameras)
     has_photographs = bool(views) and not missing_photographs(views)
+    if has_photographs:
+        files = (*files, *(camera.image for camera in views if camera.image))
     if not entry.key:
         return Asset(entry, model, has_photographs=has_photographs, files=files)
     scheme = entry.scheme or made_by(Path(entry.key))[0]

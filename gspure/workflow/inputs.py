@@ -8,7 +8,7 @@ from gspure.cameras.photographs import require_present
 from gspure.cameras.reading import CAMERA_FILES, camera_places
 from gspure.cameras.worlds import NORMALIZED
 from gspure.model import model_file
-from gspure.model.inria import UNPACKED_SOG
+from gspure.model.inria import model_parts
 from gspure.schemes.registry import schemes
 from gspure.training.dataset import BLENDER_HELD_OUT, POINT_FILES, read_views
 
@@ -42,19 +42,17 @@ def model_files(source: str | Path) -> tuple[Path, ...]:
     """Return the file of a model, a file or a training run's folder, and all that may be read with it.
 
     That is cfg_args, nerfstudio's transforms and the networks of schemes, beside the file or, for a model in
-    ``point_cloud/iteration_N``, in the run's folder; and the images beside the index of an unpacked SOG model.
+    ``point_cloud/iteration_N``, in the run's folder; and the images and chunks of a SOG model.
     """
     model = model_file(Path(source))
     folders = [model.parent]
     if model.parent.match("point_cloud/iteration_*"):
         folders.append(model.parents[2])
     patterns = ["cfg_args", NORMALIZED]
-    if model.name == UNPACKED_SOG:
-        patterns.append("*.webp")
     for scheme in schemes().values():
         patterns += scheme.beside
     beside = {file for folder in folders for pattern in patterns for file in folder.glob(pattern)}
-    return (model, *sorted(beside))
+    return (*model_parts(model), *sorted(beside))
 
 
 def key_files(folder: str) -> tuple[Path, ...]:

@@ -1,22 +1,50 @@
 """Digests by which the workflow knows what to run again: of the code behind a result, and of the user's files."""
 
 import ast
+import os
+import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from gspure.files import digest
+from gspure.errors import InputError
+from gspure.files import digest, file_digest, file_state, read_json, write_json
 from gspure.opencl.program import kernel_digest
 
 _PACKAGE: Final = Path(__file__).parents[1]
+_DIGESTS: Final = Path(".snakemake") / "gspure-digests.json"  # state and digest of the user's files, by name
+_SETTLED: Final = 2_000_000_000  # nanoseconds after which a further change gives a file another time; ours
 
 
-def file_states_digest(files: Iterable[str | Path]) -> str:
-    """Return a digest of the names, sizes and times of the files that exist; photographs would take long to read."""
-    states = ((file, Path(file).stat()) for file in files if Path(file).is_file())
-    return digest(*(f"{file} {state.st_size} {state.st_mtime_ns}" for file, state in states))
+def files_digest(files: Iterable[str | Path]) -> str:
+    """Return a digest of the names and contents of the files that exist.
+
+    A file is read once: later runs know its digest by its size, times and inode.
+    """
+    known = _known_digests()
+    names = [str(file) for file in files if Path(file).is_file()]
+    states = {name: [*file_state(os.stat(name))] for name in names}  # noqa: PTH116 -- names are texts in the store
+    changed = [name for name in states if known.get(name, [[]])[0] != states[name]]
+    for name in changed:
+        known[name] = [states[name], file_digest(Path(name))]
+    if changed:
+        now = time.time_ns()
+        settled = {name: entry for name, entry in known.items() if now - entry[0][2] > _SETTLED}
+        with suppress(OSError):
+            write_json(_DIGESTS, settled)
+    return digest(*(f"{name} {known[name][1]}" for name in names))
+
+
+@cache
+def _known_digests() -> dict[str, Any]:
+    """Return the digests that earlier runs stored."""
+    try:
+        return dict(read_json(_DIGESTS))
+    except InputError:
+        return {}
 
 
 def code_digest(*sources: str | Path) -> str:
