@@ -79,5 +79,7 @@ def reading(path: str | Path, content: str, field: str = "file") -> Iterator[Non
         is_missing = isinstance(error, FileNotFoundError) and not os.path.lexists(path)
         reason = (isinstance(error, OSError) and error.strerror) or str(error)
         line = " ".join(reason.split()) or type(error).__name__
+        if isinstance(error, UnicodeDecodeError):
+            line = "bytes that are not text in UTF-8"
         kind = MissingFileError if is_missing else InputError
         raise kind(path, field, expected=content, found=line) from error

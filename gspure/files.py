@@ -18,6 +18,9 @@ from gspure.errors import InputError, reading
 
 Json = dict[str, Any]  # the content of a JSON object
 
+_PACKED: Final = {b"\x1f\x8b": "gzip", b"PK\3\4": "zip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"(\xb5/\xfd": "zstd"}
+"""Compressed files by their first bytes."""
+
 _TEMPORARY: Final = ".gspure-"
 
 
@@ -113,9 +116,13 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read JSON, with or without a byte-order mark; raise `InputError` with the line of a syntax error."""
+    """Read JSON in UTF-8, 16 or 32; raise `InputError` with the line of a syntax error."""
     with reading(path, "JSON"):
-        return json.loads(Path(path).read_text(encoding="utf-8-sig"))
+        content = Path(path).read_bytes()
+        packed = next((name for start, name in _PACKED.items() if content.startswith(start)), None)
+        if packed:
+            raise InputError(path, "file", expected="JSON", found=f"a {packed} file", hint="unpack it first")
+        return json.loads(content)
 
 
 def digest(*parts: bytes | str | NDArray[Any]) -> str:

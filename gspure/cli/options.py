@@ -130,6 +130,16 @@ def add_up(parser: Parser, **group: Any) -> None:
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
+def default_cameras(model: Path, *folders: Path) -> Path | str:
+    """Return the place of cameras: one of the `folders`, that of the model or that of its training run; else orbit."""
+    from gspure.cameras.reading import place_in
+    from gspure.model import model_file
+
+    beside = model_file(model).parent
+    run_folder = beside.parents[1] if beside.match("point_cloud/iteration_*") else beside
+    return next(filter(place_in, [*folders, beside, run_folder]), "orbit")
+
+
 def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
     """Read cameras, in the world of the model, or generate them; `settings` that are not None are for generating."""
     from gspure.cameras import GENERATED, read_cameras
