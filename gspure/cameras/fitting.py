@@ -1,13 +1,15 @@
 """Whether views and a model share a world: tests with a capture's points, with its photographs, and with the views.
 
-A test scores similarities [4,4] from the world of the views to that of the model; more is better. To be fast, random
-points stand for the model's Gaussians, and images are thumbnails. All limits are ours, from models of five captures in
-correct and wrong worlds.
+A test scores similarities from the world of the views to that of the model. One fits if its score is higher than those
+of the model turned or scaled a little, so that no test needs a limit of its own for what is similar enough. To be fast,
+random points stand for the model's Gaussians, and images are thumbnails. All limits are ours, from models of five
+captures in correct and wrong worlds.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -27,34 +29,31 @@ _VIEWS_SEEN: Final = 64  # of those that may see a point
 _SIDE: Final = 32  # side of a thumbnail, in pixels
 
 _FEWEST_POINTS: Final = 30  # for a test
-_MOST_POINTS: Final = 2000
+_MOST_POINTS: Final = 1000
 _PRESENT: Final = 0.25  # share of the capture's points that a model must have: users cut objects out
-_NEAR: Final = 0.5  # largest distance of points from a model that they fit, relative to wrong worlds
+_FARTHEST: Final = 0.2  # larger distances, relative to the extent of the points, count as this
 _FEWEST_PHOTOGRAPHS: Final = 3  # for a test
 _RECOGNIZED: Final = 0.75  # least share of thumbnails that are most like their own photograph
+_EXACT: Final = 1e-6  # smaller distances count as this
+_GAIN: Final = 1.5  # the least ratio of scores for which views are moved
+_DISTINCT: Final = 1.2  # the least ratio of the score of a fit and of a changed model
+_TURN: Final = math.radians(20)  # of a changed model
+
+Score = Callable[[Float64], float]
+"""From a similarity [4,4] to how well the model fits the capture moved by it, above 0."""
 
 
-class FitTest(Protocol):
-    """A way to score similarities; another one than the identity must score `gain` times as much."""
+def best_world(score: Score, worlds: Mapping[str, Float64], changes: Iterable[Float64] = ()) -> str | None:
+    """Return the name of the similarity that fits best, "" for the identity.
 
-    gain: float
-
-    def score(self, world: Float64) -> float:
-        """Return how well the model fits the capture moved by `world`."""
-        ...
-
-    def accepts(self, world: Float64) -> bool:
-        """Return whether it fits at all."""
-        ...
-
-
-def best_world(test: FitTest, worlds: Mapping[str, Float64]) -> str | None:
-    """Return the name of the similarity that fits best, "" for the identity; None if the test accepts none."""
-    scores = {name: test.score(world) for name, world in worlds.items()}
+    Return None if one of the `changes` [4,4] in the world of the model does not lower its score.
+    """
+    scores = {name: score(world) for name, world in worlds.items()}
     best = max(scores, key=lambda name: scores[name])
-    if scores[best] < test.gain * scores[""]:
+    if scores[best] < _GAIN * scores[""]:
         best = ""
-    return best if test.accepts(worlds[best]) else None
+    highest = max((score(change @ worlds[best]) for change in changes), default=0.0)
+    return best if scores[best] > _DISTINCT * highest else None
 
 
 class Cloud:
@@ -74,6 +73,12 @@ class Cloud:
         has_colours = model.sh_degree >= 0
         self.colours = 0.5 + SH_DC * sample.sh_coeffs_of(0)[is_finite, 0] if has_colours else None
         self.background = model.background
+
+    def changes(self) -> list[Float64]:
+        """Return similarities [4,4] that turn or scale the model a little about its middle."""
+        middle = np.median(self.points, axis=0)
+        turns = [rotation(sense * _TURN * axis) for axis in np.eye(3) for sense in (1, -1)]
+        return [rigid(change, middle - change @ middle) for change in (*turns, 1.25 * np.eye(3), 0.8 * np.eye(3))]
 
     def nearest(self, camera: Camera) -> Indices:
         """Return the row of the nearest point in each pixel of a thumbnail [H,W]; -1 where there is none."""
@@ -108,99 +113,64 @@ def _some(cameras: Sequence[Camera], most: int) -> Sequence[Camera]:
     return cameras[:: max(1, -(-len(cameras) // most))]
 
 
-class ViewsTest:
-    """The views show much of the model, and the model fills much of the views: weak evidence, never a refusal."""
+def score_by_views(cloud: Cloud, cameras: Sequence[Camera]) -> Score:
+    """Return a weak test: the views show much of the model, and it fills much of the views."""
 
-    gain = 1.5
+    def score(world: Float64) -> float:
+        views = [camera.moved(world) for camera in _some(cameras, _VIEWS_SEEN)]
+        return cloud.share_covered(views) * cloud.share_seen(views)
 
-    def __init__(self, cloud: Cloud, cameras: Sequence[Camera]) -> None:
-        self._cloud = cloud
-        self._cameras = _some(cameras, _VIEWS_SEEN)
-
-    def score(self, world: Float64) -> float:
-        """Return the share of covered pixels times the share of seen points."""
-        views = [camera.moved(world) for camera in self._cameras]
-        return self._cloud.share_covered(views) * self._cloud.share_seen(views)
-
-    def accepts(self, world: Float64) -> bool:  # noqa: ARG002
-        """Return True: a few views of a part of a model are no fault."""
-        return True
+    return score
 
 
-class PointsTest:
-    """The points of a capture lie near Gaussians of the model."""
+def score_by_points(cloud: Cloud, xyz: Float64) -> Score | None:
+    """Return a test: do the points [P,3] of the capture lie near Gaussians? None if there are few points."""
+    from scipy.spatial import KDTree
 
-    gain = 2.0
+    if min(len(xyz), len(cloud.points)) < _FEWEST_POINTS:
+        return None
+    tree = KDTree(cloud.points)
+    sample = xyz[np.random.default_rng(0).permutation(len(xyz))[:_MOST_POINTS]]
 
-    def __init__(self, cloud: Cloud, xyz: Float64) -> None:
-        from scipy.spatial import KDTree
-
-        self._tree = KDTree(cloud.points)
-        self._xyz = xyz[np.random.default_rng(0).permutation(len(xyz))[:_MOST_POINTS]]
-        centre = np.median(self._xyz, axis=0)
-        turns = [rotation(np.radians(vector)) for vector in ((90, 0, 0), (0, 90, 0), (0, 0, 90), (25, 25, 25))]
-        changes = [*turns, 2 * np.eye(3), np.eye(3) / 2]
-        self._wrong = [rigid(change, centre - change @ centre) for change in changes]
-
-    @staticmethod
-    def applies(cloud: Cloud, xyz: Float64) -> bool:
-        """Return whether there are enough points."""
-        return min(len(xyz), len(cloud.points)) >= _FEWEST_POINTS
-
-    def score(self, world: Float64) -> float:
-        """Return the inverse of the distance from the model below which a quarter of the points lie, per extent."""
-        return float(1 / max(self._distance(world), np.finfo(np.float32).eps))
-
-    def accepts(self, world: Float64) -> bool:
-        """Return whether points that are turned or scaled are much farther from the model."""
-        return self._distance(world) < _NEAR * np.median([self._distance(world @ wrong) for wrong in self._wrong])
-
-    def _distance(self, world: Float64) -> float:
-        points = self._xyz @ world[:3, :3].T + world[:3, 3]
+    def score(world: Float64) -> float:
+        points = sample @ world[:3, :3].T + world[:3, 3]
         low, high = np.quantile(points, (0.1, 0.9), axis=0)
-        distances, _ = self._tree.query(points)
-        return float(np.quantile(distances, _PRESENT) / max(np.linalg.norm(high - low), np.finfo(np.float32).tiny))
+        extent = max(np.linalg.norm(high - low), np.finfo(np.float32).tiny)
+        distances, _ = tree.query(points, distance_upper_bound=_FARTHEST * extent)
+        distance = np.quantile(np.minimum(distances, _FARTHEST * extent), _PRESENT) / extent
+        return float(1 / max(distance, _EXACT))
+
+    return score
 
 
-class PhotographsTest:
-    """Thumbnails of the model look like the photographs of their views."""
+def score_by_photographs(cloud: Cloud, cameras: Sequence[Camera]) -> Score | None:
+    """Return a test: are thumbnails like the photographs of their views? None if there are few, or no colours.
 
-    gain = 1.3
+    The score is the mean correlation; 0 unless most thumbnails are more like their own photograph than like any other.
+    """
+    colours = cloud.colours
+    views = []
+    images = []
+    for camera in _some([camera for camera in cameras if camera.image and camera.image.is_file()], _VIEWS):
+        with suppress(InputError):  # whoever needs the photograph refuses it
+            images.append(read_image(photograph(camera), (_SIDE, _SIDE), cloud.background))
+            views.append(camera)
+    if colours is None or len(views) < _FEWEST_PHOTOGRAPHS:
+        return None
 
-    def __init__(self, cloud: Cloud, cameras: Sequence[Camera]) -> None:
-        self._cloud = cloud
-        self._cameras: list[Camera] = []
-        self._images: list[Float32] = []
-        for camera in _some([camera for camera in cameras if camera.image and camera.image.is_file()], _VIEWS):
-            with suppress(InputError):  # whoever needs the photograph refuses it
-                self._images.append(read_image(photograph(camera), (_SIDE, _SIDE), cloud.background))
-                self._cameras.append(camera)
-
-    @property
-    def applies(self) -> bool:
-        """Whether there are colours, and enough photographs."""
-        return self._cloud.colours is not None and len(self._images) >= _FEWEST_PHOTOGRAPHS
-
-    def score(self, world: Float64) -> float:
-        """Return the mean correlation of a thumbnail with its photograph, above zero."""
-        return max(float(np.mean(np.diag(self._correlations(world)))), 0.01)
-
-    def accepts(self, world: Float64) -> bool:
-        """Return whether most thumbnails are more like their own photograph than like those of other views."""
-        correlations = self._correlations(world)
-        others = np.where(np.eye(len(correlations)), -np.inf, correlations).max(axis=1)
-        return bool(np.mean(np.diag(correlations) > others) >= _RECOGNIZED)
-
-    def _correlations(self, world: Float64) -> Float64:
-        """Return the correlation of each thumbnail with each photograph [N,N], where it shows the model."""
-        correlations = np.zeros((len(self._images), len(self._images)))
-        for row, camera in enumerate(self._cameras):
-            nearest = self._cloud.nearest(camera.moved(world))
+    def score(world: Float64) -> float:
+        correlations = np.zeros((len(views), len(views)))
+        for row, camera in enumerate(views):
+            nearest = cloud.nearest(camera.moved(world))
             is_shown = nearest >= 0
-            if is_shown.any() and self._cloud.colours is not None:
-                colours = self._cloud.colours[nearest[is_shown]]
-                correlations[row] = [_correlation(colours, image[is_shown]) for image in self._images]
-        return correlations
+            if is_shown.any():
+                drawn = colours[nearest[is_shown]]
+                correlations[row] = [_correlation(drawn, image[is_shown]) for image in images]
+        others = np.where(np.eye(len(views)), -np.inf, correlations).max(axis=1)
+        is_recognized = np.diag(correlations) > others
+        return float(np.diag(correlations).mean()) if is_recognized.mean() >= _RECOGNIZED else 0.0
+
+    return score
 
 
 def _correlation(a: Float32, b: Float32) -> float:

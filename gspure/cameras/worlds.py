@@ -21,7 +21,14 @@ import numpy as np
 from gspure.arrays import Float64
 from gspure.cameras.camera import Camera, rigid
 from gspure.cameras.entry import Entry
-from gspure.cameras.fitting import Cloud, FitTest, PhotographsTest, PointsTest, ViewsTest, best_world
+from gspure.cameras.fitting import (
+    Cloud,
+    Score,
+    best_world,
+    score_by_photographs,
+    score_by_points,
+    score_by_views,
+)
 from gspure.cameras.normalizations import normalizations
 from gspure.cameras.points import RANDOM_POINTS, points_place, stored_points
 from gspure.cameras.reading import camera_object, camera_place
@@ -58,11 +65,13 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
         cameras = shifted(cameras, -offset)
         xyz = xyz - offset
     worlds = {"": np.eye(4), **_stored_worlds(model, source)}
-    tests: list[FitTest] = [*_tests(cloud, cameras, xyz, source)]
+    tests = [*_tests(cloud, cameras, xyz, source)]
     if tests:
         worlds |= normalizations(cameras, xyz)
-    choices = (best_world(test, worlds) for test in tests or [ViewsTest(cloud, cameras)])
-    choice = next((name for name in choices if name is not None), None)
+        choices = (best_world(score, worlds, cloud.changes()) for score in tests)
+        choice = next((name for name in choices if name is not None), None)
+    else:
+        choice = best_world(score_by_views(cloud, cameras), worlds)
     by_nerfstudio = any(map(_NERFSTUDIO.search, rows.comments))
     if choice is None or (by_nerfstudio and not choice and not tests):
         hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if by_nerfstudio else ""
@@ -75,15 +84,15 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
     return [*cameras]
 
 
-def _tests(cloud: Cloud, cameras: Sequence[Camera], xyz: Float64, source: Path) -> Iterator[FitTest]:
+def _tests(cloud: Cloud, cameras: Sequence[Camera], xyz: Float64, source: Path) -> Iterator[Score]:
     """Yield the tests that a capture admits. Points that may be random count only if they fit."""
-    if PointsTest.applies(cloud, xyz):
-        points = PointsTest(cloud, xyz)
-        place = points_place(source)
-        if not (place and place.name in RANDOM_POINTS) or points.accepts(np.eye(4)):
-            yield points
-    photographs = PhotographsTest(cloud, cameras)
-    if photographs.applies:
+    points = score_by_points(cloud, xyz)
+    place = points_place(source)
+    may_be_random = place is not None and place.name in RANDOM_POINTS
+    if points and not (may_be_random and best_world(points, {"": np.eye(4)}, cloud.changes()) is None):
+        yield points
+    photographs = score_by_photographs(cloud, cameras)
+    if photographs:
         yield photographs
 
 
