@@ -1,6 +1,8 @@
 """Cameras in the world of a model: normalized by nerfstudio, around an offset, or simply another one."""
 
+import shutil
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from gspure.files import write_json
 from gspure.model import write_model
 from gspure.model.ply import offset_comment
 from gspure.model.rotations import moved
+from gspure.renderer import Renderer
 from tests.camera_cases import project, rotation_from
 from tests.models import gaussians
 from tests.training_cases import colmap_project, ring
@@ -98,6 +101,53 @@ def test_a_model_of_nerfstudio_without_its_normalization_is_named(normalized, ca
     write_json(capture / "transforms.json", transforms(ring(4)))
     in_world_of(model, read_cameras(capture), capture)
     assert "dataparser_transforms.json, put beside it, would move them" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def photographed():
+    """A model of 300 small Gaussians of all colours, views of it, and its renders in them."""
+    rng = np.random.default_rng(1)
+    means = rng.normal(size=(300, 3)) * [0.5, 0.35, 0.2]
+    model = gaussians(means=means, scales=0.04, opacities=0.9, colors=rng.random((300, 3)))
+    views = ring(9, 64, 48)
+    return model, views, [Renderer(model).image(view) for view in views]
+
+
+WORLDS = ["", "nerfstudio", "of a COLMAP", "by cameras", "unknown", "another scene"]
+
+
+@pytest.mark.parametrize(("world", "evidence"), [*product(WORLDS, ["points", "photographs"]), ("3 of 4", "points")])
+def test_a_known_world_is_recognized_and_another_is_named(photographed, tmp_path, capsys, evidence, world):
+    model, views, images = photographed
+    points = model.means.astype(float)
+    known = normalizations(views, points)
+    similarity = next((transform for name, transform in known if world and world in name), np.eye(4))
+    if world == "unknown":
+        similarity = SIMILARITY
+    if world == "another scene":
+        model = gaussians(means=np.random.default_rng(2).normal(size=(300, 3)) * 0.3, scales=0.04, opacities=0.9)
+    capture = colmap_project(tmp_path / "capture", views, points if evidence == "points" else points[:3], images)
+    if evidence == "points":
+        shutil.rmtree(capture / "images")
+    write_model(tmp_path / "model.ply", moved_by(similarity, model))
+    write_json(tmp_path / "dataparser_transforms.json", {"transform": np.eye(4)[:3].tolist(), "scale": 3.0})
+    fitted = in_world_of(tmp_path / "model.ply", read_cameras(capture), capture)
+    lines = capsys.readouterr().err
+    fits = world not in ("unknown", "another scene")
+    assert ("are these its cameras, in its world?" in lines) == (not fits)
+    assert ("views moved to the world of" in lines) == (fits and world != "")
+    expected = [view.moved(similarity) for view in views] if fits else views
+    for camera, view in zip(fitted, expected, strict=True):
+        np.testing.assert_allclose(camera.viewmat, view.viewmat, atol=1e-5)
+
+
+def test_gaussians_before_the_near_plane_are_named(capsys):
+    shrinking = np.diag([0.05, 0.05, 0.05, 1])
+    views = ring(4)
+    mention_unseen(Cloud(MODEL), views)
+    assert "nearer than" not in capsys.readouterr().err
+    mention_unseen(Cloud(moved_by(shrinking)), [view.moved(shrinking) for view in views])
+    assert "nearer than 0.2" in capsys.readouterr().err
 
 
 def exported(views):

@@ -59,11 +59,8 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
     rows = read_model(model)
     cloud = Cloud(rows)
     xyz, _ = stored_points(source)
-    offset = _offset(rows, cameras)
-    if offset.any():
-        say(f"{source}: views moved by {' '.join(map(str, -offset))}, the offset of {model}")
-        cameras = shifted(cameras, -offset)
-        xyz = xyz - offset
+    xyz = xyz - _offset(rows, cameras)
+    cameras = around_offset(model, cameras, source)
     worlds = {"": np.eye(4), **_stored_worlds(model, source)}
     tests = [*_tests(cloud, cameras, xyz, source)]
     if tests:
@@ -104,6 +101,14 @@ def _offset(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
         if np.linalg.norm(centre - offset) < np.linalg.norm(centre):
             return offset
     return np.zeros(3)
+
+
+def around_offset(model: Path, cameras: Sequence[Camera], source: Path) -> list[Camera]:
+    """Return the cameras of `source`, moved if they are not yet around the offset of `model`, a file or folder."""
+    offset = _offset(read_model(model), cameras)
+    if offset.any():
+        say(f"{source}: views moved by {' '.join(map(str, -offset))}, the offset of {model}")
+    return shifted(cameras, -offset)
 
 
 def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
