@@ -53,7 +53,7 @@ def test_cameras_and_photographs_are_found_near_their_usual_places(project, plac
     assert len(dataset.train) == 7
     assert np.array_equal(dataset.xyz, POINTS)
     assert all(view.image.stem.lower() == view.name for view in dataset.train)
-    assert len(camera_files(str(project))) == 2
+    assert len(camera_files(str(project))) == 3
     monkeypatch.chdir(project)
     assert len(read_dataset(".", "native").train) == 7
 
@@ -142,6 +142,6 @@ def test_default_cameras_are_beside_the_model_or_in_its_run(tmp_path):
     assert default_cameras(beside / "point_cloud.ply") == "orbit"
     write_cameras(tmp_path / "run" / "cameras.json", ring(2))
     for model in (beside / "point_cloud.ply", tmp_path / "run"):
-        assert default_cameras(model) == tmp_path / "run" / "cameras.json"
+        assert default_cameras(model) == tmp_path / "run"
     write_cameras(beside / "cameras.json", ring(2))
-    assert default_cameras(tmp_path / "run") == beside / "cameras.json"
+    assert default_cameras(tmp_path / "run") == beside
