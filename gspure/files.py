@@ -19,6 +19,8 @@ from gspure.errors import InputError, reading
 Json = dict[str, Any]  # the content of a JSON object
 
 FileState = tuple[int, ...]
+_PACKED: Final = {b"\x1f\x8b": "gzip", b"PK\3\4": "zip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"(\xb5/\xfd": "zstd"}
+"""Compressed files by their first bytes."""
 
 _TEMPORARY: Final = ".gspure-"
 
@@ -142,9 +144,13 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Read JSON, with or without a byte-order mark; raise `InputError` with the line of a syntax error."""
+    """Read JSON in UTF-8, 16 or 32; raise `InputError` with the line of a syntax error."""
     with reading(path, "JSON"):
-        return json.loads(read_bytes(path).decode("utf-8-sig"))
+        content = read_bytes(path)
+        packed = next((name for start, name in _PACKED.items() if content.startswith(start)), None)
+        if packed:
+            raise InputError(path, "file", expected="JSON", found=f"a {packed} file", hint="unpack it first")
+        return json.loads(content.decode("utf-8-sig"))
 
 
 def read_bytes(path: Path) -> bytes:

@@ -141,8 +141,31 @@ def test_a_truncated_or_longer_binary_file_is_refused(tmp_path, data):
             read(written(tmp_path, files | {name: content}), name)
 
 
-def test_a_text_file_that_lost_its_empty_lines_is_refused_instead_of_losing_views(tmp_path):
-    files = text(poses=[(i, (1, 0, 0, 0), (0, 0, 0), 7, f"{i}.jpg", []) for i in range(4)])
-    packed = b"\n".join(line for line in files["images.txt"].splitlines() if line) + b"\n"
-    with pytest.raises(InputError, match=r"images\.txt: line 3: "):
-        read_cameras(written(tmp_path, files | {"images.txt": packed}))
+POINTS_2D = "1.5 2.5 7 nan 4 -1"
+
+
+@pytest.mark.parametrize("below", ["", "\n", f"{POINTS_2D}\n"], ids=["no line", "empty line", "points"])
+@pytest.mark.parametrize("name", ["a.jpg", "my photo 0.png", "1.jpg", "12 7 3.png"])
+def test_every_image_is_read_with_and_without_a_line_of_points(tmp_path, capsys, below, name):
+    poses = [f"{i} 1 0 0 0 0 {i} 4 7 {i}/{name}\n{below}" for i in range(5)]
+    files = text() | {"images.txt": ("# Number of images: 5, mean observations: 2\n" + "".join(poses)).encode()}
+    assert [camera.centre[1] for camera in read_cameras(written(tmp_path, files))] == [-0.0, -1, -2, -3, -4]
+    assert "its header counts" not in capsys.readouterr().err
+    files["images.txt"] = files["images.txt"].replace(b"images: 5", b"images: 6")
+    read_cameras(written(tmp_path, files))
+    assert "5 images, but its header counts 6" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("write", [binary, text])
+def test_a_pose_that_is_not_finite_is_left_out_by_name(tmp_path, capsys, write):
+    bad = (5, (np.nan,) * 4, (0.0, 0.0, 0.0), 7, "left/0002.jpg", [])
+    cameras = read_cameras(written(tmp_path, write(poses=[POSES[0], bad, POSES[1]])))
+    assert [camera.name for camera in cameras] == ["left_0001", "right_0001"]
+    assert "1 of 3 photographs left out, whose pose is not finite: left/0002.jpg" in capsys.readouterr().err
+
+
+def test_masks_are_named(tmp_path, capsys):
+    written(tmp_path / "sparse" / "0", binary())
+    (tmp_path / "masks").mkdir()
+    read_cameras(tmp_path)
+    assert "masks are not used" in capsys.readouterr().err

@@ -76,8 +76,38 @@ def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"cx": 320.0, "cy": 240.0}, "an image 10 times as wide"),
+        ({"cx": 64.0, "cy": 48.0, "fx": 80.0, "fy": 82.0}, "an image 2 times as wide"),
+        ({"cx": 16.0, "cy": 12.0}, "an image 0.5 times as wide"),
+        ({"cx": -200.0, "cy": 24.0}, "a principal point far outside"),
+        ({"fx": 4000.0, "fy": 4000.0}, "a field of view of 0.92°"),
+        ({"cx": 70.0, "cy": 10.0}, None),
+        ({"cx": -64.0, "cy": 72.0}, None),
+        ({"fx": 400.0, "fy": 400.0}, None),
+    ],
+)
+def test_intrinsics_of_another_image_are_refused_by_the_factor(tmp_path, change, fault):
+    path = written(tmp_path, VIEW | change)
+    if fault is None:
+        assert read_cameras(path)
+        return
+    with pytest.raises(InputError, match=fault):
+        read_cameras(path)
+
+
+@pytest.mark.parametrize("key", ["position", "rotation"])
+def test_a_pose_that_is_not_finite_is_left_out_by_name(tmp_path, capsys, key):
+    values = np.full(np.shape(VIEW[key]), None).tolist()
+    views = read_cameras(written(tmp_path, VIEW, VIEW | {"img_name": "b.jpg", key: values}))
+    assert [view.name for view in views] == ["a"]
+    assert "1 of 2 photographs left out, whose pose is not finite: b.jpg" in capsys.readouterr().err
+
+
 def test_a_name_that_occurs_twice_is_refused_on_writing(tmp_path):
     (camera,) = read_cameras(written(tmp_path, VIEW))
     with pytest.raises(InputError, match="each name once, found 2 times 'a'"):
-        write_cameras(tmp_path / "twice.json", [camera, replace(camera, width=5)])
+        write_cameras(tmp_path / "twice.json", [camera, replace(camera, width=65)])
     assert not (tmp_path / "twice.json").exists()

@@ -9,6 +9,7 @@ from PIL import Image
 from gspure.cameras import read_cameras
 from gspure.cameras.nerfstudio import parse
 from gspure.errors import InputError
+from gspure.training.dataset import read_views
 from tests.camera_cases import numbers, project, quats, rotation_from
 
 POSE = [[1.0, 0, 0, 0.5], [0, 1.0, 0, -2.0], [0, 0, 1.0, 4.0], [0, 0, 0, 1]]
@@ -101,3 +102,17 @@ def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
         read_cameras(path)
     assert caught.value.source == str(path)
     assert caught.value.field == f"frames[0].{field}"
+
+
+def test_a_pose_that_is_not_finite_is_left_out_of_splits_too(tmp_path, capsys):
+    bad = np.full((4, 4), np.nan).tolist()
+    frames = [FRAME | {"file_path": f"images/{i}.png", "transform_matrix": bad if i == 1 else POSE} for i in range(4)]
+    lists = {"train_filenames": ["images/0.png", "images/2.png"], "test_filenames": ["images/3.png"]}
+    views = read_views(written(tmp_path, {**SHARED, **lists, "frames": frames}))
+    assert [camera.name for camera in views.cameras] == ["0", "2", "3"]
+    assert "1 of 4 photographs left out, whose pose is not finite: images/1.png" in capsys.readouterr().err
+
+
+def test_masks_are_named(tmp_path, capsys):
+    read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | {"mask_path": "masks/a.png"}]}))
+    assert "mask_path is not used" in capsys.readouterr().err

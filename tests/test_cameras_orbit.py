@@ -95,6 +95,7 @@ SHAPES = {  # points, and whether the guess is sure
     "tilted disc": (BALL - 0.9 * np.outer(BALL @ [0, -0.8, 0.6], [0, -0.8, 0.6]), False),
     "low room": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.4], True),
     "disc": (BALL * [1, 0.1, 1], True),
+    "figure on its back": (BALL * [0.4, 1, 0.2], False),
 }
 
 

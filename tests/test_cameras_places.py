@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gspure.cameras import read_cameras, write_cameras
+from gspure.cli.options import default_cameras
 from gspure.errors import InputError
 from gspure.training.dataset import read_dataset
 from gspure.workflow.inputs import camera_files
@@ -52,7 +53,7 @@ def test_cameras_and_photographs_are_found_near_their_usual_places(project, plac
     assert len(dataset.train) == 7
     assert np.array_equal(dataset.xyz, POINTS)
     assert all(view.image.stem.lower() == view.name for view in dataset.train)
-    assert len(camera_files(str(project))) == 2
+    assert len(camera_files(str(project))) == 3
     monkeypatch.chdir(project)
     assert len(read_dataset(".", "native").train) == 7
 
@@ -132,3 +133,15 @@ def test_photographs_of_equal_names_are_found_in_another_folder(project):
     data = read_dataset(project, "native", photographs=project / "other")
     stored = {view.name: view.image.name for view in (*data.train, *data.test) if "000" in view.name}
     assert stored == {"orbit_000_png": "orbit_000.png", "orbit_000_jpg": "orbit_000.jpg"}
+
+
+def test_default_cameras_are_beside_the_model_or_in_its_run(tmp_path):
+    beside = tmp_path / "run" / "point_cloud" / "iteration_7"
+    beside.mkdir(parents=True)
+    (beside / "point_cloud.ply").touch()
+    assert default_cameras(beside / "point_cloud.ply") == "orbit"
+    write_cameras(tmp_path / "run" / "cameras.json", ring(2))
+    for model in (beside / "point_cloud.ply", tmp_path / "run"):
+        assert default_cameras(model) == tmp_path / "run"
+    write_cameras(beside / "cameras.json", ring(2))
+    assert default_cameras(tmp_path / "run") == beside

@@ -1,3 +1,4 @@
+import gzip
 import json
 
 import numpy as np
@@ -55,3 +56,18 @@ def test_views_are_scaled_written_in_order_and_summarized(tmp_path, capsys):
     assert [camera.name for camera in read_cameras(out)] == ["c", "a", "b"]
     assert {(camera.width, camera.height, camera.K[0, 0]) for camera in read_cameras(out)} == {(1600, 900, 1500.0)}
     assert capsys.readouterr().out.splitlines()[1].split() == ["3", "2", "1", "1600x900", "1500.0", "56.1°", "1"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (gzip.compress(b"[]"), "found a gzip file .unpack it first"),
+        (b"[\xff]", "found bytes that are not text"),
+        (b'{"img_name": "a"}', r"an object with img_name .a single camera\? Put \[ \] around it"),
+        (b"7", "found something else"),
+    ],
+)
+def test_a_file_that_is_no_list_of_cameras_is_named(tmp_path, content, message):
+    (tmp_path / "cameras.json").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_cameras(tmp_path / "cameras.json")

@@ -11,7 +11,7 @@ from tests.camera_cases import cameras, project
 
 
 def view(width, height):
-    return Camera("view", width, height, intrinsics(1000, 1010, width / 2, height / 2), np.eye(4))
+    return Camera("view", width, height, intrinsics(width, 1.01 * width, width / 2, height / 2), np.eye(4))
 
 
 @pytest.mark.parametrize(

@@ -141,3 +141,11 @@ def test_a_full_disk_is_the_reason_of_an_empty_log(monkeypatch, capsys):
 @pytest.mark.parametrize(("seconds", "text"), [(-3, "0:00"), (59.4, "0:59"), (59.6, "1:00"), (3723, "1:02:03")])
 def test_a_duration_is_shown_as_by_a_clock(seconds, text):
     assert clock(seconds) == text
+
+
+def test_a_warning_of_a_job_is_printed_when_it_ends(tmp_path, capsys):
+    log = tmp_path / "a.log"
+    log.write_text("device 0\nwarning: are these its cameras?\n")
+    shown = Console()
+    send(shown, PLANNED, STARTED | {"log": str(log)}, {"event": "finished", "job": 4})
+    assert "warning: are these its cameras?\n" in capsys.readouterr().err

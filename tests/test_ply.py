@@ -84,6 +84,14 @@ def test_any_layout_is_read_bit_for_bit_and_round_trips(folder, dtype, count, bi
     assert (folder / "out.ply").read_bytes() == header(dtype, count) + table.tobytes()
 
 
+@pytest.mark.parametrize(("text", "value"), [("-nan(ind)", np.nan), ("1.#QNAN0", np.nan), ("-1.#INF", -np.inf)])
+def test_numbers_as_windows_writes_them_are_read(folder, text, value):
+    dtype = floats(vanilla_columns(0))
+    row = f"{text} " + "0.5 " * (len(dtype) - 1)
+    model = read_model(save(folder / "windows.ply", header(dtype, 1, "ascii") + row.encode()))
+    np.testing.assert_equal(model.means[0, 0], value)
+
+
 @given(dtype=dtypes(), seed=st.integers(0, 99))
 def test_ascii_holds_the_same_model_as_binary(folder, dtype, seed):
     table = random_table(dtype, 3, seed)

@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from gspure.cameras import read_cameras
-from gspure.cameras.worlds import in_world_of, share_shown, shifted
+from gspure.cameras.fitting import Cloud
+from gspure.cameras.worlds import in_world_of, shifted
 from gspure.errors import InputError
 from gspure.files import read_json, write_json
 from gspure.model import read_model
@@ -146,7 +147,7 @@ def test_a_model_around_an_offset_is_seen_by_the_cameras_of_its_capture(tmp_path
     assert read_model(tmp_path / "out").comments == (offset_comment(data.offset),)
     for cameras in (source, tmp_path / "out" / "cameras.json"):
         views = in_world_of(tmp_path / "out", read_cameras(cameras), cameras)
-        assert share_shown(read_model(tmp_path / "out"), views) > 0.3
+        assert Cloud(read_model(tmp_path / "out")).share_covered(views) > 0.3
 
 
 def test_photographs_that_exif_data_turn_are_mentioned(project, capsys):

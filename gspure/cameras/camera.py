@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,12 @@ from gspure.text import Described
 LENS_COEFFICIENTS: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # distortion, in OpenCV's order
 
 _RIGID: Final = 1e-3  # tolerance: admits rotations printed with four digits, not scale, shear or mirroring
+
+# Ours:
+_LEAST_FACTOR: Final = 1.8  # at which intrinsics are those of a larger image: images are halved, if not more
+_ALIKE: Final = 0.1  # largest difference of the factors of cx and cy, relative
+_FARTHEST: Final = 3.0  # distance of the principal point from the centre, in half sides; crops stay below it
+_NARROWEST: Final = 2 * math.tan(math.radians(4) / 2)  # least field of view, 4 degrees, as image side per focal length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +55,7 @@ class Camera(Described):
     ------
     InputError
         A size is no whole number of pixels, a number is not finite or above `LARGEST`, a focal length is not positive,
-        `K` has skew, or `viewmat` has scale, shear or mirroring.
+        `K` has skew or belongs to an image of another size, or `viewmat` has scale, shear or mirroring.
 
     """
 
@@ -73,6 +80,25 @@ class Camera(Described):
             elements = " ".join(map(str, np.ravel(self.K)))
             raise InputError(self.name, "K", expected="fx 0 cx 0 fy cy 0 0 1 with fx, fy > 0", found=elements)
         require_rigid(self.name, "viewmat", self.viewmat)
+        self._require_own_size()
+
+    def _require_own_size(self) -> None:
+        """Refuse intrinsics in pixels of another size: nothing else shows that the image is wrong."""
+        fx, fy, cx, cy = self.numbers[2:6]
+        size = np.array([self.width, self.height])
+        factors = 2 * np.array([cx, cy]) / size
+        factor = float(np.sqrt(abs(factors.prod())))
+        if np.ptp(factors) < _ALIKE * factor and not 1 / _LEAST_FACTOR < factor < _LEAST_FACTOR:
+            found = f"those of an image {factor:.3g} times as wide (cx {cx:g}, cy {cy:g})"
+        elif (np.abs(factors - 1) > _FARTHEST).any():
+            found = f"a principal point far outside (cx {cx:g}, cy {cy:g})"
+        elif max(self.width / fx, self.height / fy) < _NARROWEST:
+            found = f"a field of view of {math.degrees(2 * math.atan(self.width / fx / 2)):.2g}° (fx {fx:g})"
+        else:
+            return
+        hint = "scale fx, fy, cx and cy with the image"
+        expected = f"intrinsics of an image of {self.width}x{self.height}"
+        raise InputError(self.name, "K", expected=expected, found=found, hint=hint)
 
     @property
     def facts(self) -> dict[str, str]:

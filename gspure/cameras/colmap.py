@@ -1,11 +1,13 @@
 """COLMAP sparse models: cameras, images and points3D, binary or text.
 
 Axes and pixel convention are those of `gspure.cameras.camera.Camera`. All camera models but fisheye lenses are read.
-Binary files are little-endian: a 64-bit count, then records without padding. Text files have one record per line, two
-lines per image, and comments after ``#``. Source: https://colmap.github.io/format.html and
+Binary files are little-endian: a 64-bit count, then records without padding. Text files have one record per line and
+comments after ``#``; a line of 2-D points may follow an image. Source: https://colmap.github.io/format.html and
 https://colmap.github.io/cameras.html.
 """
 
+import operator
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -15,7 +17,7 @@ import numpy as np
 
 from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras.camera import Camera, intrinsics, rigid
-from gspure.cameras.entry import Entry
+from gspure.cameras.entry import Entry, with_finite_poses
 from gspure.cameras.photographs import located, view_names
 from gspure.errors import InputError, reading
 from gspure.files import write_text
@@ -25,6 +27,8 @@ from gspure.model.rotations import rotation_matrices
 from gspure.progress import warn
 
 Record = tuple[Any, ...]
+
+_MASKS: Final = ("masks", "mask")
 
 _SUFFIXES: Final = (".bin", ".txt")
 
@@ -38,6 +42,9 @@ _PARAMETERS: Final = {
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
 """Parameters of the camera models, in the order of their numbers in binary files; fisheye lenses are not read."""
+
+_POINT: Final = re.compile(r"(([-+.\de]+|nan) ){2}(-1|\d+)$|$", re.IGNORECASE)
+_COUNT: Final = re.compile(r"# *Number of images: *(\d+)")
 
 _HINT: Final = "undistort first: colmap image_undistorter --image_path DIR --input_path SPARSE --output_path OUT"
 
@@ -61,10 +68,14 @@ def read_colmap(folder: Path) -> list[Camera]:
     with reading(cameras_file, "cameras of a COLMAP sparse model"):
         optics = dict(_optics(cameras_file))
     with reading(images_file, "images of a COLMAP sparse model"):
-        poses = [_pose(images_file, *image) for image in _images(images_file)]
+        stored = [_pose(images_file, *image) for image in _images(images_file)]
+    poses = with_finite_poses(stored, "name", "quat", "translation")
     _mention_larger(images_file)
-    folders = (parent / "images" for parent in images_file.absolute().parents[:3])
-    photographs = next(filter(Path.is_dir, folders), None)
+    above = images_file.absolute().parents[:3]
+    photographs = next(filter(Path.is_dir, (folder / "images" for folder in above)), None)
+    masks = next(filter(Path.is_dir, (folder / name for folder in above for name in _MASKS)), None)
+    if masks:
+        warn(f"{masks}: masks are not used: masked pixels count in training and metrics")
     files = [pose.text("name") for pose in poses]
     names = view_names(poses, "name", images_file)
     expected_images = [photographs / file if photographs else None for file in files]
@@ -188,7 +199,8 @@ def _images(path: Path) -> Iterator[Record]:
         return int(number), *map(float, values), int(camera), name
 
     if path.suffix == ".txt":
-        yield from _from_text(path, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME", parsed, has_points=True)
+        expected = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, or 2-D points as X Y POINT3D_ID"
+        yield from _from_text(path, expected, parsed, skips=_is_points)
         return
     for reader in _records(path):
         pose = reader.take("<i7di")
@@ -222,6 +234,8 @@ class _Reader:
         self.position = 0
 
     def take(self, layout: str) -> Record:
+        if self.position + struct.calcsize(layout) > len(self.data):
+            raise ValueError(f"{len(self.data)} bytes: cut short, or another file")
         values = struct.unpack_from(layout, self.data, self.position)
         self.position += struct.calcsize(layout)
         return values
@@ -243,21 +257,31 @@ def _records(path: Path) -> Iterator[_Reader]:
         raise ValueError(f"{len(reader.data)} bytes, not {reader.position}")
 
 
+def _is_points(line: str) -> bool:
+    """Return whether a line of an images file holds 2-D points, X Y POINT3D_ID each, by the first and the last one."""
+    fields = line.split()
+    ends = (fields[:3], fields[-3:])
+    return len(fields) % 3 == 0 and all(_POINT.match(" ".join(end)) for end in ends)
+
+
 def _from_text(
-    path: Path, expected: str, parse: Callable[[str], Record], *, has_points: bool = False
+    path: Path, expected: str, parse: Callable[[str], Record], skips: Callable[[str], bool] = operator.not_
 ) -> Iterator[Record]:
-    """Yield the record of each line, without comments; with `has_points`, the line below a record is one of points."""
-    numbered = enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1)
-    lines = ((number, line) for number, line in numbered if not line.startswith("#"))
-    for number, line in lines:
-        if not line:
+    """Yield the record of each line, without comments and those that `skips` accepts, by default empty ones.
+
+    Warn if the header counts another number of images.
+    """
+    counted = None
+    total = 0
+    for number, line in enumerate(map(str.strip, path.read_text(encoding="utf-8-sig").splitlines()), start=1):
+        if line.startswith("#"):
+            counted = _COUNT.match(line) or counted
+        if line.startswith("#") or skips(line):
             continue
         try:
             yield parse(line)
         except ValueError:
             raise InputError(path, f"line {number}", expected=expected, found=line[:60]) from None
-        if has_points:
-            _, points = next(lines, (0, ""))
-            if len(points.split()) % 3:
-                point_format = "the 2-D points as X Y POINT3D_ID (the line may be empty)"
-                raise InputError(path, f"line {number + 1}", expected=point_format, found=points[:60])
+        total += 1
+    if counted and int(counted[1]) != total:
+        warn(f"{path}: {total} images, but its header counts {counted[1]}")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import numpy as np
 from gspure.arrays import Float64
 from gspure.cameras.camera import LENS_COEFFICIENTS, require_rigid
 from gspure.constants import LARGEST
-from gspure.errors import InputError
+from gspure.errors import InputError, printable
+from gspure.progress import warn
 from gspure.settings import SIDE
 
 
@@ -88,11 +90,30 @@ class Entry:
         expected = f"numbers {' or '.join(str(list(shape)) for shape in shapes)} within ±{LARGEST:g}"
         return np.array(self.value(key, expected, is_of_shape), np.float64)
 
+    def has_gaps(self, key: str) -> bool:
+        """Return whether a number of an array is NaN or infinite, or written as null, as in strict JSON."""
+        values = np.array(self.values.get(key, 0), dtype=object)
+        return any(value is None or (isinstance(value, float) and not math.isfinite(value)) for value in values.flat)
+
     def rigid(self, key: str, *shapes: tuple[int, ...]) -> Float64:
         """Return a rotation [3,3] or a rigid transform."""
         matrix = self.array(key, *shapes)
         require_rigid(self.source, self._field(key), matrix)
         return matrix
+
+
+def with_finite_poses(entries: Sequence[Entry], name: str, *pose: str) -> list[Entry]:
+    """Return the entries without those that have NaN or infinity under a key of their `pose`, with a warning.
+
+    `name` is the key of their photographs. If all poses have, all are returned, and the reader refuses the first.
+    """
+    finite = [entry for entry in entries if not any(map(entry.has_gaps, pose))]
+    if len(finite) in (0, len(entries)):
+        return [*entries]
+    names = ", ".join(entry.text(name) for entry in entries if entry not in finite)
+    counts = f"{len(entries) - len(finite)} of {len(entries)} photographs"
+    warn(f"{entries[0].source}: {counts} left out, whose pose is not finite: {printable(names)}")
+    return finite
 
 
 def _is_finite(value: Any) -> bool:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
-from gspure.cameras.entry import Entry
+from gspure.cameras.entry import Entry, with_finite_poses
 from gspure.cameras.photographs import view_names
 from gspure.errors import InputError
 from gspure.files import write_text
@@ -25,7 +25,8 @@ from gspure.files import write_text
 
 def parse(source: Path, content: list[Any]) -> list[Camera]:
     """Return the cameras of a parsed cameras.json, in its order; `source` is the file it came from."""
-    entries = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
+    stored = [Entry(source, f"[{i}]", value) for i, value in enumerate(content)]
+    entries = with_finite_poses(stored, "img_name", "position", "rotation")
     names = view_names(entries, "img_name", source)
     return [_camera(entry, name, source.parent) for entry, name in zip(entries, names, strict=True)]
 

@@ -19,10 +19,11 @@ from typing import Any
 import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics, rigid
-from gspure.cameras.entry import Entry
+from gspure.cameras.entry import Entry, with_finite_poses
 from gspure.cameras.photographs import located, photograph_size, safe_name, view_names
 from gspure.errors import InputError
 from gspure.files import read_json
+from gspure.progress import warn
 
 _PINHOLES = frozenset({"OPENCV", "PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"})
 _OTHER_LENSES = ("is_fisheye", "latlong", "equirectangular", *(f"ftheta_p{i}" for i in range(5)), "k4", "k5", "k6")
@@ -34,10 +35,9 @@ _OPENGL_TO_COLMAP = np.diag([1.0, -1.0, -1.0])
 
 def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     """Return the cameras of a parsed transforms.json, in its order; `source` is the file it came from."""
-    frames = Entry(source, "", content).value("frames", "a list", lambda value: isinstance(value, list))
-    shared = {key: value for key, value in content.items() if key != "frames"}
-    completed = (shared | frame if isinstance(frame, dict) else frame for frame in frames)
-    entries = [Entry(source, f"frames[{i}]", frame) for i, frame in enumerate(completed)]
+    entries = frames_of(Entry(source, "", content))
+    if any("mask_path" in entry for entry in entries):
+        warn(f"{source}: mask_path is not used: masked pixels count in training and metrics")
     names = view_names(entries, "file_path", source)
     files = [entry.text("file_path") for entry in entries]
     # Blender scenes omit the suffix.
@@ -46,6 +46,15 @@ def parse(source: Path, content: Mapping[str, Any]) -> list[Camera]:
     existing = next(filter(Path.is_file, images), None)
     views = zip(entries, names, images, strict=True)
     return [_camera(entry, name, image, existing) for entry, name, image in views]
+
+
+def frames_of(scene: Entry) -> list[Entry]:
+    """Return the frames of a transforms.json, completed with what they share, without those of unusable poses."""
+    frames = scene.value("frames", "a list", lambda value: isinstance(value, list))
+    shared = {key: value for key, value in scene.values.items() if key != "frames"}
+    completed = (shared | frame if isinstance(frame, dict) else frame for frame in frames)
+    entries = [Entry(scene.source, f"frames[{i}]", frame) for i, frame in enumerate(completed)]
+    return with_finite_poses(entries, "file_path", "transform_matrix")
 
 
 def parse_poses(source: Path, content: list[Any]) -> list[Camera]:

@@ -28,6 +28,7 @@ _GOLDEN_ANGLE = 180 * (3 - math.sqrt(5))  # degrees
 _COLMAP = np.array([0.0, -1.0, 0.0])  # y points down, and 3DGS models use COLMAP's world
 # Ours:
 _FLAT = 0.8  # largest ratio of the smallest to the second deviation for which a model counts as flat
+_ROUND = 0.6  # least ratio of the second to the largest deviation of a ground
 _UPRIGHT = 0.94  # cosine of 20 degrees: a direction nearer to an axis becomes that axis
 _EVEN = 0.15  # skewness below which two sides are alike
 _LOPSIDED = 0.4  # skewness above which they are not
@@ -185,7 +186,8 @@ def guessed_up(points: Float64, weights: NDArray[Any]) -> Up:
     near an axis becomes that axis. If the model is not flat, or its plane is upright in both worlds, the guess is -y,
     as in COLMAP's world. Points [K,3] are finite; their weights [K] may be opacities.
 
-    The guess is unsure if it is this default or no axis, or if flatness or skewness is within 25 % of its limit.
+    The guess is unsure if it is this default or no axis, if flatness or skewness is within 25 % of its limit, or if the
+    model is long: it may be a figure on its back.
     """
     weights = weights + np.finfo(np.float64).tiny  # some may be invisible, but not all
     offsets = points - np.average(points, axis=0, weights=weights)
@@ -206,5 +208,6 @@ def guessed_up(points: Float64, weights: NDArray[Any]) -> Up:
         return Up(_COLMAP, is_sure=False)
     nearest = np.round(normal * (np.abs(normal) > _UPRIGHT))
     is_clearly_flat = variances[0] < (_SURE * _FLAT) ** 2 * variances[1]
-    is_sure = stands(1 / _SURE) == stands(_SURE) and nearest.any() and is_clearly_flat
+    is_round = variances[1] > _ROUND**2 * variances[2]  # a long flat model may lie on its back
+    is_sure = stands(1 / _SURE) == stands(_SURE) and nearest.any() and is_clearly_flat and is_round
     return Up(nearest if nearest.any() else normal, bool(is_sure))

@@ -96,7 +96,12 @@ def _read_file(path: Path) -> list[Camera]:
             return inria.parse(path, content)
         case {"frames": _}:
             return nerfstudio.parse(path, content)
-    raise InputError(path, "file", expected="a list of cameras, or an object with frames", found=type(content).__name__)
+    kind = "something else"
+    hint = None
+    if isinstance(content, dict):
+        kind = f"an object with {', '.join(content) or 'nothing'}"
+        hint = "a single camera? Put [ ] around it" if "img_name" in content else None
+    raise InputError(path, "file", expected="a list of cameras, or an object with frames", found=kind, hint=hint)
 
 
 def camera_object(source: Path) -> Entry | None:

@@ -1,27 +1,40 @@
 """Cameras in the world of a model, where that differs from the world of its capture.
 
-nerfstudio turns, centres and scales a capture before it trains on it. ``dataparser_transforms.json`` beside its results
-holds ``transform`` [3,4], which moved COLMAP's world, and ``scale``, which then multiplied positions. The
-``applied_transform`` and ``applied_scale`` of a transforms.json lead from COLMAP's world to its own. A model of a
-capture far from the origin lies around an offset, which a comment names.
+Trainers move a capture before they train on it: nerfstudio by the similarity that ``dataparser_transforms.json`` holds,
+others by one that its cameras and points determine (`gspure.cameras.normalizations`). Each known similarity is tested
+on the model (`gspure.cameras.fitting`), and applied only if it fits better than none.
+
+``dataparser_transforms.json`` holds ``transform`` [3,4], which moved COLMAP's world, and ``scale``, which then
+multiplied positions. The ``applied_transform`` and ``applied_scale`` of a transforms.json lead from COLMAP's world to
+its own. A model of a capture far from the origin lies around an offset, which a comment names.
 
 Source: https://docs.nerf.studio/quickstart/data_conventions.html.
 """
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from gspure.arrays import Float64
-from gspure.cameras.camera import Camera, points_shown, rigid
+from gspure.cameras.camera import Camera, rigid
 from gspure.cameras.entry import Entry
+from gspure.cameras.fitting import (
+    Cloud,
+    Score,
+    best_world,
+    score_by_photographs,
+    score_by_points,
+    score_by_views,
+)
+from gspure.cameras.normalizations import normalizations
+from gspure.cameras.points import RANDOM_POINTS, points_place, stored_points
 from gspure.cameras.reading import camera_object, camera_place
+from gspure.constants import NEAR_PLANE
 from gspure.files import read_json
-from gspure.model import Gaussians, model_file, read_model
+from gspure.model import Gaussians, read_model
 from gspure.progress import say, warn
 from gspure.text import percent
 
@@ -31,38 +44,71 @@ _IMPLIED: Final = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]]  # `applied_transf
 _NERFSTUDIO: Final = re.compile("nerf?studio", re.IGNORECASE)  # some versions spell it without the f
 _OFFSET: Final = re.compile(r"gspure offset (\S+) (\S+) (\S+)")
 
-_LEAST_SHOWN: Final = 0.03  # least share of pixels that show the model; ours
-_POINTS: Final = 50_000  # number of random points that estimate this share
-_VIEWS: Final = 8  # largest number of views
-_SIDE: Final = 32  # longer side of their images, in pixels
-_VISIBLE: Final = 1 / 255  # opacity of a row that is seen
+# Ours:
+_LEAST_COVERED: Final = 0.03  # least share of pixels that show the model
+_LEAST_SEEN: Final = 0.03  # least share of the model that the views show
+_MOST_NEAR: Final = 0.05  # largest share of a view's Gaussians before its near plane
 
 
 def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Camera]:
     """Return the cameras of `source` in the world of `model`, a file or folder, with a message if they are moved.
 
-    A list of cameras, such as cameras.json, is already in the world of a model. All else is a capture, which nerfstudio
-    moved by the ``dataparser_transforms.json`` beside the model or the cameras. The offset of a model moves cameras
-    that are nearer to it than to the origin.
+    Warn if the capture's points and photographs fit the model in no known world, if the views hardly show it, or if
+    much of it is before their near planes.
     """
-    place = camera_place(source)
-    scene = camera_object(source)
-    comments = read_model(model).comments if model_file(model).suffix == ".ply" else ()
-    if scene or place.is_dir():
-        folders = [path if path.is_dir() else path.parent for path in (model, source, place)]
-        file = next(filter(Path.is_file, (folder / NORMALIZED for folder in folders)), None)
-        if file:
-            say(f"{source}: views moved to the world of the model by {file}")
-            cameras = _normalized(cameras, Entry(file, "", read_json(file)), scene)
-        elif any(_NERFSTUDIO.search(comment) for comment in comments):
-            warn(f"{model}: nerfstudio normalizes poses by default: its {NORMALIZED}, put beside, would move {source}")
+    rows = read_model(model)
+    cloud = Cloud(rows)
+    xyz, _ = stored_points(source)
+    xyz = xyz - _offset(rows, cameras)
+    cameras = around_offset(model, cameras, source)
+    worlds = {"": np.eye(4), **_stored_worlds(model, source)}
+    tests = [*_tests(cloud, cameras, xyz, source)]
+    if tests:
+        worlds |= normalizations(cameras, xyz)
+        choices = (best_world(score, worlds, cloud.changes()) for score in tests)
+        choice = next((name for name in choices if name is not None), None)
+    else:
+        choice = best_world(score_by_views(cloud, cameras), worlds)
+    by_nerfstudio = any(map(_NERFSTUDIO.search, rows.comments))
+    if choice is None or (by_nerfstudio and not choice and not tests):
+        hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if by_nerfstudio else ""
+        evidence = "nothing shows that they fit" if choice is not None else "its points or photographs do not fit"
+        warn(f"{source}: {evidence} {model}: are these its cameras, in its world?{hint}")
+    if choice:
+        say(f"{source}: views moved to the world of {model} by {choice}")
+        cameras = [camera.moved(worlds[choice]) for camera in cameras]
+    mention_unseen(cloud, cameras)
+    return [*cameras]
+
+
+def _tests(cloud: Cloud, cameras: Sequence[Camera], xyz: Float64, source: Path) -> Iterator[Score]:
+    """Yield the tests that a capture admits. Points that may be random count only if they fit."""
+    points = score_by_points(cloud, xyz)
+    place = points_place(source)
+    may_be_random = place is not None and place.name in RANDOM_POINTS
+    if points and not (may_be_random and best_world(points, {"": np.eye(4)}, cloud.changes()) is None):
+        yield points
+    photographs = score_by_photographs(cloud, cameras)
+    if photographs:
+        yield photographs
+
+
+def _offset(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
+    """Return the offset [3] that a comment of the model names if the cameras are nearer to it than to the origin."""
     centre = np.mean([camera.centre for camera in cameras], axis=0)
-    for match in filter(None, map(_OFFSET.fullmatch, comments)):
+    for match in filter(None, map(_OFFSET.fullmatch, model.comments)):
         offset = np.array(match.groups(), np.float64)
         if np.linalg.norm(centre - offset) < np.linalg.norm(centre):
-            say(f"{source}: views moved by {' '.join(map(str, -offset))}, the offset of {model}")
-            cameras = shifted(cameras, -offset)
-    return [*cameras]
+            return offset
+    return np.zeros(3)
+
+
+def around_offset(model: Path, cameras: Sequence[Camera], source: Path) -> list[Camera]:
+    """Return the cameras of `source`, moved if they are not yet around the offset of `model`, a file or folder."""
+    offset = _offset(read_model(model), cameras)
+    if offset.any():
+        say(f"{source}: views moved by {' '.join(map(str, -offset))}, the offset of {model}")
+    return shifted(cameras, -offset)
 
 
 def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
@@ -70,8 +116,18 @@ def shifted(cameras: Sequence[Camera], offset: Float64) -> list[Camera]:
     return [camera.moved(rigid(np.eye(3), offset)) for camera in cameras]
 
 
-def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | None) -> list[Camera]:
-    """Return the cameras with which nerfstudio trained; `scene` is the transforms.json that names them, if any."""
+def _stored_worlds(model: Path, source: Path) -> dict[str, Float64]:
+    """Return the similarity of the ``dataparser_transforms.json`` beside a model or capture, by the name of the file.
+
+    A list of cameras, such as cameras.json, is no capture: nerfstudio moved none.
+    """
+    place = camera_place(source)
+    scene = camera_object(source)
+    folders = [path if path.is_dir() else path.parent for path in (model, source, place)]
+    file = next(filter(Path.is_file, (folder / NORMALIZED for folder in folders)), None)
+    if not file or not (scene or place.is_dir()):
+        return {}
+    normalization = Entry(file, "", read_json(file))
     scale = normalization.positive("scale")
     transform = np.eye(4)
     transform[:3] = normalization.rigid("transform", (3, 4))
@@ -82,34 +138,18 @@ def _normalized(cameras: Sequence[Camera], normalization: Entry, scene: Entry | 
         applied[:3] = _IMPLIED
     if scene and "applied_scale" in scene:
         scale /= scene.positive("applied_scale")
-    to_capture = applied @ np.linalg.inv(transform)
-    translation_scale = np.ones((4, 4))
-    translation_scale[:3, 3] = scale
-    return [replace(camera, viewmat=camera.viewmat @ to_capture * translation_scale) for camera in cameras]
+    return {str(file): np.diag([scale, scale, scale, 1.0]) @ transform @ np.linalg.inv(applied)}
 
 
-def mention_unseen(model: Gaussians, cameras: Sequence[Camera]) -> None:
-    """Warn if hardly any pixel of the views shows the model."""
-    share = share_shown(model, cameras)
-    if share < _LEAST_SHOWN:
-        warn(f"about {percent(share)} of the pixels show the model: are these its cameras?")
-
-
-def share_shown(model: Gaussians, cameras: Sequence[Camera]) -> float:
-    """Return the share of the views' pixels that show Gaussians, estimated with random points of some Gaussians."""
-    rng = np.random.default_rng(0)
-    rows = model[rng.integers(len(model), size=_POINTS)]
-    with np.errstate(invalid="ignore", over="ignore"):
-        points = rows.means + rng.normal(size=(_POINTS, 3)) * np.median(rows.scales, axis=1, keepdims=True)
-    points = points[rows.opacities > _VISIBLE]
-    shares = []
-    for camera in cameras[:: -(-len(cameras) // _VIEWS)]:
-        longer_side = max(camera.width, camera.height)
-        width = max(1, camera.width * _SIDE // longer_side)
-        height = max(1, camera.height * _SIDE // longer_side)
-        _, positions = points_shown(camera.resized(width, height), points)
-        columns, rows_of_pixels = positions[:, :2].astype(int).T
-        is_shown = np.zeros((width, height), bool)
-        is_shown[columns, rows_of_pixels] = True
-        shares.append(is_shown.mean())
-    return float(np.mean(shares))
+def mention_unseen(cloud: Cloud, cameras: Sequence[Camera]) -> None:
+    """Warn if the views hardly show the model, or if much of it is before their near planes."""
+    covered = cloud.share_covered(cameras)
+    seen = cloud.share_seen(cameras)
+    if covered < _LEAST_COVERED:
+        warn(f"about {percent(covered)} of the pixels show the model: are these its cameras?")
+    elif seen < _LEAST_SEEN:
+        warn(f"the views show about {percent(seen)} of the model: are these its cameras?")
+    near = cloud.share_too_near(cameras)
+    if near > _MOST_NEAR:
+        reason = f"up to {percent(near)} of the Gaussians in a view are nearer than {NEAR_PLANE}, and not drawn"
+        warn(f"{reason}: if the scene is small, scale up model and cameras by the same factor")

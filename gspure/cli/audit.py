@@ -186,7 +186,6 @@ def _configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
     import yaml
 
     from gspure.cameras import GENERATED
-    from gspure.cameras.worlds import mention_unseen
     from gspure.files import write_text
     from gspure.model import model_file, read_model
     from gspure.schemes.registry import recognized
@@ -195,7 +194,7 @@ def _configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
     rows = read_model(wanted.source)
     asset = _asset(wanted, model)
     if asset["cameras"] not in GENERATED:
-        mention_unseen(rows, read_source(Path(asset["cameras"]), model))
+        read_source(Path(asset["cameras"]), model)  # for its warnings, before the workflow runs
     elif draws:
         _mention_up(wanted)
     scene = _scene_name(wanted.source)
@@ -271,11 +270,9 @@ def _asset(wanted: AuditOptions, model: Path) -> Json:
     from gspure.schemes.pair import message_folder
     from gspure.schemes.registry import made_by
 
-    run_folder = model.parents[2] if model.parent.match("point_cloud/iteration_*") else model.parent
-    folder = model if model.is_dir() else model.parent
     pairs = [made_by(wanted.key)[1]] if wanted.key else []
     message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
-    cameras = wanted.cameras or next(filter(place_in, [*pairs, folder, run_folder]), "orbit")
+    cameras = wanted.cameras or options.default_cameras(model, *pairs)
     owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""
     say(f"{model}: views {cameras}{owner}")
     paths = {"model": model, "cameras": cameras, "key": wanted.key, "message": message}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gspure.cameras import Camera, scaled, split, write_cameras
 from gspure.cameras.photographs import TRAINING_RULE, missing_photographs
+from gspure.cameras.points import stored_points
 from gspure.cameras.reading import read_lenses
 from gspure.cameras.undistortion import undistort
 from gspure.cli.options import QUIET, add_up, camera_source, read_source, record_command
@@ -16,7 +17,6 @@ from gspure.files import filling
 from gspure.grouping import grouped
 from gspure.model.ply import write_point_ply
 from gspure.settings import FIELD_OF_VIEW, SIDE, VIEWS
-from gspure.training.dataset import stored_points
 
 EXAMPLES = """\
   gspure cameras scene/sparse/0 --out cameras.json                    # COLMAP; at most 1600 pixels wide, as 3DGS trains

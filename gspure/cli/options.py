@@ -130,10 +130,24 @@ def add_up(parser: Parser, **group: Any) -> None:
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
-def read_source(source: Path | str, model: Path | None, **settings: Any) -> list[Camera]:
-    """Read cameras, in the world of the model, or generate them; `settings` that are not None are for generating."""
+def default_cameras(model: Path, *folders: Path) -> Path | str:
+    """Return the place of cameras: one of the `folders`, that of the model or that of its training run; else orbit."""
+    from gspure.cameras.reading import place_in
+    from gspure.model import model_file
+
+    found = model_file(model)
+    beside = found if found.is_dir() else found.parent  # chunks of a model are a folder
+    run_folder = beside.parents[1] if beside.match("point_cloud/iteration_*") else beside
+    return next(filter(place_in, [*folders, beside, run_folder]), "orbit")
+
+
+def read_source(source: Path | str, model: Path | None, *, shows_model: bool = True, **settings: Any) -> list[Camera]:
+    """Read cameras, in the world of the model, or generate them; `settings` that are not None are for generating.
+
+    Unless `shows_model` is set, the views show something else, such as a message, and are moved by an offset only.
+    """
     from gspure.cameras import GENERATED, read_cameras
-    from gspure.cameras.worlds import in_world_of
+    from gspure.cameras.worlds import around_offset, in_world_of
     from gspure.model import read_model
 
     settings = {name: value for name, value in settings.items() if value is not None}
@@ -142,7 +156,9 @@ def read_source(source: Path | str, model: Path | None, **settings: Any) -> list
             conflict = f"a camera file and --{next(iter(settings))}"
             raise InputError(source, "source", expected="orbit or shells", found=conflict)
         cameras = read_cameras(source)
-        return in_world_of(model, cameras, source) if model else cameras
+        if model is None:
+            return cameras
+        return in_world_of(model, cameras, source) if shows_model else around_offset(model, cameras, source)
     if model is None:
         raise InputError(source, "--model", expected="the model to look at", found="nothing")
     return GENERATED[source](read_model(model), **settings)
@@ -159,12 +175,14 @@ def add_views(parser: Parser, split: str, **cameras: Any) -> None:
 def read_views(
     args: Arguments, split: str, transform: Path | None = None, source: Path | str | None = None
 ) -> list[Camera]:
-    """Read the views of a split of `source`, by default ``--cameras``, moved by the rigid transform of a file."""
+    """Read the views of a split of ``--cameras``, or of a message's `source`, moved by a rigid transform."""
     from gspure.cameras.reading import read_transform
     from gspure.cameras.splits import views_of_split
 
+    shows_model = source is None and transform is None
     source = source or args.cameras
-    views = views_of_split(read_source(source, args.model, up=args.up), split, source)
+    cameras = read_source(source, args.model, shows_model=shows_model, up=args.up)
+    views = views_of_split(cameras, split, source)
     if transform is None:
         return views
     motion = read_transform(transform)

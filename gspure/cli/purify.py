@@ -11,7 +11,6 @@ from gspure import __version__
 from gspure.arrays import Float32, Indices, save_array
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
-from gspure.cameras.worlds import mention_unseen
 from gspure.cli import options
 from gspure.cli.options import mention_up
 from gspure.cli.parser import Arguments, Parser
@@ -45,7 +44,7 @@ from gspure.text import decimal
 
 EXAMPLES = """\
   gspure purify point_cloud.ply --cameras cameras.json --out purified
-  gspure purify point_cloud.ply --cameras orbit --out purified        # a model without cameras
+  gspure purify trained --out purified                                # with the cameras beside the model, or orbit
 
 files in DIR:
   purified.ply       the remaining Gaussians, bit-identical unless repaired or filtered in 3-D
@@ -68,7 +67,8 @@ _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run")
-    options.add_cameras(parser, more="; at most 1600 px wide, every eighth by name held out for the metrics")
+    more = "; at most 1600 px wide, every eighth by name held out for the metrics (default: beside MODEL, or orbit)"
+    options.add_cameras(parser, more=more, required=False)
     parser.writes("--out", "DIR", "folder for the results")
     options.add_energy(parser, "ray", "ewa", "center_ray")
     parser.choice("--reduction", REDUCTIONS, "how the pixels of a view become one contribution", REDUCTIONS[0])
@@ -97,6 +97,9 @@ def run(args: Arguments) -> None:
     from gspure.schemes.registry import read_public_model
 
     options.require_own_folder(args)
+    if not args.cameras:
+        args.cameras = options.default_cameras(args.model)
+        say(f"{args.model}: views {args.cameras}")
     stored = read_public_model(args.model)
     suspects = suspicious_rows(stored.model)
     public = stored.drawable(args.model)
@@ -104,7 +107,6 @@ def run(args: Arguments) -> None:
     if args.repair is not None and not public.visible:
         raise InputError(args.model, "--repair", expected="a model with colours", found="none")
     cameras = scaled(options.read_source(args.cameras, args.model, up=args.up), TRAINING_RULE)
-    mention_unseen(public.model, cameras)
     train, test = split(cameras)
     if not train:
         warn("a single view: it measures the weights, and none is held out for the metrics")

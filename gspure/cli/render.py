@@ -24,7 +24,6 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.arrays import save_array
-    from gspure.cameras.worlds import mention_unseen
     from gspure.cli.options import mention_up
     from gspure.files import filling_alone
     from gspure.images import is_flat, write_image
@@ -32,7 +31,6 @@ def run(args: Arguments) -> None:
 
     views = options.read_views(args, args.split, args.transform)
     public = read_public_model(args.model, args.scheme).drawable(args.model)
-    mention_unseen(public.model, views)
     background = tuple(args.background or public.model.background)
     scene = public.scene(options.read_device(args), background, args.energy)
     empty = []

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gspure.cli.options import add_cameras, read_source
+from gspure.cli.options import add_cameras, default_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
@@ -21,14 +21,13 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the page."""
-    from gspure.cameras.reading import place_in
     from gspure.schemes.registry import read_public_model
     from gspure.viewer.view import view_beside
 
     files = [file for file in (args.model, args.other) if file]
-    folder = args.model if args.model.is_dir() else args.model.parent
-    source = args.cameras or place_in(folder)
-    cameras = read_source(source, args.model, up=args.up) if source else []
+    source = args.cameras or default_cameras(args.model)
+    has_views = args.cameras or isinstance(source, Path)
+    cameras = read_source(source, args.model, up=args.up) if has_views else []
     models = {str(file): read_public_model(file).drawable(file) for file in files}
     view_beside(models, cameras).write(args.out)
     print(args.out)

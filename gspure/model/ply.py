@@ -7,6 +7,7 @@ not kept. The header is checked before rows are read.
 
 import io
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -29,6 +30,9 @@ _RGB: Final = ("red", "green", "blue")
 _GREY: Final = 128
 _THIN: Final = 1e-3  # the third axis of a flat Gaussian, as a share of its shorter one; ours
 _FINE: Final = 1 / 200  # largest step of coordinates in float32, as a share of the median Gaussian; ours
+
+_WINDOWS_NAN: Final = re.compile(r"nan\(\w*\)|1\.#(IND|QNAN|SNAN)\d*", re.IGNORECASE)
+_WINDOWS_INF: Final = re.compile(r"1\.#INF\d*", re.IGNORECASE)
 
 
 def read_ply(path: Path) -> Gaussians:
@@ -174,7 +178,8 @@ def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.vo
     with reading(path, "one number per property, in its range", "element vertex"):
         text = io.TextIOWrapper(stream, encoding="latin-1")
         try:
-            rows = np.loadtxt(iter(text.readline, ""), dtype, comments=None, max_rows=count, ndmin=1)
+            lines = map(_portable, iter(text.readline, ""))
+            rows = np.loadtxt(lines, dtype, comments=None, max_rows=count, ndmin=1)
         except ValueError as error:
             raise ValueError(str(error).partition(";")[0]) from error  # without numpy's advice to programmers
         if len(rows) != count:
@@ -182,6 +187,11 @@ def _parsed(path: Path, file: Header, dtype: np.dtype[np.void]) -> NDArray[np.vo
         if len(file.content.elements) == 1 and any(map(str.strip, text)):
             warn(f"{path}: text after the last of {count} rows that the header names is not read")
         return rows
+
+
+def _portable(line: str) -> str:
+    """Return a line with NaN and infinity as on Linux; Windows writes -nan(ind), 1.#QNAN or 1.#INF."""
+    return _WINDOWS_INF.sub("inf", _WINDOWS_NAN.sub("nan", line)) if "(" in line or "#" in line else line
 
 
 def offset_comment(offset: Float64) -> str:

@@ -11,8 +11,8 @@ import numpy as np
 from gspure.arrays import Float32, Float64, UInt8
 from gspure.cameras import Camera, read_cameras, require_images, scaled, split
 from gspure.cameras.camera import spread
-from gspure.cameras.colmap import find_sparse, read_points
 from gspure.cameras.entry import Entry
+from gspure.cameras.nerfstudio import frames_of
 from gspure.cameras.photographs import (
     disambiguated_names,
     located,
@@ -22,22 +22,18 @@ from gspure.cameras.photographs import (
     require_present,
     safe_name,
 )
-from gspure.cameras.reading import camera_object, camera_place
+from gspure.cameras.points import stored_points
+from gspure.cameras.reading import camera_object
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import digest
 from gspure.images import orientation_remark, read_image
-from gspure.model.ply import read_point_ply
 from gspure.progress import say, warn
 from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
 
 EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
 ASPECT_TOLERANCE: Final = 0.01  # relative; rounding to whole pixels stays within it, cropping and turning do not
 MOST_ROUNDING: Final = 1e-5  # of float32, relative to the distance of the farthest camera from the mean; ours
-
-POINT_FILES: Final = ("points3D.ply", "points3d.ply", "sparse_pc.ply", "input.ply")
-"""Files of sparse points beside a camera file: COLMAP's and `gspure pair`'s, 3DGS's for Blender scenes, nerfstudio's,
-3DGS's output."""
 
 _SKIP: Final = "`gspure train --skip-missing` leaves out their views"
 _NAME: Final = "`gspure train --images DIR` names a folder of photographs named as the views"
@@ -147,7 +143,7 @@ def read_views(source: Path) -> Views:
 def _nerfstudio_views(entry: Entry, cameras: list[Camera]) -> Views:
     """Return the views that the lists ``train_filenames`` and ``test_filenames`` (or val) name, as nerfstudio does."""
     key = next(name for name in _NERFSTUDIO_HELD_OUT if name in entry)
-    files = (frame["file_path"] for frame in entry.values["frames"])
+    files = (frame.text("file_path") for frame in frames_of(entry))
     views = dict(zip(files, (camera.name for camera in cameras), strict=True))
     held_out = _names(entry, key, views)
     train = {*views.values()} - held_out
@@ -256,20 +252,3 @@ def _points(source: Path, train: Sequence[Camera], seed: int, offset: Float64) -
         raise InputError(source, "training views", expected=expected, found="neither")
     say(f"{source} has fewer than {LEAST_POINTS} points: training starts from {len(xyz)} random ones")
     return xyz, np.full(xyz.shape, _GREY, np.uint8)
-
-
-def stored_points(source: Path) -> tuple[Float64, UInt8]:
-    """Return the sparse points of a capture: the file that its transforms.json names, or one beside it; or none."""
-    place = camera_place(source)
-    scene = camera_object(source)
-    folder = source if place.is_dir() else place.parent
-    sparse = place if place.is_dir() else find_sparse(folder)
-    if scene and "ply_file_path" in scene:
-        return read_point_ply(Path(scene.source).parent / scene.text("ply_file_path"))
-    if sparse and any((sparse / f"points3D{suffix}").is_file() for suffix in (".bin", ".txt")):
-        return read_points(sparse)
-    for parent in (folder, sparse or folder):
-        for name in POINT_FILES:
-            if (parent / name).is_file():
-                return read_point_ply(parent / name)
-    return np.empty((0, 3)), np.empty((0, 3), np.uint8)

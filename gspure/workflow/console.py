@@ -10,11 +10,12 @@ from shutil import disk_usage
 from typing import Any, Final
 
 from gspure.errors import printable
-from gspure.progress import say, show, shows_bars, tell
+from gspure.progress import say, show, shows_bars, tell, warn
 from gspure.text import percent
 
 _SILENCE: Final = 8.0  # seconds, the longest without a line where there is no terminal
 _LITTLE: Final = 2**20  # bytes of free space on a disk that is full
+_WARNING: Final = "warning: "
 _OURS: Final = "gspure"  # how our programs begin the lines that say why they fail
 
 
@@ -36,12 +37,15 @@ class Job:
         seconds = now - self.began
         return f"{self.text}: {clock(seconds)} so far" if seconds >= 1 else self.text
 
+    def lines(self) -> list[str]:
+        """Return the lines of the job's log, as far as it can be read."""
+        with suppress(OSError):
+            return Path(self.log).read_text(encoding="utf-8", errors="replace").split("\n")
+        return []
+
     def failure(self) -> str:
         """Return why the job failed, by the last line of its log."""
-        lines: list[str] = []
-        with suppress(OSError):
-            lines = Path(self.log).read_text(encoding="utf-8", errors="replace").split("\n")
-        reason = next((line for line in reversed(lines) if line.strip()), "")
+        reason = next((line for line in reversed(self.lines()) if line.strip()), "")
         return f"{self.text} failed: {reason or _disk_fault() or f'see {self.log}'}"
 
 
@@ -76,7 +80,10 @@ class Console:
                     self._say(self._running[number], now)
             case {"event": "finished", "job": number}:
                 self._done += 1
-                self._running.pop(number, None)
+                job = self._running.pop(number, None)
+                for text in job.lines() if job else []:
+                    if text.startswith(_WARNING):
+                        warn(printable(text.removeprefix(_WARNING)))
             case {"event": "failed", "job": number} if number in self._running:
                 self._tell(self._running.pop(number).failure())
                 self._has_reason = True
@@ -91,7 +98,7 @@ class Console:
 
     def read_output(self, line: str) -> None:
         """Print a line of our programs; one of Snakemake may become the reason of its end."""
-        if line.startswith((_OURS, "warning:")):
+        if line.startswith((_OURS, _WARNING)):
             self._tell(line)
             self._has_reason = self._has_reason or line.startswith(_OURS)
         elif line.strip():

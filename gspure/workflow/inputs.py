@@ -3,14 +3,18 @@
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 from gspure.cameras.photographs import require_present
+from gspure.cameras.points import POINT_FILES
 from gspure.cameras.reading import CAMERA_FILES, camera_places
 from gspure.cameras.worlds import NORMALIZED
 from gspure.model import model_file
 from gspure.model.inria import model_parts
 from gspure.schemes.registry import schemes
-from gspure.training.dataset import BLENDER_HELD_OUT, POINT_FILES, read_views
+from gspure.training.dataset import BLENDER_HELD_OUT, read_views
+
+_POINTS: Final = ("points3D.bin", "points3D.txt", *POINT_FILES)
 
 
 def photographs(source: str) -> tuple[Path, ...]:
@@ -27,15 +31,15 @@ def photographs(source: str) -> tuple[Path, ...]:
 
 
 def camera_files(source: str) -> tuple[Path, ...]:
-    """Return the files of the cameras of `source`, a folder or a file of cameras."""
-    return _files(source, [*CAMERA_FILES, NORMALIZED])
+    """Return the files of the cameras of `source`, a folder or a file of cameras, and those that tell its world."""
+    return _files(source, [*CAMERA_FILES, NORMALIZED, *_POINTS])
 
 
 def capture_files(source: str) -> tuple[Path, ...]:
     """Return the files of the cameras and points of `source`, a folder or a file of cameras, and its photographs."""
     folder = Path(source) if Path(source).is_dir() else Path(source).parent
-    names = [*BLENDER_HELD_OUT, "points3D.bin", "points3D.txt", *POINT_FILES]
-    return (*camera_files(source), *_files(str(folder), names), *photographs(source))
+    names = [*BLENDER_HELD_OUT, *_POINTS]
+    return distinct((*camera_files(source), *_files(str(folder), names), *photographs(source)))
 
 
 def model_files(source: str | Path) -> tuple[Path, ...]:
