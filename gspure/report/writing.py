@@ -1,6 +1,7 @@
 """All tables and figures of a run, and its report, from the folder of results as it is."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,11 +17,12 @@ from gspure.evaluation.summary import Specificity, Summary, specificity, summari
 from gspure.evaluation.survival import Survival, not_embedded, survival
 from gspure.figures.charts import draw_factors
 from gspure.figures.gallery import CAPTIONS, PLATES
-from gspure.figures.panels import draw_attacks, shown_variants
+from gspure.figures.panels import draw_attacks
 from gspure.figures.plates import stack_plates
 from gspure.figures.tradeoff import draw_tradeoff
 from gspure.files import Json, read_json, write_text
 from gspure.metrics.csv_tables import write_table
+from gspure.metrics.names import UNATTACKED
 from gspure.metrics.targets import SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
@@ -54,15 +56,34 @@ def write_report(results: Path, plan: Plan) -> list[Outcome]:
     write_text(tables / "contest.md", conditions_markdown(survivals, contests, matched))
     write_text(tables / "summary.tex", summary_table(outcomes).latex())
     _warn(outcomes)
-    comparisons = []
-    for answer in answers(outcomes, survivals):
-        tables_of = condition_tables(answer.audit.condition, survivals, contests, matched)
-        comparisons.append(_comparison(results, plan, outcomes, answer, tables_of))
+    comparisons = [
+        _comparison(results, plan, outcomes, answer, _tables(answer, survivals, contests, matched))
+        for answer in answers(outcomes, survivals)
+    ]
     _draw_plates(results, comparisons)
     names = ("results", "summary", "survival", "contest", "matched", "leads", "clean")
     linked = [tables / f"{name}.csv" for name in names]
     write_page(results, comparisons, [*linked, results / CONFIGURATION, results / "logs"])
     return outcomes
+
+
+def _tables(
+    answer: Answer, survivals: Sequence[Survival], contests: Sequence[Contest], matched: Sequence[Matched]
+) -> Mapping[str, Sequence[Table]]:
+    """Return the tables of one condition by extraction, with the attacks in the order of the answer."""
+    place = _places(answer)
+    return condition_tables(
+        answer.audit.condition,
+        sorted(survivals, key=lambda row: place(row.variant)),
+        sorted(contests, key=lambda row: (0 if isnan(row.damage) else row.damage, place(row.attack))),
+        sorted(matched, key=lambda row: place(row.sweep)),
+    )
+
+
+def _places(answer: Answer) -> Callable[[str], int]:
+    """Return a function from a variant to its place: attacks in the order of the answer, `UNATTACKED` before them."""
+    places = {row.variant: i for i, row in enumerate(answer.attacks)} | {UNATTACKED: -1}
+    return lambda variant: places.get(variant, len(places))
 
 
 def _comparison(
@@ -120,17 +141,20 @@ def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answe
     attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, _photographs(results, plan.by_name[model.name]))
     caption, views = attacks or ("", {})
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
-    shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
+    place = _places(answer)
+    by_damage = sorted(variants, key=lambda o: place(o.variant))
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
     pictured = answer.pictured({o.variant for o in variants})
+    attacked = [row.variant for row in answer.attacks]
     return ModelSection(
         model.scheme,
         model.folder_name,
+        answers(variants, survival(variants))[0],
         outcomes=variants,
-        table=model_table(variants),
+        table=model_table(by_damage),
         failures=failures(variants),
         pictures=[picture(path, text, results) for path, text in captions.items() if text],
-        images=renders(folder, [*pictured, *shown], targets),
+        images=renders(folder, [*pictured, *attacked], targets),
         viewer=_parts(drawn / "view.json"),
         diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )
