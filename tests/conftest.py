@@ -1,6 +1,7 @@
 """Fixtures that several test files share: each OpenCL device that works here, kernel style, energy."""
 
 import os
+import shutil
 from functools import cache, partial
 from pathlib import Path
 
@@ -98,3 +99,43 @@ def trained(pair_folder):
     from tests.scheme_cases import embedded_in
 
     return cache(partial(embedded_in, pair_folder))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a window; it draws WebGL on the CPU."""
+    from playwright.sync_api import sync_playwright
+
+    names = ("chromium", "chromium-browser", "google-chrome")
+    installed = [path for path in map(shutil.which, names) if path]
+    if not installed:
+        pytest.skip(f"none of {', '.join(names)} is installed (setup/browser.sh)")
+    with sync_playwright() as playwright:
+        drawing = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=installed[0], args=drawing)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Return a function from a file and a width to its page; errors and requests to the network fail the test."""
+    problems = []
+    context = browser.new_context()
+
+    def visited(file, width=1400):
+        page = context.new_page()
+        page.set_default_timeout(10_000)
+        page.set_viewport_size({"width": width, "height": 900})
+        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: problems.append(request.url) if "://" in leaving(request.url) else None)
+        page.goto(file.as_uri())
+        return page
+
+    def leaving(url):
+        return url if not url.startswith(("file:", "data:", "blob:")) else ""
+
+    yield visited
+    context.close()
+    assert problems == []
