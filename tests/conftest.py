@@ -121,20 +121,26 @@ def browser():
 def visit(browser):
     """Return a function from a file and a width to its page; errors and requests to the network fail the test."""
     problems = []
+
+    def note_error(message):
+        if message.type == "error":
+            problems.append(message.text)
+
+    def note_request(request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            problems.append(request.url)
+
     context = browser.new_context()
+    context.set_default_timeout(10_000)
+    context.on("console", note_error)
+    context.on("weberror", lambda error: problems.append(str(error.error)))
+    context.on("request", note_request)
 
     def visited(file, width=1400):
         page = context.new_page()
-        page.set_default_timeout(10_000)
         page.set_viewport_size({"width": width, "height": 900})
-        page.on("console", lambda message: problems.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("request", lambda request: problems.append(request.url) if "://" in leaving(request.url) else None)
         page.goto(file.as_uri())
         return page
-
-    def leaving(url):
-        return url if not url.startswith(("file:", "data:", "blob:")) else ""
 
     yield visited
     context.close()
