@@ -66,7 +66,7 @@ def view(tmp_path_factory) -> Path:
 
 def drawn(page, last=None):
     """Return the pixels of the canvas once they are not of one colour, and not the last ones."""
-    end = time.monotonic() + 5
+    end = time.monotonic() + 20
     bare = ".stage :not(canvas) { visibility: hidden }"
     while time.monotonic() < end:
         screenshot = page.locator("canvas:visible").screenshot(style=bare)
