@@ -12,6 +12,7 @@ DEV_PACKAGES := $(VENV)/.packages-dev
 DOCS_PACKAGES := $(VENV)/.packages-docs
 OPENCL := $(VENV)/.opencl
 GL := $(VENV)/.gl
+BROWSER := $(VENV)/.browser
 
 .PHONY: help demo test test-all setup opencl gl lint format docs bench gpu lock clean
 .DELETE_ON_ERROR:
@@ -23,10 +24,10 @@ help: ## show this
 demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made here: results/report.html
 	@$(BIN)/gspure demo
 
-test: $(DEV_PACKAGES) $(OPENCL) $(GL) ## set up, then run the tests, two files at a time
+test: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## set up, then run the tests, two files at a time
 	@$(BIN)/python -m pytest -n 2 --dist loadfile
 
-test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) ## all tests, with more hostile files, and mutants: hours
+test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## all tests, with more hostile files, and mutants: hours
 	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist loadfile
 	@$(BIN)/python -m tests.hostile.mutants
 
@@ -100,4 +101,8 @@ $(OPENCL): $(PACKAGES) setup/opencl.sh
 
 $(GL): $(PACKAGES) setup/gl.sh
 	@setup/gl.sh $(VENV)
+	@touch $@
+
+$(BROWSER): $(PACKAGES) setup/browser.sh
+	@setup/browser.sh
 	@touch $@

@@ -1,6 +1,7 @@
 """Fixtures that several test files share: each OpenCL device that works here, kernel style, energy."""
 
 import os
+import shutil
 from functools import cache, partial
 from pathlib import Path
 
@@ -98,3 +99,49 @@ def trained(pair_folder):
     from tests.scheme_cases import embedded_in
 
     return cache(partial(embedded_in, pair_folder))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a window; it draws WebGL on the CPU."""
+    from playwright.sync_api import sync_playwright
+
+    names = ("chromium", "chromium-browser", "google-chrome")
+    installed = [path for path in map(shutil.which, names) if path]
+    if not installed:
+        pytest.skip(f"none of {', '.join(names)} is installed (setup/browser.sh)")
+    with sync_playwright() as playwright:
+        drawing = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=installed[0], args=drawing)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def visit(browser):
+    """Return a function from a file and a width to its page; errors and requests to the network fail the test."""
+    problems = []
+
+    def note_error(message):
+        if message.type == "error":
+            problems.append(message.text)
+
+    def note_request(request):
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            problems.append(request.url)
+
+    context = browser.new_context()
+    context.set_default_timeout(10_000)
+    context.on("console", note_error)
+    context.on("weberror", lambda error: problems.append(str(error.error)))
+    context.on("request", note_request)
+
+    def visited(file, width=1400):
+        page = context.new_page()
+        page.set_viewport_size({"width": width, "height": 900})
+        page.goto(file.as_uri())
+        return page
+
+    yield visited
+    context.close()
+    assert problems == []

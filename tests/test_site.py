@@ -63,9 +63,31 @@ def test_every_page_is_in_the_navigation():
     assert [place for place in sorted(places) if f": {place}\n" not in text] == []
 
 
-def test_the_site_builds_without_warnings(tmp_path):
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The folder of the site, built without warnings."""
     pytest.importorskip("mkdocs", reason="gspure[docs] is not installed")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "<math" in (tmp_path / "method.html").read_text()
+    return folder
+
+
+def test_formulas_need_no_script(built):
+    assert "<math" in (built / "method.html").read_text()
+
+
+@pytest.mark.parametrize("width", [1400, 900, 420])
+def test_the_search_works_from_disk(built, visit, width):
+    page = visit(built / "index.html", width)
+    if width < 1000:
+        page.locator("label[for=__search].md-header__button").click()
+    page.locator(".md-search__input").click()
+    page.locator(".md-search__input").press_sequentially("opacity")
+    page.locator(".md-search-result__item").nth(3).wait_for()
+    page.locator(".md-search-result__link").first.click()
+    page.wait_for_url(lambda url: "index.html" not in url)
+    page.goto((built / "leaderboard.html").as_uri())
+    assert page.locator(".leaderboard tbody tr").count() > 5
+    assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _TEMPLATES: Final = Path(__file__).parent / "templates"
 _WIDEST: Final = 1400  # width in pixels of an embedded figure as wide as a page
-_RENDER: Final = 560  # width in pixels of an embedded render
+_RENDER: Final = 420  # width in pixels of an embedded render
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ class ModelSection:
 
     scheme: str
     folder: str
+    answer: Answer  # of this model alone
     outcomes: Sequence[Outcome]
     table: Table
     failures: Sequence[str]

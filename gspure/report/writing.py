@@ -16,7 +16,7 @@ from gspure.evaluation.results import GONE, Result, write_results
 from gspure.figures.charts import draw_factors
 from gspure.figures.evidence import draw_evidence
 from gspure.figures.gallery import CAPTIONS, PLATES
-from gspure.figures.panels import draw_attacks, shown_variants
+from gspure.figures.panels import draw_attacks
 from gspure.figures.plates import stack_plates
 from gspure.files import Json, read_json, write_json, write_text
 from gspure.grouping import grouped
@@ -56,6 +56,12 @@ def write_report(results: Path, plan: Plan) -> list[Outcome]:
     return outcomes
 
 
+def _places(answer: Answer) -> Callable[[str], int]:
+    """Return a function from a variant to its place: attacks in the order of the answer, `UNATTACKED` before them."""
+    places = {row.variant: i for i, row in enumerate(answer.attacks)} | {UNATTACKED: -1}
+    return lambda variant: places.get(variant, len(places))
+
+
 def _comparison(
     results: Path, plan: Plan, outcomes: Sequence[Outcome], answer: Answer, rows: Sequence[Result]
 ) -> Comparison:
@@ -63,7 +69,8 @@ def _comparison(
     condition = answer.audit.condition
     alike = [o for o in outcomes if o.condition == condition]
     models = by_model(alike)
-    sections = [_model(results, plan, models[model], answer) for model in track([*models], "figures")]
+    of_model = grouped(rows, lambda row: row.model)
+    sections = [_model(results, plan, models[model], answer, of_model[model]) for model in track([*models], "figures")]
     folder = results / "figures" / condition.key
     evidence = folder / "evidence.png"
     sweep = folder / "sweep.png"
@@ -73,7 +80,9 @@ def _comparison(
     }
     pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
     meanings = {row.attack: plan.meanings.get(row.variant, "") for row in answer.attacks}
-    return Comparison(answer, sections, evidence_tables(rows), pictures, meanings)
+    place = _places(answer)
+    in_order = sorted(rows, key=lambda row: place(row.variant))
+    return Comparison(answer, sections, evidence_tables(in_order), pictures, meanings)
 
 
 def _warn(outcomes: Sequence[Outcome], rows: Sequence[Result]) -> None:
@@ -103,7 +112,9 @@ def _draw_plates(results: Path, comparisons: Sequence[Comparison]) -> None:
             _drawn(stack_plates, results / "figures" / f"{name}.png", plates)
 
 
-def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answer) -> ModelSection:
+def _model(
+    results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answer, rows: Sequence[Result]
+) -> ModelSection:
     """Draw the figures of a model, and return it as the page shows it."""
     model = variants[0].model
     folder = results / model.name
@@ -112,17 +123,20 @@ def _model(results: Path, plan: Plan, variants: Sequence[Outcome], answer: Answe
     attacks = _drawn(draw_attacks, path, folder, variants, plan.sweeps, _photographs(results, plan.by_name[model.name]))
     caption, views = attacks or ("", {})
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
-    shown = [o.variant for o in shown_variants(variants, plan.sweeps) if o.targets]
+    place = _places(answer)
+    by_damage = sorted(variants, key=lambda o: place(o.variant))
     targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
     pictured = answer.pictured({o.variant for o in variants})
+    attacked = [row.variant for row in answer.attacks]
     return ModelSection(
         model.scheme,
         model.folder_name,
+        answers(rows)[0],
         outcomes=variants,
-        table=model_table(variants),
+        table=model_table(by_damage),
         failures=failures(variants),
         pictures=[picture(path, text, results) for path, text in captions.items() if text],
-        images=renders(folder, [*pictured, *shown], targets),
+        images=renders(folder, [*pictured, *attacked], targets),
         viewer=_parts(drawn / "view.json"),
         diagnosis=_parts(folder / "diagnosis.json") | _parts(folder / "hidden.json"),
     )

@@ -218,11 +218,11 @@ def _sampled(rows: Rows, weights: Float32 | Float64) -> Rows:
 def _view(
     clouds: list[Data], modes: list[Data], means: Float32, centre: NDArray[np.floating], cameras: Sequence[Camera]
 ) -> Data:
-    """Return the view, with an overview and test cameras to choose from, in coordinates from `centre`."""
+    """Return the view, in coordinates from `centre`; it begins at the first test camera, an overview is last."""
     test = split(cameras)[1]
     step = len(test) // _PRESETS + 1
-    presets = [_preset("overview", choose_camera(means, cameras), means, centre)]
-    presets += [_preset(camera.name, camera, means, centre) for camera in test[::step]]
+    presets = [_preset(camera.name, camera, means, centre) for camera in test[::step]]
+    presets.append(_preset("overview", choose_camera(means, cameras), means, centre))  # often among floaters
     up = world_axes(means, cameras)[1].tolist()
     return {"clouds": clouds, "modes": modes, "cameras": {"up": up, "views": presets}, "removed": {}}
 
