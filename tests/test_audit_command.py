@@ -77,6 +77,12 @@ def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
 
 
+def test_a_folder_without_provenance_is_no_key(folder, words, capsys):
+    (folder / "nokey").mkdir()
+    assert main(["audit", "my model.ply", "--key", "nokey"]) == 2
+    assert "nokey: key: expected a key of gspure, found no provenance.json" in capsys.readouterr().err
+
+
 def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
     assert main(["audit", "my model.ply"]) == 0
     write_cameras(folder / "cameras.json", [tilted_camera(8, 6)])

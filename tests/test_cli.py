@@ -1,5 +1,6 @@
 """The command line: help, refusals in one line, exit statuses, interruptions."""
 
+import re
 import shlex
 import subprocess
 import sys
@@ -34,6 +35,12 @@ def test_every_command_accepts_its_examples(command):
     assert {words[1] for words in examples} == {command}
     for words in examples:
         cli.parser_of(command).parse_args(words[2:])
+
+
+def test_help_lists_installed_schemes_with_their_packages(capsys):
+    with pytest.raises(SystemExit):
+        main(["embed", "--help"])
+    assert re.search(r"^  marked_clones +gspure_marked_clones 1\.0$", capsys.readouterr().out, re.MULTILINE)
 
 
 @pytest.mark.parametrize(

@@ -69,6 +69,7 @@ class Device:
 @cache
 def list_devices() -> tuple[Device, ...]:
     """Return every device of every platform, GPUs first."""
+    require_same_process()
     by_kind = sorted((d for p in _platforms() for d in _devices(p)), key=lambda d: not d.type & cl.device_type.GPU)
     return tuple(
         Device(

@@ -39,7 +39,10 @@ def forecast(options: Sequence[str]) -> list[str]:
     """Return lines on the jobs that would run; none if Snakemake fails, with its reason on standard error."""
     planned = Forecast()
     whole = Forecast()
-    if not (_run([*options, "--dry-run"], planned) and _run([*options, "--dry-run", "--forceall"], whole)):
+    succeeded = _run([*options, "--dry-run"], planned)
+    if planned.jobs:
+        succeeded = succeeded and _run([*options, "--dry-run", "--forceall"], whole)
+    if not succeeded:
         return []
     return [*forecast_lines(planned.jobs, sum(whole.jobs.values()))]
 
