@@ -72,7 +72,7 @@ CLUSTER_SHARE: Final = Range(0.0, 1.0, above=True)
 CLUSTER_SIZE: Final = Range(2, 100_000_000)
 NEIGHBOURS: Final = Range(1, 128)  # the kernels store so many for each of millions of points
 DECIBELS: Final = Range(0.0, 100.0, above=True)
-FIELD_OF_VIEW: Final = Range(0.01, 179.0)  # degrees
+FIELD_OF_VIEW: Final = Range(5.0, 179.0)  # degrees
 TRACED_SIDE: Final = Range(16, 16384)  # of a ray-traced image, in pixels
 PAIR_VIEWS: Final = Range(3, 10_000)  # of two views, one is held out, and a single training view fixes no positions
 SECONDS: Final = Range(0.0, 1e6, above=True)

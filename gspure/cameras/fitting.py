@@ -155,7 +155,7 @@ def score_by_photographs(cloud: Cloud, cameras: Sequence[Camera]) -> Score | Non
         with suppress(InputError):  # whoever needs the photograph refuses it
             images.append(read_image(photograph(camera), (_SIDE, _SIDE), cloud.background))
             views.append(camera)
-    if colours is None or len(views) < _FEWEST_PHOTOGRAPHS:
+    if colours is None or len(colours) == 0 or len(views) < _FEWEST_PHOTOGRAPHS:
         return None
 
     def score(world: Float64) -> float:

@@ -46,7 +46,7 @@ _OFFSET: Final = re.compile(r"gspure offset (\S+) (\S+) (\S+)")
 
 # Ours:
 _LEAST_COVERED: Final = 0.03  # least share of pixels that show the model
-_LEAST_SEEN: Final = 0.03  # least share of the model that the views show
+_LEAST_SEEN: Final = 0.1  # least share of the model that the views show
 _MOST_NEAR: Final = 0.05  # largest share of a view's Gaussians before its near plane
 
 
