@@ -87,8 +87,8 @@ def alone_in(folder: Path) -> Iterator[None]:
             stack.enter_context(_locked(folder))
         except BlockingIOError:
             remedy = "wait for it, or name another folder"
-            other = "no other run here"
-            raise InputError(folder, "output", expected=other, found="one that runs", hint=remedy) from None
+            expected = "no other run here"
+            raise InputError(folder, "output", expected=expected, found="one that runs", hint=remedy) from None
         except OSError:
             pass  # a file system without locks
         yield
