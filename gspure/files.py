@@ -88,10 +88,9 @@ def alone_in(folder: Path) -> Iterator[None]:
         try:
             stack.enter_context(_locked(folder))
         except BlockingIOError:
-            hint = "wait for it, or name another folder"
-            raise InputError(
-                folder, "output", expected="no other run", found="one that writes here", hint=hint
-            ) from None
+            remedy = "wait for it, or name another folder"
+            expected = "no other run here"
+            raise InputError(folder, "output", expected=expected, found="one that runs", hint=remedy) from None
         except OSError:
             pass  # a file system without locks
         yield

@@ -55,14 +55,16 @@ def require_rows_of(model: Path, array: Path) -> None:
     As many rows may be other ones: editors and trainers change their order.
     """
     file = array.parent / PROVENANCE
-    record = read_json(file) if file.is_file() else None
+    record = read_json(file) if file.is_file() else {}
     match record:
         case {"command": str(command), "inputs": {"model": {"path": str(path), "sha256": str(measured)}}}:
-            is_described = command in _MEASURING or array.name in record.get("outputs", [])
-            if is_described and measured != digest_as_read(model):
-                hint = "rows may be in another order: measure this model, as by `gspure purify`"
-                expected = f"an array of the rows of {model}"
-                raise InputError(array, "model", expected=expected, found=f"one of {path}, another model", hint=hint)
+            is_of_rows = command in _MEASURING or array.name in record.get("outputs", [])
+        case _:
+            return
+    if is_of_rows and measured != digest_as_read(model):
+        expected = f"an array of the rows of {model}"
+        hint = "rows may be in another order: measure this model, as by `gspure purify`"
+        raise InputError(array, "model", expected=expected, found=f"one of {path}, another model", hint=hint)
 
 
 def run_of(path: Path) -> str:

@@ -56,7 +56,7 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
 def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):
     with alone_in(folder):
         assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 2
-    assert "output: expected no other run, found one that writes here" in capsys.readouterr().err
+    assert "output: expected no other run here, found one that runs" in capsys.readouterr().err
     assert not (folder / "results").exists()
     assert main(["audit", "my model.ply", "--cameras", "orbit"]) == 0
 

@@ -170,6 +170,9 @@ def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(
 def test_a_folder_is_filled_by_one_run_at_a_time(tmp_path):
     with files.filling_alone(tmp_path / "out") as folder:
         (folder / "first").touch()
-        with pytest.raises(InputError, match="out: output: expected no other run"), files.alone_in(tmp_path / "out"):
+        with (
+            pytest.raises(InputError, match="out: output: expected no other run here"),
+            files.alone_in(tmp_path / "out"),
+        ):
             pytest.fail("two at once")
     assert content(tmp_path / "out") == {"first": ""}

@@ -33,7 +33,13 @@ __all__ = [
     "write_model",
 ]
 
-_READERS = {".sog": read_sog, ".splat": read_splat, ".spz": read_spz, UNPACKED_SOG: read_sog, STREAMED: read_streamed}
+_READERS: Final[dict[str, Callable[[Path], Gaussians]]] = {
+    ".sog": read_sog,
+    ".splat": read_splat,
+    ".spz": read_spz,
+    UNPACKED_SOG: read_sog,
+    STREAMED: read_streamed,
+}
 """Readers by suffix or by name. All other files are PLY; the header of a compressed one tells that it is."""
 
 _SAVE: Final = "save it as .ply, .spz or .sog in the program that made it"
@@ -89,14 +95,18 @@ def read_model(path: str | Path) -> Gaussians:
         program, hint = _FORMATS[file.suffix.lower()]
         found = f"{file.name} of {program}"
         raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=found, hint=hint)
-    read = _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
-    if file.is_dir():
-        read = read_chunks
     try:
-        model = read(file)
+        model = _reader(file)(file)
     except InputError as error:
         raise _recognized(file, error) from error
     return model.with_background(trained_background(file))
+
+
+def _reader(file: Path) -> Callable[[Path], Gaussians]:
+    """Return the reader of a file, by its name or suffix, or that of a folder of chunks."""
+    if file.is_dir():
+        return read_chunks
+    return _READERS.get(file.name) or _READERS.get(file.suffix.lower(), read_ply)
 
 
 def _recognized(path: Path, error: InputError) -> InputError:
