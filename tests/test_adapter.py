@@ -16,6 +16,7 @@ from gspure.metrics.comparison import read_metrics
 from gspure.metrics.csv_tables import read_table
 from gspure.metrics.readings import Reading
 from gspure.model import read_model
+from gspure.schemes.registry import find_scheme
 from gspure.training.dataset import read_dataset
 from tests.workflow_cases import ROOT
 
@@ -118,11 +119,16 @@ def test_programs_of_a_checkout_hide_a_picture_and_show_it_in_any_view(adapters,
 def test_programs_of_a_checkout_read_bits(adapters, pair_folder, tmp_path):
     out = tmp_path / "marked"
     assert main(["embed", "marker", str(pair_folder), "--out", str(out), *SETTINGS]) == 0
+    marker = find_scheme("marker")
+    assert marker.redrawn(marker.read_public(out / "public"), np.random.default_rng(0)) is None  # columns unknown
     for name, level in {"render": 1.0, "black": 0.0}.items():
         write_image(tmp_path / "images" / f"{name}.png", np.full((4, 4, 3), level))
     detect = ["detect", str(tmp_path / "images"), "--key", str(out / "key"), "--out", str(tmp_path / "bits.csv")]
     assert main(detect) == 0
-    assert read_table(tmp_path / "bits.csv", Reading) == [Reading("black", 50.0, 8), Reading("render", 100.0, 8)]
+    assert read_table(tmp_path / "bits.csv", Reading) == [
+        Reading("black", 50.0, 8, "00000000"),
+        Reading("render", 100.0, 8, "01100101"),
+    ]
     assert main([*detect, "--wrong-key", "1"]) == 0
     assert read_table(tmp_path / "bits.csv", Reading)[1].level < 100
     assert main(["extract", *detect[1:-1], str(tmp_path / "message"), "--cameras", str(pair_folder)]) == 2

@@ -37,7 +37,8 @@ def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> N
 @pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
 def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack) -> None:
     public = PublicModel(blobs(200))
-    damage_of = scene_damage(public, VIEWS)
+    photographs = [0.95 * read_back(public.scene()(view)) for view in VIEWS]
+    damage_of = scene_damage(public, VIEWS, photographs)
     values = (attack.strength.at(end) for end in (0.0, 1.0))
     ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}) for value in values]
     weak, strong = (damage_of(PublicModel(end.model), None, end.retouched) for end in ends)

@@ -65,7 +65,7 @@ def test_embedded_bits_are_readable_only_above_chance_and_wrong_key(bits, correc
 
 def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_not_claimed():
     clean = np.random.default_rng(0).normal(size=2000).tolist()
-    readings = [Reading("a", 3.5, 0), Reading("b", 2.5, 0), Reading("c", 0.0, 0)]
+    readings = [Reading(view, score, 0, "") for view, score in {"a": 3.5, "b": 2.5, "c": 0.0}.items()]
     many = detection(readings, clean)
     few = detection(readings, clean[:20])
     assert many[2:5] == (pytest.approx(2 / 3), pytest.approx(1 / 3), True)
@@ -77,14 +77,14 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
 
 @pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
 def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, present):
-    readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32) for i in range(4)]
+    readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32, "") for i in range(4)]
     read = detection(readings, [])
     assert (read.present, read.tpr, read.level) == (present, hits / 4, 50 + 12.5 * hits)
 
 
 def marked(**levels: float) -> list[Outcome]:
     """Variants with the shares of correct bits, in percent, that are read from them."""
-    read = {name: detection([Reading(view, level, 32) for view in "abcd"], []) for name, level in levels.items()}
+    read = {name: detection([Reading(view, level, 32, "") for view in "abcd"], []) for name, level in levels.items()}
     outcomes = [outcome(name, targets={"scene": 30.0}, detections={"mark": read[name]}) for name in levels]
     return list(with_references(outcomes))
 
@@ -121,8 +121,9 @@ def test_a_detector_gets_the_folder_and_its_last_line_counts(renders):
     code = 'import pathlib, sys; print(\'loading\'); print(\'{"a": "0110", "b": "1111"}\'.replace(\'a\', sorted('
     code += "pathlib.Path(sys.argv[1]).glob('*.png'))[0].stem))"
     readings = read_marks(shlex.join([sys.executable, "-c", code]), renders, "0111", 60)
-    assert readings == [Reading("a", 75.0, 4), Reading("b", 75.0, 4)]
-    assert read_marks(printing('{"b": 2, "a": -0.5}'), renders, "", 60) == [Reading("a", -0.5, 0), Reading("b", 2.0, 0)]
+    assert readings == [Reading("a", 75.0, 4, "0110"), Reading("b", 75.0, 4, "1111")]
+    scores = read_marks(printing('{"b": 2, "a": -0.5}'), renders, "", 60)
+    assert scores == [Reading("a", -0.5, 0, ""), Reading("b", 2.0, 0, "")]
 
 
 @pytest.mark.parametrize(

