@@ -305,8 +305,8 @@ def test_the_evidence_of_a_message_has_candidates_and_twins_with_redrawn_carrier
         shown, _ = cases.lantern_key().revealed(twin, MESSAGE)
         assert twin_trace == trace([*drawn(shown).values()], messages)
     assert len({*evidence.twins, evidence.trace}) == 3
-    control = run(job("other_scene", Control("other_scene"), targets=(MESSAGE,), owner=owner)).evidence.pictures[MESSAGE]
-    assert (len(control.candidates), control.twins) == (5, ())
+    control = run(job("other_scene", Control("other_scene"), targets=(MESSAGE,), owner=owner)).evidence
+    assert (len(control.pictures[MESSAGE].candidates), control.pictures[MESSAGE].twins) == (5, ())
 
 
 def test_an_attack_tells_the_rows_that_it_kept_of_all_and_those_that_there_are_now() -> None:

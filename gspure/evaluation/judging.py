@@ -83,6 +83,7 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     """Return a row with what an owner reads who tries some extractions, that as published first."""
     if row.extraction in o.unreadable:
         return row._replace(word=GONE, failure=o.unreadable[row.extraction])
+    row = row._replace(message_values=o.targets[row.extraction].values)
     if row.extraction not in o.evidence:
         return row
     names = [name for name in tried if name in o.evidence]
@@ -91,7 +92,6 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     proof = min(verdicts, key=lambda one: one.p)  # never worse than as published
     words = [word_of(verdict, o.evidence[name].legibility) for verdict in verdicts for name in names]
     return row._replace(
-        message_values=o.targets[row.extraction].values if row.extraction in o.targets else {},
         trace=proof.trace,
         legibility=max(o.evidence[name].legibility for name in names),
         z=proof.z,

@@ -1,4 +1,4 @@
-"""Candidates of a ray-traced message: random scenes of its kind, photographed from its held-out views at half size.
+"""Candidates of a ray-traced message: random scenes of its kind, photographed from its compared views at half size.
 
 A message is proven by its rank among candidates (`gspure.metrics.evidence`), so they must be drawn like the message:
 scenes of one builder at one placement, each once, in the right views. Pictures of other kinds, or of other views,
@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.arrays import UInt8
-from gspure.cameras import Camera, split
+from gspure.cameras import Camera
+from gspure.cameras.splits import views_of_split
 from gspure.images import levels
 from gspure.progress import track
 from gspure.scenes.lighting import bake
@@ -19,7 +20,7 @@ from gspure.scenes.photography import path_cameras, trace
 from gspure.scenes.procedural import PROCEDURAL, scene_builder
 from gspure.scenes.rooms import PLACEMENTS
 
-VIEWS: Final = 4  # of the held-out views; ours
+VIEWS: Final = 4  # of the compared views; ours
 COARSENESS: Final = 4  # of the light (`bake`), whose gradients correlate with those of full light by 0.97 to 0.99; ours
 FIRST_SEED: Final = 1 << 32  # above all seeds of a message, so that it is none of its candidates
 
@@ -42,14 +43,14 @@ def kind_of(message: str, placement: str) -> Kind | None:
     return Kind(builder if builder in PROCEDURAL else "interior", placement)
 
 
-def candidate_cameras(views: int, width: int, height: int) -> list[Camera]:
-    """Return `VIEWS` held-out views of a pair, evenly spaced, at half size, in the message's own frame.
+def candidate_cameras(views: int, width: int, height: int, split: str = "test") -> list[Camera]:
+    """Return `VIEWS` of a split of a pair's views, evenly spaced, at half size, in the message's own frame.
 
-    If fewer are held out, all are returned.
+    If there are fewer, all are returned.
     """
-    _, held_out = split(path_cameras(views, width, height))
-    chosen = np.linspace(0, len(held_out), min(VIEWS, len(held_out)), endpoint=False).astype(int)
-    return [held_out[i].resized(width // 2, height // 2) for i in chosen]
+    of_split = views_of_split(path_cameras(views, width, height), split, "candidates")
+    chosen = np.linspace(0, len(of_split), min(VIEWS, len(of_split)), endpoint=False).astype(int)
+    return [of_split[i].resized(width // 2, height // 2) for i in chosen]
 
 
 def candidates(kind: Kind, cameras: Sequence[Camera], count: int) -> UInt8:
