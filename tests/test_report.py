@@ -6,7 +6,6 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gspure.evaluation.plan import Plan
@@ -70,7 +69,12 @@ def test_the_radius_of_every_model_and_condition_is_written(run: Path) -> None:
     assert {(one["owner"], one["killer"]) for one in models.values()} == {("published", "gspure")}
     (radius,) = (one for one in record["conditions"] if one["kind"] == "message")
     known = [models[scene, "message"]["radius"] for scene in ("room", "vault")]
-    assert (radius["scenes"], radius["radius"], radius["low"], radius["high"]) == (2, min(known), min(known), max(known))
+    assert (radius["scenes"], radius["radius"], radius["low"], radius["high"]) == (
+        2,
+        min(known),
+        min(known),
+        max(known),
+    )
 
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:

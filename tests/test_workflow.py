@@ -108,7 +108,7 @@ def test_metrics_and_evidence_of_variants_are_in_the_table(rows):
     assert all(float(row["scene_psnr"]) > 0 for row in gspure.values())
     assert gspure["vanilla", "mark"]["reading"] == "0.5"
     before = next(row for row in rows if row["extraction"] == "message" and row["variant"] == "unattacked")
-    assert (before["candidates"], before["p"], before["level"], before["word"]) == ("19", "0.05", "0.05", "readable")
+    assert (before["candidates"], before["p"], before["level"], before["word"]) == ("19", "0.05", "0.05", "proven")
     assert float(gspure["planted", "message"]["legibility"]) < float(before["legibility"])
 
 
