@@ -1,9 +1,14 @@
 """Small models of every kind that attacks meet, and measurements of them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from hypothesis import settings
 
+from gspure.arrays import Float32
 from gspure.attacks import Attacked, Measurements, find_attack
+from gspure.cameras import Camera
+from gspure.images import read_back
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from gspure.schemes.gs_hider.model import FeatureModel
@@ -55,6 +60,13 @@ def measurements(count: int, seed: int = 1) -> Measurements:
     opacities, distances = rng.uniform(size=(2, count)).astype(np.float32)
     labels = rng.permutation(np.arange(count, dtype=np.int32) % 4) - 1
     return Measurements(weights, weights < 1, opacities, 6 * distances, labels)
+
+
+def photographs(public: PublicModel, views: Sequence[Camera]) -> list[Float32]:
+    """Return photographs near the renders of a model: at 30 dB."""
+    rng = np.random.default_rng(0)
+    renders = [read_back(public.scene()(view)) for view in views]
+    return [render + rng.normal(0, 10**-1.5, render.shape).astype(np.float32) for render in renders]
 
 
 def apply(name: str, model: Gaussians, seed: int = 0, **settings) -> Attacked:

@@ -31,8 +31,7 @@ from tests.plugin_path import write_info
 
 ROWS = 60
 MESSAGE_ROWS = slice(0, 20)
-ORACLE = "message_oracle"
-SHOWN = {MESSAGE: 15, ADAPTIVE: 18, ORACLE: 20}  # number of these rows that each extraction shows
+SHOWN = {MESSAGE: 15, ADAPTIVE: 20}  # number of these rows that each extraction shows
 NEAR = 1e-4  # distance of a row from the centre that it had
 WIDTH, HEIGHT = 32, 24
 TESTED = ("view_0", "view_8")  # of nine views, those that are held out
@@ -109,7 +108,8 @@ LANTERN = Scheme(
     embed,
     LanternModel.read,
     LanternKey.read,
-    {MESSAGE: ("x", "y", "z", "scale_*", "rot_*"), ADAPTIVE: ("f_dc_*",), ORACLE: ("f_rest_*",)},
+    {MESSAGE: ("x", "y", "z", "scale_*", "rot_*"), ADAPTIVE: ("f_dc_*",)},
+    carriers=("x", "y", "z"),
     fits=True,
 )
 BLINKER = replace(LANTERN, name="blinker", extractions={BITS: ("f_dc_*",)}, fits=False)

@@ -1,20 +1,23 @@
 """Outcomes of variants from the PSNR of scene and message, and the files of a model whose attacks add errors."""
 
 from collections.abc import Mapping, Sequence
+from math import nan
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.codec import plain
-from gspure.evaluation.evidence import SceneChange
+from gspure.evaluation.evidence import EVIDENCE, Evidence, JobEvidence, SceneChange, evidence_of
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
 from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
 from gspure.files import write_json
-from gspure.images import write_image
+from gspure.images import read_image, write_image
+from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
+from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import METRICS
 from gspure.metrics.names import CONTROLS, UNATTACKED
 
@@ -51,23 +54,65 @@ def attacked(variant: str, of_scene: float, of_message: float, *where: str | int
     return outcome(variant, *where, targets=targets, **known)
 
 
+NULL = tuple(np.random.default_rng(0).normal(0.0, 0.03, 199).tolist())
+TWINS = tuple(np.random.default_rng(1).normal(0.0, 0.03, 8).tolist())
+PROTOCOL = {"protocol": "shared", "initialization": "both"}
+
+
+def shown(trace: float, legible: float, twins: Sequence[float] = TWINS, **known) -> Evidence:
+    """Evidence among 199 candidates."""
+    return Evidence(trace, legible, NULL, tuple(twins), **known)
+
+
+def with_evidence(variant: str, damage: float, *where: str | int, **evidence: Evidence) -> Outcome:
+    """A variant that costs the scene some dB, with evidence by extraction."""
+    targets = {"scene": 30.0 - damage} | dict.fromkeys(evidence, 20.0)
+    return outcome(variant, *where, targets=targets, evidence=evidence, **PROTOCOL)
+
+
+PLAIN = shown(0.95, 1.0)
+NOTHING = shown(0.01, 0.0)
+
+
+def read(variant: str, correct: int, bits: int, damage: float = 0.0) -> Outcome:
+    """A variant whose bits are read."""
+    p = BITS_P[correct, bits]
+    detection = Detection(100.0 * correct / bits, 0.0, nan, nan, 0.0, 0.0, 4, bits)
+    known = {"detections": {"bits": detection}, "bits": {"bits": BitEvidence(p, correct, bits, 4)}}
+    return outcome(variant, targets={"scene": 30.0 - damage}, **known, **PROTOCOL)
+
+
+BITS_P = {(32, 32): 2.0**-32, (30, 32): 529 / 2**32, (17, 32): 0.43, (4, 4): 2.0**-4, (8, 8): 2.0**-8}
+
+
 VIEWS = ("view_0", "view_1", "view_2")
 TARGETS = ("scene", "message")
 
 
 def photograph(view: int, target: str) -> NDArray[np.float32]:
     """A smooth picture [24,32,3], different for every view and target."""
-    coarse = np.random.default_rng((view, len(target))).random((6, 8, 3))
-    return np.kron(coarse, np.ones((4, 4, 1))).astype(np.float32)
+    return _blocks(np.random.default_rng((view, len(target))).random((6, 8, 3)), 4).astype(np.float32)
+
+
+def _blocks(coarse: NDArray[np.float64], side: int) -> NDArray[np.float64]:
+    return np.kron(coarse, np.ones((side, side, 1)))
+
+
+def candidates(count: int) -> NDArray[np.uint8]:
+    """Pictures like the photographs of other messages, at half size."""
+    rng = np.random.default_rng(0)
+    pictures = [[_blocks(rng.random((6, 8, 3)), 2) for _ in VIEWS] for _ in range(count)]
+    return (255 * np.array(pictures)).astype(np.uint8)
 
 
 def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, float]]) -> ModelPlan:
-    """Write renders, metrics and verdicts of a model whose attacks add these errors to scene and message.
+    """Write renders, metrics, evidence and verdicts of a model whose attacks add these errors to scene and message.
 
     Its control is a clean model without the message.
     """
     truth = results / "pairs" / name.rpartition("/")[2]
-    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 0.6)}
+    errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 1.0)}
+    before = nan
     for variant, of_targets in errors.items():
         folder = results / name / variant
         for target, error in zip(("scene", "message"), of_targets, strict=True):
@@ -78,6 +123,14 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
                 write_image(folder / "renders" / target / f"{view}.png", (1 - error) * image + error * noise)
         rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders")[0]]
         write_metrics(folder / "metrics.csv", rows)
+        psnr = float(np.mean([row.psnr for row in rows if row.target == "scene"]))
+        before = psnr if variant == "unattacked" else before
+        messages = [photograph(i, "message") for i in range(len(VIEWS))]
+        extractions = [read_image(folder / "renders" / "message" / f"{view}.png") for view in VIEWS]
+        of_message = {"message": evidence_of(extractions, messages, candidates(19))}
+        change = None if variant == "clean" else SceneChange(before - psnr, None, 0.0)
+        evidence = JobEvidence(change, of_message)
+        write_json(folder / EVIDENCE, plain(evidence))
         if variant in attacks:
             attack = Applied(StrengthValue("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
             write_json(folder / VERDICT, plain(AttackRecord(attack)))

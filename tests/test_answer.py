@@ -12,9 +12,9 @@ from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.report.answer import Answer, answers
 from gspure.report.audit import NO_KEY
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
-from tests.outcome_cases import outcome
-from tests.test_radius import NOTHING as FAINT
-from tests.test_radius import PLAIN, attacked, read, shown
+from tests.outcome_cases import NOTHING as FAINT
+from tests.outcome_cases import PLAIN, outcome, read, shown
+from tests.outcome_cases import with_evidence as attacked
 
 
 def answer_of(outcomes: Sequence[Outcome]) -> Answer:

@@ -10,7 +10,7 @@ from gspure.method.pruning import plain_prune_mask
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from tests.anchor_cases import random_public
-from tests.attack_cases import changed, measurements
+from tests.attack_cases import changed, measurements, photographs
 from tests.models import blobs, camera, tilted_camera
 
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
@@ -43,7 +43,8 @@ def test_learning_the_appearance_leaves_the_geometry_bit_identical(name: str) ->
 def test_prune_repair_keeps_the_rows_above_the_threshold_and_repairs_the_scene() -> None:
     attacked = attacked_by("prune_repair", tau=1.5, iterations=60)
     np.testing.assert_array_equal(attacked.prune_mask, plain_prune_mask(measurements(ROWS).weights, 1.5))
-    damage_of = scene_damage(PublicModel(blobs(ROWS)), VIEWS)
+    public = PublicModel(blobs(ROWS))
+    damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
     pruned = PublicModel(blobs(ROWS)[~attacked.prune_mask])
     assert damage_of(PublicModel(attacked.model)) < damage_of(pruned) - 0.1
 
@@ -109,7 +110,7 @@ def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(sch
     colours = set(public.columns["colour"])
     assert changed(public.model, attacked.model) == colours
     blank = public.model.with_columns(dict.fromkeys(colours, np.zeros(len(public.model), np.float32)))
-    damage_of = scene_damage(public, VIEWS)
+    damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
     assert damage_of(public.with_model(attacked.model)) < 0.5 * damage_of(public.with_model(blank))
 
 

@@ -10,7 +10,7 @@ from gspure.images import read_back
 from gspure.method.pruning import prune_mask
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
 from gspure.public_model import PublicModel
-from tests.attack_cases import measurements
+from tests.attack_cases import measurements, photographs
 from tests.models import blobs, camera, tilted_camera
 
 STRONG = [attack for attack in BUILT_IN if attack.strength]
@@ -37,7 +37,7 @@ def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> N
 @pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
 def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack) -> None:
     public = PublicModel(blobs(200))
-    damage_of = scene_damage(public, VIEWS)
+    damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
     values = (attack.strength.at(end) for end in (0.0, 1.0))
     ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}) for value in values]
     weak, strong = (damage_of(PublicModel(end.model), None, end.retouched) for end in ends)

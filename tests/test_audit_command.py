@@ -2,23 +2,24 @@
 
 import os
 import re
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from gspure.cameras import write_cameras
 from gspure.cli import audit, main
-from gspure.codec import plain
 from gspure.evaluation.collecting import collect
-from gspure.evaluation.plan import Plan
-from gspure.evaluation.survival import Survival, survival
+from gspure.evaluation.judging import judged
+from gspure.evaluation.results import write_results as write_table
 from gspure.files import alone_in, write_json
-from gspure.metrics.csv_tables import write_table
+from gspure.images import write_image
 from gspure.model import write_model
-from tests.contest_cases import write_model as write_results
 from tests.models import blobs, tilted_camera
+from tests.outcome_cases import write_model as write_results
 from tests.workflow_cases import ROOT, configuration
 
 
@@ -64,15 +65,20 @@ def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):
 def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     provenance = {"settings": {"scheme": "planted"}, "inputs": {"pair": {"path": "pair"}}}
     write_json(folder / "run" / "marked" / "key" / "provenance.json", provenance)
+    photograph = folder / "photograph.png"
     for place in ("", "run/pair", "run/pair/message"):  # the pair's path began in the folder where it was made
-        write_cameras(folder / place / "cameras.json", [tilted_camera(8, 6)])
-    assert main(["audit", "my model.ply", "--key", "run/marked/key"]) == 0
+        write_cameras(folder / place / "cameras.json", [replace(tilted_camera(8, 6), image=photograph)])
+    command = ["audit", "my model.ply", "--key", "run/marked/key"]
+    assert main(command) == 0
+    assert "gspure_scaled" not in yaml.safe_load(Path(words[-1]).read_text())["variants"]  # damage needs photographs
+    write_image(photograph, np.zeros((6, 8, 3)))
+    assert main(command) == 0
     config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
     (asset,) = config["assets"].values()
     places = {"cameras": str(folder / "run/pair"), "message": str(folder / "run/pair/message")}
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
-    assert main(["audit", "my model.ply", "--key", "run/marked/key", "--everyday"]) == 0
+    assert main([*command, "--everyday"]) == 0
     config = configuration(yaml.safe_load(Path(words[-1]).read_text()))
     assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
 
@@ -93,11 +99,10 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
 @pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 3)])
 def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    plan = Plan((write_results(Path("results"), "sis/room", {"gof": (0.055, 0.9)}),))
-    write_json(Path("results/plan.json"), plain(plan))
-    write_table(Path("results/tables/survival.csv"), Survival, survival(collect(Path("results"), plan.models)))
+    model = write_results(Path("results"), "sis/room", {"gof": (0.055, 1.0)})
+    write_table(Path("results/tables/results.csv"), judged(collect(Path("results"), [model]), {}))
     assert main(["audit", "my model.ply", "--fail-under", limit]) == status
-    assert "BROKEN: the message is lost at 0.8 dB of damage (GOF)" in capsys.readouterr().out
+    assert "BROKEN: the message is gone at 0.82 dB of damage (GOF)" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("is_lost", [False, True])

@@ -1,4 +1,4 @@
-"""Detection: thresholds, commands of detectors, and what they may answer; the place of marks beside pictures."""
+"""Detection: thresholds, commands of detectors, and what they may answer."""
 
 import math
 import shlex
@@ -12,14 +12,11 @@ import pytest
 from scipy.stats import binom
 
 from gspure.errors import InputError
-from gspure.evaluation.outcomes import Outcome, with_references
-from gspure.evaluation.survival import survival
 from gspure.images import write_image
 from gspure.metrics.detection import Threshold, detection
 from gspure.metrics.readings import Reading, read_marks
 from gspure.schemes.readability import bit_readability
 from gspure.schemes.scheme import Key
-from tests.contest_cases import outcome, survives
 
 
 @pytest.mark.parametrize("rate", [0.01, 0.001])
@@ -68,40 +65,21 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
     readings = [Reading(view, score, 0, "") for view, score in {"a": 3.5, "b": 2.5, "c": 0.0}.items()]
     many = detection(readings, clean)
     few = detection(readings, clean[:20])
-    assert many[2:5] == (pytest.approx(2 / 3), pytest.approx(1 / 3), True)
+    assert (many.tpr, many.tpr_strict) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
     assert math.isnan(few.tpr)
     assert math.isnan(few.tpr_strict)
-    assert few.present  # two of three views exceed all 20
-    assert detection(readings, []).present is None
+    assert few.p == pytest.approx(3 / 253)  # two of three views exceed all 20: C(22, 2) of them all draws C(23, 3)
+    assert detection(readings, []).least_p == 1
 
 
-@pytest.mark.parametrize(("hits", "present"), [(0, False), (1, True), (4, True)])
-def test_a_mark_is_present_if_more_views_show_it_than_chance_explains(hits, present):
+@pytest.mark.parametrize("hits", [0, 1, 4])
+def test_the_p_of_a_mark_is_that_of_as_many_views_above_the_threshold(hits):
     readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32, "") for i in range(4)]
     read = detection(readings, [])
-    assert (read.present, read.tpr, read.level) == (present, hits / 4, 50 + 12.5 * hits)
-
-
-def marked(**levels: float) -> list[Outcome]:
-    """Variants with the shares of correct bits, in percent, that are read from them."""
-    read = {name: detection([Reading(view, level, 32, "") for view in "abcd"], []) for name, level in levels.items()}
-    outcomes = [outcome(name, targets={"scene": 30.0}, detections={"mark": read[name]}) for name in levels]
-    return list(with_references(outcomes))
-
-
-def test_bits_survive_where_they_are_detected():
-    outcomes = marked(unattacked=98.0, gspure=60.0, gaussian_noise=90.0, clean=51.0)
-    rows = {row.variant: row for row in survival(outcomes)}
-    assert [*rows] == ["unattacked", "gspure", "gaussian_noise"]
-    assert [*map(survives, rows.values())] == [True, False, True]
-    assert rows["gspure"].message_drop.mean == pytest.approx(38)
-    assert rows["gspure"].above_floor.mean == pytest.approx(9)
-    assert math.isnan(rows["gspure"].rms_ratio)
-
-
-def test_a_mark_that_the_clean_model_shows_too_is_not_judged():
-    rows = survival(marked(unattacked=98.0, gspure=97.0, clean=97.0))
-    assert {(row.present, row.survived, survives(row)) for row in rows} == {(0, 0, None)}
+    rate = Threshold.at_rate(0.01, 32).rate
+    assert (read.tpr, read.level) == (hits / 4, 50 + 12.5 * hits)
+    assert read.p == pytest.approx(binom.sf(hits - 1, 4, rate))
+    assert read.least_p == pytest.approx(rate**4)
 
 
 def printing(text: str) -> str:

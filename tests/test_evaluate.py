@@ -11,30 +11,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gspure.arrays import Bools, Float32, load_array
+from gspure.arrays import Bools, Float32, load_array, save_array
 from gspure.codec import read
 from gspure.errors import InputError
 from gspure.evaluation.attacking import AttackResult, Context, attacked
 from gspure.evaluation.evaluate import evaluate
+from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
 from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused, StrengthValue
 from gspure.files import read_json
 from gspure.images import read_image, write_image
-from gspure.method.purify import purify
-from gspure.method.settings import MethodSettings
-from gspure.method.weights import evenly_spread
+from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.comparison import ViewMetrics, read_metrics
 from gspure.metrics.csv_tables import read_table, write_table
-from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, nominal_drop, psnr
+from gspure.metrics.evidence import trace, traces
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
+from gspure.metrics.legibility import legibility
 from gspure.metrics.readings import Reading
-from gspure.metrics.retrieval import Retrieved
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, MODEL_BITS, SCENE
 from gspure.model import Gaussians, read_model
 from tests import evaluation_cases as cases
-from tests.evaluation_cases import ORACLE, TESTED, attack_job, drawn, job, renders, run
+from tests.evaluation_cases import TESTED, attack_job, drawn, job, renders, run
 
-UNAFFECTED = dict.fromkeys((MESSAGE, ADAPTIVE, ORACLE), False)
-METHOD = MethodSettings(min_samples=3, min_cluster_size=5, tau_c=2.0, tau_n=2.0)
+UNAFFECTED = dict.fromkeys((MESSAGE, ADAPTIVE), False)
 BLINKER = cases.owner("blinker")
 
 
@@ -54,6 +53,11 @@ def in_project(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def verdict(planned: Job) -> Applied | Refused:
     content: AttackRecord = read(AttackRecord, read_json(planned.folder / VERDICT), "verdict")
     return content.attack
+
+
+def written_evidence(planned: Job) -> JobEvidence:
+    evidence: JobEvidence = read(JobEvidence, read_json(planned.folder / EVIDENCE), "evidence")
+    return evidence
 
 
 def prune_mask(planned: Job) -> Bools:
@@ -102,9 +106,8 @@ def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     assert [(row.target, row.view, row.reference) for row in rows] == places
     assert [row.psnr for row in rows] == [*likeness(planned, MESSAGE), *likeness(planned, SCENE)]
     assert read_metrics(planned.folder / "metrics.csv") == [*rows]
-    assert [(row.variant, row.target, row.retrieval.views) for row in evaluation.retrieval] == [("pruned", MESSAGE, 2)]
-    assert read_table(planned.folder / "retrieval.csv", Retrieved) == [*evaluation.retrieval]
-    affected = dict.fromkeys((MESSAGE, ADAPTIVE, ORACLE), True)
+    assert written_evidence(planned) == evaluation.evidence
+    affected = dict.fromkeys((MESSAGE, ADAPTIVE), True)
     assert verdict(planned) == evaluation.attack == Applied(StrengthValue("fraction", 0.25), None, affects=affected)
     record = read_json(planned.folder / "public" / "provenance.json")
     assert record["settings"] == {"attack": "random_pruning", "fraction": 0.25, "seed": 0}
@@ -113,7 +116,7 @@ def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     assert read(Job, whole["settings"], "provenance") == planned
 
 
-READ = {MESSAGE: False, ADAPTIVE: True, ORACLE: True}
+READ = {MESSAGE: False, ADAPTIVE: True}
 AFFECTED = [("gaussian_noise", cases.owner(), READ), ("jpeg", BLINKER, {BITS: True}), ("random_pruning", None, {})]
 
 
@@ -147,40 +150,39 @@ def test_seed_and_measurements_of_an_attack_are_those_of_the_plan() -> None:
     np.testing.assert_array_equal(bleached.attacked.prune_mask, weights > 0)
 
 
-@pytest.mark.parametrize("photographed", [(), (SCENE,)], ids=["renders", "photographs"])
-def test_a_strength_is_searched_for_a_drop_of_the_mean_psnr(photographed: tuple[str, ...]) -> None:
-    views = Views(cases.PHOTOGRAPHED, "test", cases.UNATTACKED, photographed=photographed)
+def test_a_strength_is_searched_for_a_drop_of_the_mean_psnr_against_photographs() -> None:
+    views = Views(cases.PHOTOGRAPHED, "test", cases.UNATTACKED, photographed=(SCENE,))
     before = run(attack_job("photographed", "unattacked", targets=(SCENE,), views=views)).metrics
     planned = job("searched", AttackSpec("gaussian_noise", damage=0.5), targets=(SCENE,), views=views)
     evaluation = run(planned)
     assert isinstance(evaluation.attack, Applied)
     assert evaluation.attack.search_damage == pytest.approx(0.5, abs=DAMAGE_TOLERANCE)
     after = [row.psnr for row in evaluation.metrics]
-    if photographed:
-        photographs = {name: read_image(cases.PHOTOGRAPHED.with_name(f"{name}.png")) for name in TESTED}
-        images = renders(planned, SCENE)
-        assert after == [psnr(photographs[name], images[name]) for name in TESTED]
-        assert {row.reference for row in evaluation.metrics} == {"truth"}
-        damage = np.mean([row.psnr for row in before]) - np.mean(after)
-    else:
-        damage = np.mean([nominal_drop(level) for level in after])
+    photographs = {name: read_image(cases.PHOTOGRAPHED.with_name(f"{name}.png")) for name in TESTED}
+    images = renders(planned, SCENE)
+    assert after == [psnr(photographs[name], images[name]) for name in TESTED]
+    assert {row.reference for row in evaluation.metrics} == {"truth"}
+    damage = np.mean([row.psnr for row in before]) - np.mean(after)
     assert damage == pytest.approx(evaluation.attack.search_damage, abs=1e-4)
     comments = " ".join(attacked_model(planned).comments)
     assert f"sigma={evaluation.attack.strength.value}" in comments
     assert "dB of 0.5 dB" in comments
 
 
+NO_PHOTOGRAPHS = [("gaussian_noise", {"damage": 0.5}, "a damage is a drop of the PSNR against photographs")]
 NOT_APPLIED = [("opacity_noise", {}, "rows do not store opacity")]
-LEFT_NOTHING = [("crop", {"fraction": 1e-9}, "none of 60 rows would remain")]
+LEFT_NOTHING = [("crop", {"settings": {"fraction": 1e-9}}, "none of 60 rows would remain")]
 
 
-@pytest.mark.parametrize(("attack", "settings", "reason"), NOT_APPLIED + LEFT_NOTHING)
-def test_an_attack_that_does_not_apply_or_leaves_nothing_is_refused(attack, settings, reason) -> None:
-    planned = attack_job(f"refused_{attack}", attack, attack=settings)
+@pytest.mark.parametrize(("attack", "spec", "reason"), NOT_APPLIED + LEFT_NOTHING + NO_PHOTOGRAPHS)
+def test_an_attack_that_does_not_apply_or_leaves_nothing_is_refused(attack, spec, reason) -> None:
+    planned = job(f"refused_{attack}", AttackSpec(attack, **spec))
     evaluation = run(planned)
-    assert verdict(planned) == evaluation.attack == Refused(reason)
+    assert isinstance(evaluation.attack, Refused)
+    assert verdict(planned) == evaluation.attack
+    assert evaluation.attack.reason.startswith(reason)
     assert read_table(planned.folder / "metrics.csv", ViewMetrics) == []
-    assert read_table(planned.folder / "retrieval.csv", Retrieved) == []
+    assert written_evidence(planned) == JobEvidence()
     assert not prune_mask(planned).any()
     assert [*planned.folder.rglob("*.png")] == [*planned.folder.rglob("*.ply")] == []
 
@@ -190,7 +192,7 @@ def test_of_a_removed_format_only_the_scene_is_shown() -> None:
     evaluation = run(planned)
     assert verdict(planned) == Applied(None, None, UNAFFECTED, "no key reads this format")
     assert {row.target for row in evaluation.metrics} == {SCENE}
-    assert evaluation.retrieval == ()
+    assert evaluation.evidence == JobEvidence()
     assert [folder.name for folder in (planned.folder / "renders").iterdir()] == [SCENE]
 
 
@@ -209,7 +211,8 @@ def test_views_move_with_the_model_and_an_owner_who_adapts_moves_it_back(publish
 def test_an_owner_who_adapts_learns_from_photographs_of_the_message() -> None:
     learner = cases.owner(published=cases.PUBLIC, photographs=cases.MESSAGE_CAMERAS.parent)
     planned = attack_job("learned", "reorder", targets=(MESSAGE, ADAPTIVE), owner=learner)
-    run(planned)
+    evidence = run(planned).evidence.pictures
+    assert {name: known.is_fitted for name, known in evidence.items()} == {MESSAGE: False, ADAPTIVE: True}
     assert_same(renders(planned, MESSAGE), unattacked(MESSAGE))
     taught = replace(cases.lantern_key(), colour=np.array([0.0, 1.0, 0.0]))
     shown, _ = taught.revealed(cases.LanternModel(cases.public_rows()), ADAPTIVE)
@@ -246,37 +249,11 @@ def test_a_wrong_key_shows_other_pictures_the_same_in_every_run_and_other_contro
     assert_same(renders(other, MESSAGE), unattacked(MESSAGE))
 
 
-@pytest.mark.parametrize("baseline", ["black", "mean_colour"])
-def test_a_baseline_is_blank_images_that_are_not_rendered(baseline: str) -> None:
-    planned = job(baseline, Control(baseline), rendered=(), compared=(MESSAGE,))
-    evaluation = run(planned)
-    assert [*(planned.folder / "renders").iterdir()] == []
-    for row in evaluation.metrics:
-        picture = unattacked(MESSAGE)[row.view]
-        colour = np.zeros(3) if baseline == "black" else picture.mean(axis=(0, 1))
-        blank = np.broadcast_to(colour.astype(np.float32), picture.shape)
-        assert row.psnr == pytest.approx(psnr(picture, blank), abs=0.1)
-    assert evaluation.retrieval == ()
-
-
 def test_a_clean_control_is_shown_as_it_is() -> None:
     planned = job("clean", Control("clean"), targets=(SCENE,), public=cases.CLEAN, owner=None)
     run(planned)
     assert_same(renders(planned, SCENE), drawn(cases.clean_rows()))
     assert not (planned.folder / "prune_mask.npy").exists()
-
-
-@pytest.mark.parametrize("count", [0, 3])
-def test_gspure_on_a_clean_model_uses_as_many_views_as_on_the_marked_one_and_leaves_a_mask(count: int) -> None:
-    settings = replace(METHOD, views=count)
-    planned = job("clean_gspure", Control("clean_gspure", settings), targets=(SCENE,), public=cases.CLEAN, owner=None)
-    run(planned)
-    training = [view for view in cases.views() if view.name not in TESTED]
-    used = evenly_spread(training, count) if count else training
-    expected = purify(cases.LanternModel(cases.clean_rows()), used, **METHOD.of_purify).prune_mask
-    assert 0 < expected.sum() < cases.ROWS
-    np.testing.assert_array_equal(prune_mask(planned), expected)
-    assert_same(renders(planned, SCENE), drawn(cases.clean_rows()[~expected]))
 
 
 def test_a_users_detector_reads_the_renders_of_the_scene() -> None:
@@ -293,15 +270,21 @@ def test_a_users_detector_reads_the_renders_of_the_scene() -> None:
 
 
 @pytest.mark.parametrize(
-    ("case", "levels"), [(AttackSpec("unattacked"), [100.0, 100.0]), (Control("wrong_key"), [0.0, 0.0])]
+    ("case", "levels", "evidence"),
+    [
+        (AttackSpec("unattacked"), [100.0, 100.0], BitEvidence(1 / 16, 4, 4, 2)),
+        (Control("wrong_key"), [0.0, 0.0], BitEvidence(1.0, 0, 4, 2)),
+    ],
 )
-def test_bits_are_read_with_the_key_and_a_detector_gets_the_embedded_ones(case, levels) -> None:
+def test_bits_are_read_with_the_key_and_a_detector_gets_the_embedded_ones(case, levels, evidence) -> None:
     Path("bits.py").write_text('import json; print(json.dumps({"view_0": "10", "view_8": "01"}))')
     detectors = {"bits_of_two": Detector(f"{sys.executable} bits.py", message="10")}
     planned = job("bits", case, owner=BLINKER, rendered=(SCENE,), compared=(), bits=(BITS,), detectors=detectors)
     evaluation = run(planned)
     read_levels = {name: [row.level for row in rows] for name, rows in evaluation.readings.items()}
     assert read_levels == {"bits_of_two": [100.0, 0.0], "bits": levels}
+    assert evaluation.evidence.bits == {"bits_of_two": BitEvidence(1.0, 0, 2, 2), "bits": evidence}
+    assert written_evidence(planned) == evaluation.evidence
     assert {path.name for path in (planned.folder / "detections").iterdir()} == {"bits_of_two.csv", "bits.csv"}
     assert evaluation.metrics == ()
     assert not (planned.folder / "metrics.csv").exists()
@@ -326,18 +309,29 @@ def test_bits_of_the_file_and_a_detector_of_files_read_the_attacked_one(case, le
     planned = job("etched", case, owner=owner, rendered=(SCENE,), compared=(), bits=(MODEL_BITS,), detectors=detectors)
     evaluation = run(planned)
     file = cases.PUBLIC if isinstance(case, Control) else planned.folder / "public" / "point_cloud.ply"
-    bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4),)}
-    assert evaluation.readings == {"size": (Reading("model", file.stat().st_size, 0),), **bits}
+    bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4, "1011" if level else "0100"),)}
+    assert evaluation.readings == {"size": (Reading("model", file.stat().st_size, 0, ""),), **bits}
     if isinstance(evaluation.attack, Applied):
         assert evaluation.attack.affects == {MODEL_BITS: affects}
 
 
-def test_decoys_are_candidates_of_the_retrieval() -> None:
-    candidates = []
-    for decoys in ((), (cases.PHOTOGRAPHED.parent,)):
-        (row,) = run(attack_job("recalled", "unattacked", owner=cases.owner(decoys=decoys))).retrieval
-        candidates.append(row.retrieval.candidates)
-    assert candidates[1] == candidates[0] + 1
+def test_the_evidence_of_a_message_has_candidates_and_twins_with_redrawn_carriers() -> None:
+    pictures = np.random.default_rng(0).integers(256, size=(5, len(TESTED), 12, 16, 3), dtype=np.uint8)
+    save_array(Path("candidates.npy"), pictures)
+    owner = cases.owner(candidates=Path("candidates.npy"), twins=2)
+    planned = attack_job("proven", "random_pruning", attack={"fraction": 0.25}, owner=owner)
+    evidence = run(planned).evidence.pictures[MESSAGE]
+    messages = [*unattacked(MESSAGE).values()]
+    extracted = [*renders(planned, MESSAGE).values()]
+    assert (evidence.trace, evidence.legibility) == (trace(extracted, messages), legibility(extracted, messages))
+    assert evidence.candidates == tuple(traces(extracted, pictures))
+    for seed, twin_trace in enumerate(evidence.twins):
+        twin = cases.LANTERN.redrawn(cases.LanternModel(attacked_model(planned)), np.random.default_rng(seed))
+        shown, _ = cases.lantern_key().revealed(twin, MESSAGE)
+        assert twin_trace == trace([*drawn(shown).values()], messages)
+    assert len({*evidence.twins, evidence.trace}) == 3
+    control = run(job("other_scene", Control("other_scene"), targets=(MESSAGE,), owner=owner)).evidence
+    assert (len(control.pictures[MESSAGE].candidates), control.pictures[MESSAGE].twins) == (5, ())
 
 
 def test_an_attack_tells_the_rows_that_it_kept_of_all_and_those_that_there_are_now() -> None:

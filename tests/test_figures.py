@@ -15,8 +15,8 @@ from gspure.figures.panels import draw_before_after, shown_variants
 from gspure.figures.plates import opengl_works
 from gspure.images import read_image, write_image
 from gspure.public_model import PublicModel
-from tests.contest_cases import attacked
 from tests.models import gaussians, points_of
+from tests.outcome_cases import attacked
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -85,7 +85,7 @@ def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: P
         ({"tau_n_1": 25, "gspure": 10}, {"gspure": ["tau_n_1", "gspure"]}, ["gspure"]),
         ({"a": 0, "b": 0}, {"failed": ["a", "b"]}, ["a"]),
     ],
-    ids=["highest Score", "no sweep", "GSPure itself", "first of equals"],
+    ids=["largest drop", "no sweep", "GSPure itself", "first of equals"],
 )
 def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) -> None:
     outcomes = [attacked(name, 0, drop) for name, drop in drops.items()]

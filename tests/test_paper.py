@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from gspure.cli import main
+from gspure.evaluation.judging import judged
+from gspure.evaluation.outcomes import with_references
 from gspure.evaluation.paper import (
     ATTACKS,
     SCHEMES,
@@ -23,9 +25,8 @@ from gspure.evaluation.paper import (
     score,
     score_interval,
 )
-from gspure.evaluation.survival import Survival, survival
-from gspure.metrics.csv_tables import write_table
-from tests.contest_cases import benchmark
+from gspure.evaluation.results import write_results
+from tests.outcome_cases import attacked
 
 VARIANTS = ("unattacked", *ATTACKS)
 PRINTED = read_rows()
@@ -57,18 +58,20 @@ def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scen
 
 
 def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
-    outcomes = benchmark({"a": {"gspure": (0.0, 9.0)}}, scheme="planted")
-    for protocol, drop in (("own", 12.0), ("shared", 3.0)):
-        drops = {scene: {"gspure": (1.0, drop)} for scene in "ab"}
-        outcomes += benchmark(drops, scheme="gs_hider", protocol=protocol)
-    ours = survival(outcomes)
-    write_table(tmp_path / "survival.csv", Survival, ours)
-    assert main(["paper-check", "--survival", str(tmp_path / "survival.csv")]) == 0
+    drops = {("planted", ""): 9.0, ("gs_hider", "own"): 12.0, ("gs_hider", "shared"): 3.0}
+    outcomes = []
+    for (scheme, protocol), drop in drops.items():
+        for scene, seed, more in (("a", 0, -0.5), ("a", 1, 0.5), ("b", 0, 0.0)):
+            for variant, (of_scene, of_message) in {"unattacked": (0, 0), "gspure": (1.0, drop + more)}.items():
+                where = {"scheme": scheme, "protocol": protocol}
+                outcomes.append(attacked(variant, of_scene, of_message, scene, seed, **where))
+    ours = judged(with_references(outcomes), {})
+    write_results(tmp_path / "results.csv", ours)
+    assert main(["paper-check", "--results", str(tmp_path / "results.csv")]) == 0
     rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(PRINTED, ours)}
     assert len(rows) == 4 * len(ATTACKS)
     measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
     assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]
-    assert rows["gs_hider", "own", "gspure"].paper_rms_ratio == pytest.approx(18.18, abs=0.005)
     assert "| GSPure " in capsys.readouterr().out
 
 

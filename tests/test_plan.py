@@ -26,7 +26,7 @@ from gspure.evaluation.plan import (
 )
 from gspure.files import write_json
 from gspure.images import write_image
-from gspure.metrics.names import BASELINES, CLEAN, CLEAN_GSPURE, CONTROLS, OTHER_SCENE, WRONG_KEY
+from gspure.metrics.names import CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.model import write_model
 from gspure.workflow.config import DetectorConfig
@@ -38,7 +38,6 @@ from tests.workflow_cases import SOURCE, configuration, plan_of
 
 EVERY: dict[str, dict[str, Any]] = {"unattacked": {}, "gspure": {}}
 PAIR: dict[str, Any] = {"pairs": {"raised": {}}, "schemes": {"planted": {}}}
-DAMAGED = {**EVERY, "gof": {"damage": 1}}
 READ = {"command": "read"}
 BOT = {"model": __file__, "cameras": "orbit"}
 CONFIG = yaml.safe_load("""
@@ -249,9 +248,9 @@ def test_a_key_names_the_scheme_of_a_users_model(marked: dict[str, Any]) -> None
     assert str(model.folder) == "results/splats_in_splats/mine"
     owner = owner_of(model)
     assert (model.public, owner.key) == (Path("marked.ply"), Path("key"))
-    assert owner.decoys == (model.folder / "unattacked" / "renders" / "scene",)
+    assert (owner.candidates, owner.twins) == (None, 8)
     assert {Path("marked.ply"), Path("key/provenance.json")} <= {*model.users_files}
-    assert controls(model) == [WRONG_KEY, *BASELINES]
+    assert controls(model) == [WRONG_KEY]
     assert {source.source for source in model.cameras.values()} == {"views.json"}
     assert model.by_variant["gspure"].views.photographed == ()
 
@@ -269,7 +268,7 @@ def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked: dict[str, 
     assert (owner.bits, owner.reveals, owner.photographs) == ((), True, None)
 
 
-def test_only_a_marked_model_is_compared_with_photographs(marked: dict[str, Any]) -> None:
+def test_a_model_is_compared_with_the_photographs_of_its_views(marked: dict[str, Any]) -> None:
     entry = {**marked, "cameras": written_views("views.json"), "message": written_views("message/views.json")}
     model = model_of_asset(entry)
     assert model.by_variant["gspure"].views.photographed == (SCENE, MESSAGE)
@@ -278,7 +277,7 @@ def test_only_a_marked_model_is_compared_with_photographs(marked: dict[str, Any]
     assert {Path("v.png"), Path("message/v.png")} <= {*model.users_files}
     unmarked = model_of_asset({"model": "marked.ply", "cameras": "views.json"})
     assert unmarked.camera_files == (Path("views.json"),)
-    assert unmarked.by_variant["gspure"].views.photographed == ()
+    assert unmarked.by_variant["gspure"].views.photographed == (SCENE,)
 
 
 def test_a_model_of_photographs_is_trained_first_and_a_missing_photograph_is_named() -> None:
@@ -308,13 +307,12 @@ def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_control
     Path("mark.py").touch()
     assets = {"marked": {**written_asset(), "clean": "room"}, "room": written_asset("room.ply")}
     detectors = {"mark": {"command": "python3 mark.py", "message": "01", "timeout": 3, "reads": "model"}}
-    plan = planned(assets=assets, detectors=detectors, pairs={"room": {}}, variants=DAMAGED)
+    plan = planned(assets=assets, detectors=detectors, pairs={"room": {}})
     marked, clean, pair = plan.models
     expected = {"mark": Detector("python3 mark.py", "01", 3.0, "model")}
     assert marked.by_variant["gspure"].detectors == pair.by_variant["gspure"].detectors == expected
     assert all(not job.detectors and Path("mark.py") not in job.users_files for job in clean.jobs)
-    assert controls(marked) == [CLEAN, CLEAN_GSPURE]
-    assert {CLEAN, CLEAN_GSPURE, WRONG_KEY, *BASELINES} == {*controls(pair)}
+    assert (controls(marked), controls(pair)) == ([CLEAN], [CLEAN, WRONG_KEY])
     assert [job.variant for job in (*marked.controls, *pair.controls) if job.detectors] == [CLEAN, CLEAN]
     control = marked.by_variant[CLEAN]
     assert (control.public, control.detectors) == (Path("room.ply"), expected)
@@ -323,12 +321,12 @@ def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_control
 
 
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared() -> None:
-    model = model_of(pairs=CONFIG["pairs"], schemes={"marked_clones": {}}, variants=DAMAGED)
+    model = model_of(pairs=CONFIG["pairs"], schemes={"marked_clones": {}})
     jobs = {job.variant: (job.compared, job.bits) for job in (model.by_variant["gspure"], *model.controls)}
-    expected = {"gspure": ((SCENE,), (BITS,)), CLEAN: ((SCENE,), (BITS,)), CLEAN_GSPURE: ((SCENE,), ())}
+    expected = {"gspure": ((SCENE,), (BITS,)), CLEAN: ((SCENE,), (BITS,))}
     assert jobs == {**expected, WRONG_KEY: ((), (BITS,)), OTHER_SCENE: ((), (BITS,))}
     owner = owner_of(model)
-    assert (owner.bits, owner.reveals, owner.decoys) == ((BITS,), False, ())
+    assert (owner.bits, owner.reveals, owner.candidates) == ((BITS,), False, None)
 
 
 @pytest.mark.parametrize(
@@ -351,16 +349,12 @@ def test_a_pair_is_made_from_traced_scenes_photographs_or_a_model(pair: dict[str
     assert plan.models[0].condition == Condition("planted", pair.get("protocol", "shared"), "both")
 
 
-@pytest.mark.parametrize(
-    ("views", "width", "decoys", "is_small"),
-    [(3, 256, 3, True), (24, 256, 3, True), (25, 257, 4, False), (33, 257, 5, False)],
-)
-def test_a_traced_pair_has_the_size_of_its_settings(*, views: int, width: int, decoys: int, is_small: bool) -> None:
-    size = {"views": views, "width": width, "height": 256, "seed": 4}
+@pytest.mark.parametrize(("width", "is_small"), [(256, True), (257, False)])
+def test_a_traced_pair_has_the_size_of_its_settings(*, width: int, is_small: bool) -> None:
+    size = {"views": 3, "width": width, "height": 256, "seed": 4}
     plan = planned(pairs={"mine": size})
     training = plan.pairs["mine"]
     assert training.options == {"protocol": "shared", "placement": "raised", **size}
-    assert owner_of(plan.models[0]).decoys[-1].parent == Path(f"results/decoys/{width}x256x{decoys}")
     assert training.has_small_images is plan.models[0].has_small_images is is_small
 
 
@@ -386,8 +380,8 @@ def test_pairs_share_a_message_unless_its_training_differs() -> None:
     pairs["c"]["iterations"] = 7
     plan = planned(pairs=pairs)
     assert len(plan.messages) == 2
-    decoys = [(Path(f"results/pairs/{name}/scene"),) for name in pairs]
-    assert [owner_of(model).decoys for model in plan.models] == decoys
+    assert plan.candidates == {}
+    assert {owner_of(model).candidates for model in plan.models} == {None}
 
 
 def test_a_model_of_a_pair_is_compared_with_photographs() -> None:
@@ -404,12 +398,12 @@ def test_a_model_of_a_pair_is_compared_with_photographs() -> None:
 def test_chosen_extractions_are_compared_and_an_adaptive_owner_has_what_the_scheme_uses() -> None:
     schemes: dict[str, Any] = {"splats_in_splats": {}, "gs_hider": {}}
     fixed, fitted = planned(schemes=schemes).models
-    assert fixed.targets == (SCENE, MESSAGE, ADAPTIVE, "message_oracle")
+    assert fixed.targets == (SCENE, MESSAGE, ADAPTIVE)
     assert owner_of(fixed).published == fixed.public
     photographs = [owner_of(model).photographs for model in (fixed, fitted)]
     assert photographs == [None, Path("results/pairs/raised/message")]
-    fixed, fitted = planned(schemes=schemes, extractions=[MESSAGE, "message_oracle"]).models
-    assert fixed.targets == (SCENE, MESSAGE, "message_oracle")
+    fixed, fitted = planned(schemes=schemes, extractions=[MESSAGE]).models
+    assert fixed.targets == (SCENE, MESSAGE)
     assert owner_of(fixed).published is owner_of(fitted).published is owner_of(fitted).photographs is None
 
 
@@ -419,28 +413,30 @@ def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(agai
     assert other.public == Path("results/splats_in_splats/front/public/point_cloud.ply")
     assert other.public in other.inputs
     alike = model_of(pairs={"raised": {}, "front": {"placement": "front"}})
-    assert controls(alike) == [name for name in CONTROLS if name not in (CLEAN_GSPURE, OTHER_SCENE)]
+    assert controls(alike) == [name for name in CONTROLS if name != OTHER_SCENE]
 
 
-def test_controls_render_what_they_are_compared_in_and_gspure_prunes_the_clean_model(again: ModelPlan) -> None:
+def test_controls_of_a_marked_model_render_its_message_alone(again: ModelPlan) -> None:
     message = again.targets[1:]
-    expected = {CLEAN: (again.targets, again.targets), CLEAN_GSPURE: ((SCENE,), (SCENE,))}
-    expected |= {WRONG_KEY: (message, message), OTHER_SCENE: (message, message)}
-    expected |= dict.fromkeys(BASELINES, ((), again.targets))
+    expected = {CLEAN: (again.targets, again.targets), WRONG_KEY: (message, message), OTHER_SCENE: (message, message)}
     assert {job.variant: (job.rendered, job.compared) for job in again.controls} == expected
-    purified = again.by_variant[CLEAN_GSPURE]
-    assert purified.public == again.by_variant[CLEAN].public == FOLDER / "clean/public/point_cloud.ply"
-    assert purified.public in purified.inputs
-    assert purified.case == Control(CLEAN_GSPURE, again.method.settings)
+    clean = again.by_variant[CLEAN]
+    assert (clean.case, clean.public) == (Control(CLEAN), FOLDER / "clean/public/point_cloud.ply")
+    assert clean.public in clean.inputs
 
 
-def test_decoys_are_the_scene_other_messages_and_random_scenes(again: ModelPlan) -> None:
-    decoys = owner_of(again).decoys
-    scene, message, *random = map(str, decoys)
-    assert (scene, message) == ("results/pairs/raised/scene", "results/pairs/front/message")
-    assert random[0] == "results/decoys/160x120x4/9000"
-    assert len(random) == 10
-    assert {*decoys} <= {*again.by_variant["gspure"].inputs}
+@pytest.mark.parametrize("split", ["test", "all"])
+def test_pairs_of_one_kind_share_a_file_of_candidates_in_the_compared_views(split: str) -> None:
+    other = {"message": "object-3", "views": 9}
+    pairs = {"a": {}, "b": {"scene": "landscape-1", "message": "interior-5", "seed": 2}, "c": other, "d": other}
+    plan = planned(pairs=pairs, proof={"candidates": 19, "twins": 2}, views={"evaluate": split})
+    names = [f"interior-raised-160x120x32-{split}-19", f"object-raised-160x120x9-{split}-19"]
+    assert [*plan.candidates] == names
+    files = [Path(f"results/candidates/{name}.npy") for name in names]
+    assert [owner_of(model).candidates for model in plan.models] == [files[0], files[0], files[1], files[1]]
+    assert all(owner_of(model).twins == 2 for model in plan.models)
+    assert files[0] in plan.models[0].by_variant["gspure"].inputs
+    assert planned(pairs=pairs, proof={"candidates": 0}).candidates == {}
 
 
 def test_measurements_are_the_files_of_their_steps(again: ModelPlan) -> None:

@@ -1,11 +1,9 @@
 """From evidence to words, to the table of results and back, and to the robust radius of every owner."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gspure.codec import plain
@@ -15,29 +13,10 @@ from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.radius import Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, write_results
 from gspure.evaluation.verdict import StrengthValue
-from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
 from gspure.metrics.evidence import compared_views
-from tests.outcome_cases import outcome
-
-NULL = tuple(np.random.default_rng(0).normal(0.0, 0.03, 199).tolist())
-TWINS = tuple(np.random.default_rng(1).normal(0.0, 0.03, 8).tolist())
-PROTOCOL = {"protocol": "shared", "initialization": "both"}
-
-
-def shown(trace: float, legible: float, twins: Sequence[float] = TWINS, **known) -> Evidence:
-    """Evidence among 199 candidates."""
-    return Evidence(trace, legible, NULL, tuple(twins), **known)
-
-
-def attacked(variant: str, damage: float, *where: str | int, **evidence: Evidence) -> Outcome:
-    """A variant that costs the scene some dB, with evidence by extraction."""
-    targets = {"scene": 30.0 - damage} | dict.fromkeys(evidence, 20.0)
-    return outcome(variant, *where, targets=targets, evidence=evidence, **PROTOCOL)
-
-
-PLAIN = shown(0.95, 1.0)
-NOTHING = shown(0.01, 0.0)
+from tests.outcome_cases import NOTHING, PLAIN, PROTOCOL, outcome, read, shown
+from tests.outcome_cases import with_evidence as attacked
 
 
 def results(*outcomes: Outcome) -> list[Result]:
@@ -92,17 +71,6 @@ def test_an_owner_who_adapts_is_never_worse_than_as_published() -> None:
     assert found == {("unattacked", PUBLISHED): "proven", ("unattacked", ADAPTS): "readable"}
     lost = words(attacked("unattacked", 0.0, message=NOTHING, message_adaptive=PLAIN))
     assert lost == {("unattacked", PUBLISHED): "gone", ("unattacked", ADAPTS): "readable"}
-
-
-def read(variant: str, correct: int, bits: int, damage: float = 0.0) -> Outcome:
-    """A variant whose bits are read."""
-    p = BITS_P[correct, bits]
-    detection = Detection(100.0 * correct / bits, 0.0, nan, nan, 0.0, 0.0, 4, bits)
-    known = {"detections": {"bits": detection}, "bits": {"bits": BitEvidence(p, correct, bits, 4)}}
-    return outcome(variant, targets={"scene": 30.0 - damage}, **known, **PROTOCOL)
-
-
-BITS_P = {(32, 32): 2.0**-32, (30, 32): 529 / 2**32, (17, 32): 0.43, (4, 4): 2.0**-4, (8, 8): 2.0**-8}
 
 
 @pytest.mark.parametrize(

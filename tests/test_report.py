@@ -6,22 +6,18 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gspure.evaluation.plan import Plan
-from gspure.evaluation.survival import Survival
 from gspure.figures import style
-from gspure.files import write_json, write_text
-from gspure.metrics.csv_tables import read_table
+from gspure.files import read_json, write_json, write_text
 from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
-from tests.contest_cases import write_model
+from tests.outcome_cases import write_model
 from tests.test_viewer import purified
 
-ATTACKS = {"gspure": (0.055, 0.55), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
+ATTACKS = {"gspure": (0.055, 1.0), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
 NAME = "sis/room"
-TABLES = {"results.csv", "results.md", "summary.csv", "summary.tex", "survival.csv", "contest.csv", "contest.md"}
 
 
 @pytest.fixture(scope="module")
@@ -59,31 +55,26 @@ def text_of(page: str) -> str:
 
 
 def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
-    assert {path.name for path in (run / "tables").iterdir()} > TABLES
+    assert {path.name for path in (run / "tables").iterdir()} == {"results.csv", "results.md"}
     rows = [*csv.DictReader((run / "tables" / "results.csv").read_text().splitlines())]
     assert [row["failure"] for row in rows if (row["scene"], row["variant"]) == ("vault", "noise")] == [
         "gspure attack: <b>no memory</b>"
     ]
-    survivals = read_table(run / "tables" / "survival.csv", Survival)
-    (gspure,) = (row for row in survivals if (row.extraction, row.variant) == ("message", "gspure"))
-    assert (gspure.present, gspure.survived, gspure.scenes) == (2, 0, 2)
     assert "Without results: noise on sis, vault" in (run / "tables" / "results.md").read_text()
 
 
-def test_means_over_scenes_follow_from_the_results(run: Path) -> None:
-    def rows(name: str) -> list[dict[str, str]]:
-        table = csv.DictReader((run / "tables" / f"{name}.csv").read_text().splitlines())
-        return [row for row in table if row.get("variant", row.get("attack")) == "gspure"]
-
-    drops = {
-        target: np.mean([float(row["psnr_drop"]) for row in rows("results") if row["target"] == target])
-        for target in ("scene", "message")
-    }
-    (survival,) = rows("survival")
-    (summary,) = rows("summary")
-    assert float(survival["message_drop_mean"]) == pytest.approx(drops["message"], rel=1e-4)
-    assert float(survival["scene_drop_mean"]) == pytest.approx(drops["scene"], rel=1e-4)
-    assert float(summary["score_mean"]) == pytest.approx(drops["message"] - drops["scene"], rel=1e-4)
+def test_the_radius_of_every_model_and_condition_is_written(run: Path) -> None:
+    record = read_json(run / "radius.json")
+    models = {(one["model"]["scene"], one["kind"]): one for one in record["models"]}
+    assert {(one["owner"], one["killer"]) for one in models.values()} == {("published", "gspure")}
+    (radius,) = (one for one in record["conditions"] if one["kind"] == "message")
+    known = [models[scene, "message"]["radius"] for scene in ("room", "vault")]
+    assert (radius["scenes"], radius["radius"], radius["low"], radius["high"]) == (
+        2,
+        min(known),
+        min(known),
+        max(known),
+    )
 
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
@@ -91,14 +82,14 @@ def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
         drawn = {path.name for path in (run / name / "figures").glob("*.*")}
         assert drawn == {"attacks.png"}
     assert {path.name for path in (run / "figures" / "sis-shared-both").iterdir()} == {
-        *(f"{name}.{suffix}" for name in ("tradeoff", "sweep") for suffix in ("png", "svg"))
+        *(f"{name}.{suffix}" for name in ("evidence", "sweep") for suffix in ("png", "svg"))
     }
 
 
 def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) -> None:
     text = text_of(page)
-    assert text.index("BROKEN: the message is lost at ") < 200
-    assert text.index("evidence: ") < text.index("scene, published") < text.index("message left") < 1500
+    assert text.index("BROKEN: the message is gone at ") < 200
+    assert text.index("2 scenes, 1 seed") < text.index("scene, published") < text.index("attack (click") < 1500
     assert "What it does." in text
     assert "Without results: noise on sis, vault (gspure attack: <b>no memory</b>)" in text
     assert "<b>no memory" not in page
@@ -106,7 +97,7 @@ def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) 
     assert {path.name for path in (run / "figures").glob("*.png")} == {"purification.png"}
     for words in ("Weights & thresholds.", "One cluster.", "1,200", "25.0%", "Prune from the lowest rank up"):
         assert words in text, words
-    assert "Survival of the message" in text
+    assert "What is left: message" in text
 
 
 def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> None:

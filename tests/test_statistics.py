@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gspure.metrics.statistics import detectability, holm, mean_interval, paired_test
+from benchmarks.roc import detectability
+from gspure.metrics.statistics import holm, mean_interval, paired_test
 
 DECIBELS = st.floats(-30, 30, allow_subnormal=False)
 SCENES = st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=1, max_size=9)

@@ -102,22 +102,22 @@ def test_a_marked_model_with_its_key_has_the_metrics_of_its_pair(project):
     assert tables[0] == tables[1]
 
 
-def test_metrics_and_retrieval_of_variants_are_in_the_table(rows):
-    gspure = {(row["scheme"], row["target"]): row for row in rows if row["variant"] == "gspure"}
-    assert {*gspure} == {(scheme, target) for scheme in ("vanilla", "planted") for target in ("scene", "mark")} | {
-        ("planted", "message")
-    }
-    assert all(float(row["psnr"]) > 0 for (_, target), row in gspure.items() if target != "mark")
-    assert gspure["planted", "message"]["retrieval_candidates"] == "15"
-    assert gspure["vanilla", "mark"]["detection_level"] == "0.5"
+def test_metrics_and_evidence_of_variants_are_in_the_table(rows):
+    gspure = {(row["scheme"], row["extraction"]): row for row in rows if row["variant"] == "gspure"}
+    assert {*gspure} == {("vanilla", "mark"), ("planted", "mark"), ("planted", "message")}
+    assert all(float(row["scene_psnr"]) > 0 for row in gspure.values())
+    assert gspure["vanilla", "mark"]["reading"] == "0.5"
+    before = next(row for row in rows if row["extraction"] == "message" and row["variant"] == "unattacked")
+    assert (before["candidates"], before["p"], before["level"], before["word"]) == ("19", "0.05", "0.05", "proven")
+    assert float(gspure["planted", "message"]["legibility"]) < float(before["legibility"])
 
 
 def test_an_attack_on_renders_changes_those_of_the_scene_alone(finished, rows):
-    planted = [row for row in rows if row["scheme"] == "planted"]
-    before, after = ({r["target"]: r for r in planted if r["variant"] == v} for v in ("unattacked", "jpeg"))
-    assert after["scene"]["psnr"] != before["scene"]["psnr"]
-    assert after["message"]["psnr"] == before["message"]["psnr"]
-    assert after["message"]["reached"] == "false"
+    of_message = {row["variant"]: row for row in rows if row["extraction"] == "message"}
+    before, after = of_message["unattacked"], of_message["jpeg"]
+    assert after["scene_psnr"] != before["scene_psnr"]
+    assert after["message_psnr"] == before["message_psnr"]
+    assert (after["reached"], after["word"]) == ("false", before["word"])
     models = [finished.folder / "results/planted/raised" / path for path in ("public", "jpeg/public")]
     assert read_model(models[0]).table.tobytes() == read_model(models[1]).table.tobytes()
 
@@ -164,7 +164,12 @@ def test_a_setting_of_an_attack_concerns_its_variant_alone(project):
     [
         ("rules/steps/decision.py", "def select_and_prune", "# edited\ndef select_and_prune", {"decide_pruning": 2}),
         ("kernels_cl/blending.cl", "//", "// edited", {"measure_contributions": 2}),
-        ("rules/steps/decoys.py", "COARSENESS = 2", "COARSENESS = 3", {"trace_decoys": 1, "evaluate_variant": 4}),
+        (
+            "rules/steps/candidates.py",
+            "def trace",
+            "# edited\ndef trace",
+            {"trace_candidates": 1, "evaluate_variant": 4},
+        ),
         ("mark.py", "0.5", "0.25", {"evaluate_variant": 8}),
     ],
 )

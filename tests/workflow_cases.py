@@ -35,6 +35,7 @@ CONFIG = {
         "crop_all": {"attack": "crop", "fraction": 1e-9},  # cannot apply: no row would remain
         "broken": {"attack": "feature_scaling", "attributes": "nonsense"},  # its job fails
     },
+    "proof": {"candidates": 19, "twins": 2},
     "threads": 1,
 }
 MARK = """

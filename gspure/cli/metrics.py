@@ -9,7 +9,7 @@ from gspure.settings import SHARE
 
 EXAMPLES = """\
   gspure metrics before after
-  gspure metrics pair renders --reference truth --against message_oracle=message
+  gspure metrics pair renders --reference truth --against message_adaptive=message
 """
 
 

@@ -96,6 +96,7 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     """Return a row with what an owner reads who tries some extractions, that as published first."""
     if row.extraction in o.unreadable:
         return row._replace(word=GONE, failure=o.unreadable[row.extraction])
+    row = row._replace(message_values=o.targets[row.extraction].values)
     if row.extraction not in o.evidence:
         return row
     names = [name for name in tried if name in o.evidence]
@@ -103,7 +104,6 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     legibilities = [o.evidence[name].legibility for name in names]
     proof = min(proofs, key=lambda one: one.p)
     return row._replace(
-        message_values=o.targets[row.extraction].values if row.extraction in o.targets else {},
         trace=proof.trace,
         legibility=max(legibilities),
         z=proof.z,

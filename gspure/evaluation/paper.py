@@ -17,7 +17,7 @@ from gspure.evaluation.results import Result
 from gspure.grouping import grouped
 from gspure.metrics.csv_tables import read_table
 from gspure.metrics.names import GSPURE, UNATTACKED, display_name
-from gspure.metrics.statistics import Cells, Interval, mean_interval, scene_means
+from gspure.metrics.statistics import Cells, Interval, differences, mean_interval, scene_means
 from gspure.metrics.targets import MESSAGE, SCENE
 
 SCHEMES: Final = ("splats_in_splats", "gs_hider", "secure_gs")
@@ -202,19 +202,24 @@ def _beside(
         paper_message_drop=message_drop,
         paper_score=message_drop - scene_drop,
     )
-    before = {(one.scene, one.seed): one.message_values[PSNR] for one in ours.get(UNATTACKED, ())}
-    after = {(one.scene, one.seed): one for one in ours.get(attack, ()) if one.message_values}
-    message_drops = {cell: before[cell] - one.message_values[PSNR] for cell, one in after.items() if cell in before}
+    attacked = ours.get(attack, ())
+    message_drops = differences(_message_psnrs(ours.get(UNATTACKED, ())), _message_psnrs(attacked))
     if not message_drops:
         return row
+    damages = {(one.scene, one.seed): one.damage for one in attacked}
     our_message_drop = _mean(message_drops)
-    our_scene_drop = _mean({cell: after[cell].damage for cell in message_drops})
+    our_scene_drop = _mean({cell: damages[cell] for cell in message_drops})
     return row._replace(
         scenes=len(scene_means(message_drops)),
         scene_drop=our_scene_drop,
         message_drop=our_message_drop,
         score=our_message_drop - our_scene_drop,
     )
+
+
+def _message_psnrs(results: Sequence[Result]) -> Cells:
+    """Return the message's PSNR by scene and seed, where it is known."""
+    return {(one.scene, one.seed): one.message_values[PSNR] for one in results if one.message_values}
 
 
 def _mean(cells: Cells) -> float:

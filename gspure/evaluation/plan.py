@@ -202,16 +202,17 @@ class Candidates:
 
     builder: str
     placement: str
-    views: int  # of a pair, of which some are held out
+    views: int  # of a pair
     width: int
     height: int
+    split: Split  # of these views
     count: int
 
     @property
     def name(self) -> str:
         """The name of its file, without ``.npy``."""
         kind = f"{self.builder}-{self.placement}"
-        return f"{kind}-{self.width}x{self.height}x{self.views}-{self.count}"
+        return f"{kind}-{self.width}x{self.height}x{self.views}-{self.split}-{self.count}"
 
     @property
     def file(self) -> Path:

@@ -204,7 +204,6 @@ class Metric(NamedTuple):
     compute: Callable[[NDArray[Any], NDArray[Any]], float]  # of a reference and another image [H,W,3] in 0 .. 1
     title: str
     decimals: int  # in tables
-    meaning: str = ""  # for the note below a table, if the title does not say it
 
     def text(self, value: float) -> str:
         """Return the text of a value in tables: ∞ for identical images, – if it is unknown."""

@@ -17,7 +17,7 @@ from gspure.text import UNKNOWN, decimal, percent, signed, significant
 
 _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
-    "identical); in parentheses, the change from the unattacked model. {metrics} TPR: true positive rate over the "
+    "identical); in parentheses, the change from the unattacked model. TPR: true positive rate over the "
     "views at this false positive rate. †: the attack changed nothing that this extraction reads."
 )
 _BESIDE: Final = (
@@ -45,13 +45,7 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     columns[Column("pruned")] = [Cell(percent(o.pruned_share)) for o in measured]
     cells = zip(*columns.values(), strict=True)
     rows = [TableRow(line, "control" if o.is_control else "") for o, line in zip(measured, cells, strict=True)]
-    return Table("Metrics of every variant", [*columns], rows, _MODEL.format(metrics=_meanings()))
-
-
-def _meanings() -> str:
-    """Return a sentence for each metric whose title does not say what it is."""
-    explained = [metric for metric in METRICS.values() if metric.meaning]
-    return " ".join(f"{metric.title[:1].upper()}{metric.title[1:]}: {metric.meaning}." for metric in explained)
+    return Table("Metrics of every variant", [*columns], rows, _MODEL)
 
 
 def _metric_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:

@@ -1,4 +1,4 @@
-"""Candidates of a ray-traced message: random scenes of its kind, photographed from its held-out views at half size.
+"""Candidates of a ray-traced message: random scenes of its kind, photographed from its compared views at half size.
 
 A message is proven by its rank among candidates (`gspure.metrics.evidence`), so they must be drawn like the message:
 scenes of one builder at one placement, each once, in the right views. Pictures of other kinds, or of other views,
@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.arrays import UInt8
-from gspure.cameras import Camera, split
+from gspure.cameras import Camera
+from gspure.cameras.splits import views_of_split
 from gspure.images import levels
 from gspure.metrics.evidence import compared_views
 from gspure.progress import track
@@ -42,10 +43,10 @@ def kind_of(message: str, placement: str) -> Kind | None:
     return Kind(builder if builder in PROCEDURAL else "interior", placement)
 
 
-def candidate_cameras(views: int, width: int, height: int) -> list[Camera]:
-    """Return the `compared_views` of the held-out ones of a pair, at half size, in the message's own frame."""
-    _, held_out = split(path_cameras(views, width, height))
-    return [held_out[i].resized(width // 2, height // 2) for i in compared_views(len(held_out))]
+def candidate_cameras(views: int, width: int, height: int, split: str = "test") -> list[Camera]:
+    """Return the `compared_views` of a split of a pair's views, at half size, in the message's own frame."""
+    of_split = views_of_split(path_cameras(views, width, height), split, "candidates")
+    return [of_split[i].resized(width // 2, height // 2) for i in compared_views(len(of_split))]
 
 
 def candidates(kind: Kind, cameras: Sequence[Camera], count: int) -> UInt8:

@@ -8,7 +8,7 @@ from typing import Final
 from gspure.datasets import SCENES
 from gspure.errors import InputError
 from gspure.evaluation.identity import RESULTS
-from gspure.evaluation.plan import Candidates, Preparation
+from gspure.evaluation.plan import Candidates, Preparation, Split
 from gspure.files import digest
 from gspure.model import is_trained_model
 from gspure.scenes.candidates import kind_of
@@ -64,11 +64,13 @@ class PlannedPair:
         """The folder of the message's trained model, which pairs with the same message share."""
         return RESULTS / "messages" / self.message_name
 
-    def candidates(self, count: int) -> Candidates | None:
+    def candidates(self, count: int, split: Split) -> Candidates | None:
         """Return what the pictures of the message's kind are traced with; None if there is no such kind."""
         config = self.config
         kind = kind_of(config.message, config.placement) if self.is_traced else None
-        return Candidates(*kind, config.views, config.width, config.height, count) if kind and count else None
+        if not kind or not count:
+            return None
+        return Candidates(*kind, config.views, config.width, config.height, split, count)
 
 
 def planned_pair(name: str, config: PairConfig, source: str) -> PlannedPair:

@@ -12,7 +12,18 @@ from gspure.codec import plain
 from gspure.constants import TAU_C, TAU_N
 from gspure.errors import InputError
 from gspure.evaluation.identity import Condition, ModelId
-from gspure.evaluation.plan import METHOD, CameraSource, Detector, Embedding, ModelPlan, Owner, Plan, Preparation, Views
+from gspure.evaluation.plan import (
+    METHOD,
+    CameraSource,
+    Candidates,
+    Detector,
+    Embedding,
+    ModelPlan,
+    Owner,
+    Plan,
+    Preparation,
+    Views,
+)
 from gspure.metrics.names import CLEAN, UNATTACKED
 from gspure.metrics.targets import ADAPTIVE, HIDDEN_BITS, MESSAGE, SCENE, is_picture
 from gspure.schemes.registry import find_scheme
@@ -39,7 +50,7 @@ def plan_of(config: Config, source: str) -> Plan:
     pairs = {name: planned_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
     settings = planner.decision_settings(None)
-    count = config.proof.candidates
+    candidates = filter(None, map(planner.candidates, pairs.values()))
     factors = {
         name: factors_of(variants, planner.decision_settings(scheme)) for name, scheme in planner.schemes.items()
     }
@@ -48,7 +59,7 @@ def plan_of(config: Config, source: str) -> Plan:
         pairs={name: pair_training(pair) for name, pair in pairs.items()},
         messages=dict(filter(None, map(message_training, pairs.values()))),
         trained={name: _training(asset) for name, asset in config.assets.items() if asset.train},
-        candidates={known.name: known for known in filter(None, (pair.candidates(count) for pair in pairs.values()))},
+        candidates={known.name: known for known in candidates},
         sweeps=sweeps(variants, settings),
         attacks=attack_groups(variants, settings),
         factors={scheme: points for scheme, points in factors.items() if points},
@@ -85,6 +96,10 @@ class _Planner:
         """Return the settings of every decision, that of the method first, with the factors that suit a scheme."""
         every = {METHOD: self.config.method, **self.config.decisions}
         return suited(every, scheme.tau_c, scheme.tau_n) if scheme else suited(every, TAU_C, TAU_N)
+
+    def candidates(self, pair: PlannedPair) -> Candidates | None:
+        """Return the pictures of the kind of a pair's message, in the views that are compared."""
+        return pair.candidates(self.config.proof.candidates, self.config.views.evaluate)
 
     def models(self) -> Iterator[ModelPlan]:
         """Yield the user's models without a key, then for each scheme those with one, and its models of all pairs."""
@@ -169,7 +184,7 @@ class _Planner:
         public = identity.folder / "public" / "point_cloud.ply"
         targets = self._targets(scheme)
         owner = owner_of(scheme, identity, identity.folder / "key", public, targets, pair.folder / "message")
-        candidates = pair.candidates(self.config.proof.candidates)
+        candidates = self.candidates(pair)
         if candidates and not owner.bits:
             owner = replace(owner, candidates=candidates.file)
         owner = replace(owner, twins=self.config.proof.twins)

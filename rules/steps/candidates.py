@@ -10,7 +10,7 @@ from gspure.workflow.step import run
 
 
 def trace(settings: Candidates, candidates: Path) -> None:
-    cameras = candidate_cameras(settings.views, settings.width, settings.height)
+    cameras = candidate_cameras(settings.views, settings.width, settings.height, settings.split)
     kind = Kind(settings.builder, settings.placement)
     save_array(candidates, traced_candidates(kind, cameras, settings.count))
 

@@ -58,10 +58,10 @@ CORE = {
     "gspure.method.weights": ("test_weights.py",),
     "gspure.method.features": ("test_features.py",),
     "gspure.method.pruning": ("test_pruning.py",),
-    "gspure.metrics.image_metrics": (
-        "test_metrics.py",
-        "test_contest.py::test_the_rms_ratio_is_one_for_equal_damage_whatever_the_level_before",
-    ),
+    "gspure.metrics.bit_evidence": ("test_evidence.py",),
+    "gspure.metrics.evidence": ("test_evidence.py",),
+    "gspure.metrics.image_metrics": ("test_metrics.py",),
+    "gspure.metrics.legibility": ("test_evidence.py",),
     "gspure.schemes.splats_in_splats.bits": (
         "test_hidden_scene.py::test_the_shift_is_the_papers_and_its_range_the_widest_that_works",
         "test_hidden_scene.py::test_a_hidden_colour_comes_back_as_exactly_as_its_bits_allow",
@@ -105,24 +105,25 @@ CORE = {
     ),
 }
 
-_OUTCOMES = ("test_outcomes.py", "test_contest.py")
+_RESULTS = ("test_radius.py", "test_answer.py")
 _PLANS = ("test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_configuration.py"),
     "gspure.evaluation.attacking": ("test_evaluate.py",),
-    "gspure.evaluation.collecting": ("test_outcomes.py", "test_detection.py"),
-    "gspure.evaluation.contest": ("test_contest.py", "test_outcomes.py"),
+    "gspure.evaluation.collecting": ("test_outcomes.py",),
+    "gspure.evaluation.comparing": ("test_evaluate.py",),
     "gspure.evaluation.deciding": ("test_step.py",),
     "gspure.evaluation.evaluate": ("test_evaluate.py",),
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
-    "gspure.evaluation.matched": ("test_contest.py", "test_outcomes.py"),
-    "gspure.evaluation.outcomes": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
+    "gspure.evaluation.evidence": ("test_radius.py", "test_evaluate.py"),
+    "gspure.evaluation.judging": _RESULTS,
+    "gspure.evaluation.outcomes": ("test_outcomes.py", *_RESULTS),
     "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
     "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
-    "gspure.evaluation.results": ("test_outcomes.py",),
+    "gspure.evaluation.radius": _RESULTS,
+    "gspure.evaluation.results": _RESULTS,
     "gspure.evaluation.revealing": ("test_step.py",),
-    "gspure.evaluation.summary": ("test_outcomes.py", "test_contest.py"),
-    "gspure.evaluation.survival": (*_OUTCOMES, "test_answer.py", "test_detection.py"),
+    "gspure.evaluation.showing": ("test_evaluate.py",),
     "gspure.evaluation.verdict": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.assets": _PLANS,
     "gspure.workflow.config": ("test_codec.py", *_PLANS),

@@ -11,7 +11,6 @@ from typing import Annotated
 import numpy as np
 
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
 from gspure.model.gaussians import logit
@@ -22,6 +21,7 @@ from gspure.settings import Range
 from gspure.training.initialization import gaussians_at, thinned
 
 SOLID, HIDDEN = (0.9, 0.98), (0.002, 0.02)  # ranges of opacities: of the scene, and of the message in public
+ROWS = "message_rows.npy"
 ARRAYS = {"means": (np.float32, (None, 3)), "opacity": (np.float32, (None,)), "f_dc": (np.float32, (None, 3))}
 
 
@@ -79,13 +79,13 @@ class PlantedKey(Key):
         return PlantedKey(rng.permutation(self.message_rows), self.means, self.opacity[order], self.f_dc[order])
 
     def write(self, folder):
-        save_array(folder / MESSAGE_ROWS, self.message_rows)
+        save_array(folder / ROWS, self.message_rows)
         save_arrays(folder / "planted.npz", {name: getattr(self, name) for name in ARRAYS})
 
     @staticmethod
     def read(folder):
         arrays = load_arrays(Path(folder) / "planted.npz", ARRAYS, "a key to a planted message")
-        message_rows = load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(len(arrays["means"]),))
+        message_rows = load_array(Path(folder) / ROWS, dtype=np.bool_, shape=(len(arrays["means"]),))
         return PlantedKey(message_rows, **{name: arrays[name] for name in ARRAYS})
 
 

@@ -15,13 +15,13 @@ import numpy as np
 
 from gspure.arrays import Bools, Float32, Kind, load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
-from gspure.evaluation.collecting import MESSAGE_ROWS
 from gspure.model.finite import require_computed
 from gspure.schemes.scheme import Key
 from gspure.training.pytorch import single_threaded, torch
 from marked_clones.decoder import Decoder, untrained
 
 _FILE: Final = "marked_clones.npz"
+_ROWS: Final = "message_rows.npy"
 
 
 class BitsKey(Key):
@@ -89,10 +89,10 @@ class ClonesKey(BitsKey):
     def write(self, folder: Path) -> None:
         """Write both files."""
         super().write(folder)
-        save_array(folder / MESSAGE_ROWS, self.message_rows)
+        save_array(folder / _ROWS, self.message_rows)
 
     @staticmethod
     def read(folder: Path) -> ClonesKey:
         """Read a key as `BitsKey.read` does, and its rows."""
         key = BitsKey.read(folder)
-        return ClonesKey(key.bits, key.decoder, load_array(Path(folder) / MESSAGE_ROWS, dtype=np.bool_, shape=(None,)))
+        return ClonesKey(key.bits, key.decoder, load_array(Path(folder) / _ROWS, dtype=np.bool_, shape=(None,)))
