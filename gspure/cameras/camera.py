@@ -25,7 +25,7 @@ _RIGID: Final = 1e-3  # tolerance: admits rotations printed with four digits, no
 _LEAST_FACTOR: Final = 1.8  # at which intrinsics are those of a larger image: images are halved, if not more
 _ALIKE: Final = 0.1  # largest difference of the factors of cx and cy, relative
 _FARTHEST: Final = 3.0  # distance of the principal point from the centre, in half sides; crops stay below it
-_NARROWEST: Final = 2 * math.tan(math.radians(4) / 2)  # least field of view, 4 degrees, as image side per focal length
+_NARROWEST: Final = 2 * math.tan(math.radians(3) / 2)  # least field of view, 3 degrees, as image side per focal length
 
 
 @dataclass(frozen=True, eq=False, repr=False)
