@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from gspure.evaluation.evidence import Evidence
 from gspure.evaluation.judging import judged
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.report.answer import Answer, answers
@@ -50,6 +51,7 @@ UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unat
         (KEYLESS, "unknown", NO_KEY),
         (UNAPPLIED, "unknown", "every variant is without results"),
         ([attacked("unattacked", 0.0, message=FAINT), *models_of(gof=(1.0, FAINT))[1:]], "not present", "not proven"),
+        ([attacked("unattacked", 0.0, message=Evidence(0.95, 1.0))], "unknown", "too few views or candidates"),
         ([read("unattacked", 32, 32), read("blur", 17, 32, 1.5)], "weak", "the mark (bits) is gone at 1.5 dB"),
     ],
 )

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from gspure.evaluation.identity import ModelId, OfCondition
 from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.csv_tables import read_table, write_table
+from gspure.metrics.evidence import COARSEST
 from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
 
 PUBLISHED: Final = "published"  # the owner who extracts exactly as the scheme's authors do
@@ -80,6 +81,11 @@ class Result(NamedTuple):
     def is_attack(self) -> bool:
         """Whether it is an attacked model, neither a control nor the unattacked one."""
         return self.variant not in CONTROLS and self.variant != UNATTACKED
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the message would be proven if it were there: candidates or bits suffice."""
+        return bool(self.word) and not self.level > COARSEST
 
     @property
     def is_proven(self) -> bool:

@@ -111,7 +111,7 @@ def _verdict(rows: Sequence[Result], judged: Sequence[Result], known: Sequence[R
         reason = "every variant is without results"
     elif not judged:
         reason = NO_KEY
-    elif not any(row.word for row in before):
+    elif not any(row.is_decided for row in before):
         reason = "nothing tells whether the unattacked model shows the message: too few views or candidates"
     elif not any(row.is_proven for row in before):
         return "not present", "before any attack, the message is not proven: look at the extraction"

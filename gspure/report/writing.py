@@ -94,7 +94,7 @@ def _warn(outcomes: Sequence[Outcome], rows: Sequence[Result]) -> None:
                 "declared to read; the attack counts as having affected the message"
             )
     for row in rows:
-        if row.variant == UNATTACKED and row.word == GONE:
+        if row.variant == UNATTACKED and row.is_decided and row.word == GONE:
             warn(
                 f"{row.model.title}, {extraction_name(row.extraction)}: no message is embedded, or the key does not "
                 "match the model: even before any attack, the message is not proven"
