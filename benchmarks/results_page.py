@@ -1,4 +1,4 @@
-"""``python -m benchmarks.results_page`` writes docs/results.md from the committed tables, so that its numbers are theirs."""
+"""``python -m benchmarks.results_page`` writes docs/results.md, whose numbers are those of the committed tables."""
 
 import csv
 import string
@@ -120,7 +120,11 @@ def compared_table(rows: Sequence[Result]) -> str:
     columns += [Column("drop of the message, dB"), Column("p"), Column("Holm")]
     lines = []
     for one in comparisons(rows):
-        cells = [Cell(one.condition.title), Cell(f"{one.damage:g}"), Cell(display_name(one.other.removesuffix("_equal")))]
+        cells = [
+            Cell(one.condition.title),
+            Cell(f"{one.damage:g}"),
+            Cell(display_name(one.other.removesuffix("_equal"))),
+        ]
         cells += [Cell(str(one.lead.scenes)), interval(one.lead, one.lead.scenes)]
         cells += [Cell(significant(one.p, 2)), Cell(significant(one.corrected, 2))]
         lines.append(TableRow(cells))
@@ -143,7 +147,9 @@ def networks_table(rows: Sequence[Result]) -> str:
                 after = _levels([row], row.variant)
                 drop = known_interval(differences(before, after))
                 title = variant_title(row.entry.removesuffix("_equal"), row.wanted)
-                lines.append(TableRow([Cell(condition.title), Cell(title), Cell(decimal(row.damage)), interval(drop, 1)]))
+                lines.append(
+                    TableRow([Cell(condition.title), Cell(title), Cell(decimal(row.damage)), interval(drop, 1)])
+                )
     return Table("", columns, lines).markdown()
 
 
