@@ -27,6 +27,7 @@ RADII: Final = DOCS / "results" / "radius" / "results.csv"
 OURS: Final = "gspure_equal"
 OTHERS: Final = ("gof_equal", "random_equal", "noise_equal")
 DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
+SHOWN: Final = (OURS, "gof_equal", "random_equal", "gspure", "gof", "distil")  # of the schemes with networks
 
 
 class Compared(NamedTuple):
@@ -137,13 +138,13 @@ def paper_table(rows: Sequence[Result]) -> str:
 
 
 def networks_table(rows: Sequence[Result]) -> str:
-    """Return what every attack costs scene and message of the schemes with networks."""
+    """Return what attacks cost scene and message of the schemes with networks."""
     columns = [Column("condition"), Column("attack", text=True), Column("scene drop, dB"), Column("message drop, dB")]
     lines = []
     for condition, alike in grouped(rows, lambda row: row.condition).items():
         before = _levels(alike, UNATTACKED)
         for row in alike:
-            if row.is_attack:
+            if row.entry in SHOWN:
                 after = _levels([row], row.variant)
                 drop = known_interval(differences(before, after))
                 title = variant_title(row.entry.removesuffix("_equal"), row.wanted)
