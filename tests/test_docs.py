@@ -2,7 +2,9 @@
 
 import csv
 import importlib
+import json
 import re
+from math import inf, nan
 from operator import attrgetter
 from pathlib import Path
 
@@ -10,12 +12,17 @@ import numpy as np
 import pytest
 import yaml
 
+from benchmarks import results_page
+from benchmarks.results_page import PAGE
 from gspure import constants
 from gspure.attacks import BUILT_IN, Measurements, attacks
+from gspure.codec import plain
+from gspure.evaluation.identity import Condition
+from gspure.evaluation.radius import Radius, Record
 from gspure.evaluation.results import read_results
-from gspure.evaluation.survival import Survival
+from gspure.grouping import grouped
 from gspure.metrics.comparison import ViewMetrics
-from gspure.metrics.csv_tables import header, read_table
+from gspure.metrics.csv_tables import header
 from gspure.model import write_model
 from gspure.workflow.config import SchemeConfig, VariantConfig
 from tests.documentation import PAGES, ROOT, blocks, example, install_example, workflow_edges
@@ -24,8 +31,7 @@ from tests.workflow_cases import configuration
 
 DOCS = ROOT / "docs"
 TABLES = sorted((DOCS / "tables").glob("*.csv"))
-RESULTS = (DOCS / "results.md").read_text(encoding="utf-8")
-SECTIONS = {section.partition("\n")[0]: section for section in RESULTS.split("\n## ")[1:]}
+RESULTS = sorted(DOCS.glob("results/large/*.csv")) + sorted(DOCS.glob("results/networks/*.csv"))
 DECIMAL = re.compile(r"\d+\.\d+")
 
 
@@ -96,26 +102,23 @@ def test_the_example_of_bits_in_the_file_reads_them_unless_they_were_rounded(tmp
     assert 0.3 < rounded < 0.7
 
 
-def numbers(table: Path) -> set[float]:
-    """Return the sizes of all decimal numbers of a table."""
-    return {float(number) for number in DECIMAL.findall(table.read_text(encoding="utf-8"))}
+def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert text == results_page.page(), "run python -m benchmarks.results_page"
+    with (DOCS / "tables" / "captures-measures.csv").open(newline="", encoding="utf-8") as file:
+        of_condition = grouped(csv.DictReader(file), lambda row: row["condition"])
+    rows = {row["attack"]: row for row in of_condition["Splats in Splats, own poses, message (adaptive)"]}
+    repaired, purified = (rows[attack] for attack in ("prune_repair", "gspure"))
+    claim = next(part for part in text.split("\n\n") if part.startswith("**`prune_repair` removes as much"))
+    shown = DECIMAL.findall(claim)
+    assert shown == [row[drop] for row in (repaired, purified) for drop in ("drop of message", "drop of scene")]
+    assert float(repaired["drop of message"]) >= float(purified["drop of message"])
+    assert float(repaired["drop of scene"]) < float(purified["drop of scene"])
 
 
-@pytest.mark.parametrize("section", SECTIONS)
-def test_decimals_of_the_results_stand_in_a_linked_table_possibly_with_more_digits(section: str) -> None:
-    text = SECTIONS[section]
-    links = re.findall(r"\(((?:tables|results)/[\w/-]+\.csv)\)", text)
-    known = set[float]().union(*(numbers(DOCS / link) for link in links))
-    for number in DECIMAL.findall(text):
-        half = 0.5 * 10.0 ** -len(number.partition(".")[2]) + 1e-9
-        assert any(abs(float(number) - value) <= half for value in known), number
-
-
-def test_committed_results_can_be_read():
-    for folder in ("large", "networks"):
-        for table in sorted((DOCS / "results" / folder).glob("*.csv")):
-            outcomes, _ = read_results(table)
-            assert any(o.psnr_drop("scene") > 0 for o in outcomes), table
+@pytest.mark.parametrize("table", RESULTS, ids=lambda table: table.stem)
+def test_committed_results_can_be_read(table: Path) -> None:
+    assert any(row.damage > 0 and row.message_values for row in read_results(table))
 
 
 def test_the_page_of_formats_names_the_columns_of_the_metrics():
@@ -131,15 +134,35 @@ def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> Non
     assert f"`{table.stem.partition('-')[0]}`" in (DOCS / "tables" / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_leaderboard_shows_the_least_damage_at_which_each_message_is_lost(monkeypatch):
+def radius(
+    condition: Condition, value: float, kind: str = "message", owner: str = "adaptive", **more: object
+) -> Radius:
+    """Return a radius over two scenes."""
+    facts = {"exceeds": False, "low": 0.0, "high": 9.0, "scenes": 2, "killer": "gspure_scaled@1dB"} | more
+    return Radius(condition, kind, owner, "message", value, **facts)
+
+
+def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "setup"))
     leaderboard = importlib.import_module("leaderboard")
-    rows = read_table(DOCS / "results" / "six_pairs" / "survival.csv", Survival)
-    of_owner = [r for r in rows if r.condition == ("gs_hider", "own", "both") and r.extraction == "message"]
-    lost = min(row.scene_drop.mean for row in of_owner if not row.survived)
+    monkeypatch.setattr(leaderboard, "RECORDS", tmp_path)
+    assert leaderboard.NO_RECORD in leaderboard.leaderboard_page()
+    weak, strong, unknown = (Condition(name, "own", "both") for name in ("gs_hider", "keyss", "secure_gs"))
+    found = [
+        radius(unknown, nan, exceeds=True),
+        radius(weak, 0.98),
+        radius(weak, 0.01, owner="published"),
+        radius(weak, 0.4, kind="readable"),
+        radius(strong, 1.5, exceeds=True, high=inf, killer=""),
+    ]
+    record = Record("0.1.0", "small-1", "2026-11-29", 2, "96x72", tuple(found), ())
+    (tmp_path / "run.json").write_text(json.dumps(plain(record)))
     page = leaderboard.leaderboard_page()
-    (row,) = re.findall(r"<tr><td>GS-Hider, own poses</td>.*?</tr>", page)
-    assert set(re.findall('href="#(gs_hider[^"]+)"', row)) <= set(re.findall('id="([^"]+)"', page))
-    assert row.count("href") == len(leaderboard.SHOWN)
-    assert re.findall(r'data-sort="([^"]+)">', row)[0] == f"{lost:.3f}"
-    assert len(re.findall("<td", row)) == len(re.findall("<th>", leaderboard.table(rows)))
+    rows = [re.findall("<td.*?</td>", row) for row in re.findall("<tr>(.*?)</tr>", page)[1:]]
+    texts = [[re.sub("<.*?>", "", cell) for cell in row] for row in rows]
+    assert texts == [
+        ["KeySS", "own", "small-1", "2", "&gt; 1.5 dB", "–", "–", "–"],
+        ["GS-Hider", "own", "small-1", "2", "0.98 dB", "&lt; 0.05 dB", "0.40 dB", "GSPure scaled, 1 dB"],
+        ["SecureGS", "own", "small-1", "2", "–", "–", "–", "GSPure scaled, 1 dB"],
+    ]
+    assert [re.findall('class="(.*?)"', "".join(row)) for row in rows] == [["holds"], ["broken"] * 3, []]

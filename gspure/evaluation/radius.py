@@ -69,6 +69,18 @@ class RadiusRecord(NamedTuple):
     conditions: Sequence[Radius]
 
 
+class Record(NamedTuple):
+    """The radii of a run as docs/leaderboard/ collects them: the content of `RADIUS`, and how it was measured."""
+
+    gspure: str  # version
+    suite: str  # name of the list of attacks
+    date: str  # 2026-11-29
+    scenes: int
+    size: str  # of the views: 400x300
+    conditions: tuple[Radius, ...]
+    models: tuple[ModelRadius, ...]
+
+
 def radius_text(radius: float, *, exceeds: bool) -> str:
     """Return a radius as people write it: ``0.3 dB``, ``> 2.1 dB``, ``< 0.05 dB``."""
     if isnan(radius):

@@ -1,0 +1,204 @@
+"""``python -m benchmarks.results_page`` writes docs/results.md, whose numbers are those of the committed tables."""
+
+import csv
+import string
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gspure.evaluation import paper
+from gspure.evaluation.identity import Condition
+from gspure.evaluation.radius import Radius, model_radii, radii
+from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, known_cells, read_results
+from gspure.files import write_text
+from gspure.grouping import grouped
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
+from gspure.metrics.names import CLEAN, UNATTACKED, display_name, variant_at, variant_title
+from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
+from gspure.metrics.targets import MESSAGE
+from gspure.report.table import Cell, Column, Table, TableRow, interval
+from gspure.report.tables import beside_table
+from gspure.text import decimal, significant
+
+DOCS: Final = Path(__file__).parents[1] / "docs"
+PAGE: Final = DOCS / "results.md"
+TEMPLATE: Final = Path(__file__).with_name("results_page.md")
+RADII: Final = DOCS / "results" / "radius" / "results.csv"
+OURS: Final = "gspure_equal"
+OTHERS: Final = ("gof_equal", "random_equal", "noise_equal")
+DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
+SHOWN: Final = (OURS, "gof_equal", "random_equal", "gspure", "gof", "distil")  # of the schemes with networks
+
+
+class Compared(NamedTuple):
+    """GSPure against another attack at equal damage to the scene."""
+
+    condition: Condition
+    damage: float  # dB
+    other: str
+    lead: Interval  # GSPure's drop of the message's PSNR minus the other's, dB
+    p: float  # of the sign-flip test
+    corrected: float  # by Holm, over the comparisons of the condition
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    large = read_results(*sorted((DOCS / "results" / "large").glob("*.csv")))
+    networks = read_results(*sorted((DOCS / "results" / "networks").glob("*.csv")))
+    facts = {
+        "radius": radius_section(),
+        "compared": compared_table(large),
+        "paper": paper_table([*large, *networks]),
+        "networks": networks_table(networks),
+        **large_facts(large),
+        **capture_facts(),
+    }
+    return string.Template(TEMPLATE.read_text(encoding="utf-8")).substitute(facts)
+
+
+def radius_section() -> str:
+    """Return the section of the robust radii; nothing before their run is committed."""
+    if not RADII.is_file():
+        return ""
+    rows = read_results(RADII)
+    of_models = model_radii(rows)
+    known = radii(of_models, {row.model: row.condition for row in rows})
+    columns = [Column("condition"), Column("scenes"), Column("message, adaptive"), Column("message, as published")]
+    columns += [Column("readable"), Column("killer", text=True)]
+    lines = [TableRow(cells) for cells in _radius_cells(known)]
+    return (
+        "## The robust radius\n\nThe least [damage](statistics.md#the-robust-radius) after which the message is not "
+        f"proven, or not readable ([results.csv](results/radius/results.csv)).\n\n"
+        f"{Table('', columns, lines).markdown()}\n\n"
+    )
+
+
+def _radius_cells(known: Sequence[Radius]) -> Iterator[list[Cell]]:
+    for condition, alike in grouped(known, lambda one: one.condition).items():
+        of = {(one.kind, one.owner): one for one in alike}
+        published = of.get(("message", PUBLISHED))
+        adaptive = of.get(("message", ADAPTS), published)
+        readable = of.get(("readable", ADAPTS), of.get(("readable", PUBLISHED)))
+        texts = [str(one) if one else "–" for one in (adaptive, published, readable)]
+        scenes = str(max(one.scenes for one in alike))
+        yield [*map(Cell, [condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else "–"])]
+
+
+def comparisons(rows: Sequence[Result]) -> list[Compared]:
+    """Return GSPure against the others at every damage, over the pairs in which both reach it."""
+    compared = []
+    for condition, alike in grouped(rows, lambda row: row.condition).items():
+        family = []
+        for damage in DAMAGES:
+            ours = _message_drops(alike, OURS, damage)
+            for other in OTHERS:
+                cells = differences(ours, _message_drops(alike, other, damage))
+                if cells:
+                    p = paired_test(by_scene(cells)).p
+                    family.append(Compared(condition, damage, other, mean_interval(by_scene(cells)), p, p))
+        corrected = holm([one.p for one in family])
+        compared += [one._replace(corrected=float(p)) for one, p in zip(family, corrected, strict=True)]
+    return compared
+
+
+def _message_drops(rows: Sequence[Result], entry: str, damage: float) -> dict[tuple[str, int], float]:
+    """Return the drops of the published message's PSNR, dB, where the search reached the damage."""
+    before = _levels(rows, UNATTACKED)
+    found = [row for row in rows if row.variant == variant_at(entry, damage)]
+    after = _levels([row for row in found if abs(row.damage - damage) <= DAMAGE_TOLERANCE], variant_at(entry, damage))
+    return {cell: before[cell] - level for cell, level in after.items()}
+
+
+def _levels(rows: Sequence[Result], variant: str) -> dict[tuple[str, int], float]:
+    """Return the PSNR of the published message in one variant, dB, by scene and seed."""
+    published = [row for row in rows if row.variant == variant and row.extraction == MESSAGE]
+    return {(row.scene, row.seed): row.message_values[paper.PSNR] for row in published if row.message_values}
+
+
+def compared_table(rows: Sequence[Result]) -> str:
+    """Return the comparisons as a table."""
+    columns = [Column("condition"), Column("damage dB"), Column("GSPure minus", text=True), Column("pairs")]
+    columns += [Column("drop of the message, dB"), Column("p"), Column("Holm")]
+    lines = []
+    for one in comparisons(rows):
+        cells = [
+            Cell(one.condition.title),
+            Cell(f"{one.damage:g}"),
+            Cell(display_name(one.other.removesuffix("_equal"))),
+        ]
+        cells += [Cell(str(one.lead.scenes)), interval(one.lead, one.lead.scenes)]
+        cells += [Cell(significant(one.p, 2)), Cell(significant(one.corrected, 2))]
+        lines.append(TableRow(cells))
+    return Table("", columns, lines).markdown()
+
+
+def paper_table(rows: Sequence[Result]) -> str:
+    """Return the attacks of the paper's Table 1 that we ran, beside its numbers."""
+    return beside_table([row for row in paper.beside(paper.read_rows(), rows) if row.scenes]).markdown()
+
+
+def networks_table(rows: Sequence[Result]) -> str:
+    """Return what attacks cost scene and message of the schemes with networks."""
+    columns = [Column("condition"), Column("attack", text=True), Column("scene drop, dB"), Column("message drop, dB")]
+    lines = []
+    for condition, alike in grouped(rows, lambda row: row.condition).items():
+        before = _levels(alike, UNATTACKED)
+        for row in alike:
+            if row.entry in SHOWN:
+                after = _levels([row], row.variant)
+                drop = known_interval(differences(before, after))
+                title = variant_title(row.entry.removesuffix("_equal"), row.wanted)
+                lines.append(
+                    TableRow([Cell(condition.title), Cell(title), Cell(decimal(row.damage)), interval(drop, 1)])
+                )
+    return Table("", columns, lines).markdown()
+
+
+def large_facts(rows: Sequence[Result]) -> dict[str, str]:
+    """Return the numbers that the text tells of the pairs at shared poses."""
+    shared = [row for row in rows if row.condition.protocol == "shared"]
+    facts = {}
+    for name in ("gspure", "gof", "half_precision", "reestimate"):
+        alike = [row for row in shared if row.variant == name]
+        facts[f"{name}_scene"] = _mean_text(known_cells(alike, "damage"))
+        facts[f"{name}_message"] = _mean_text(differences(_levels(shared, UNATTACKED), _levels(alike, name)))
+    for variant in (UNATTACKED, CLEAN):
+        levels = [row.scene_values[paper.PSNR] for row in shared if row.variant == variant and row.scene_values]
+        facts[f"{variant}_levels"] = f"{min(levels):.1f} to {max(levels):.1f}"
+    clusters = differences(_message_drops(shared, OURS, 1.0), _message_drops(shared, "weight_equal", 1.0))
+    facts["clusters"] = str(interval(mean_interval(by_scene(clusters)), len(clusters)))
+    return facts
+
+
+def _mean_text(cells: dict[tuple[str, int], float]) -> str:
+    return decimal(mean_interval(by_scene(cells)).mean)
+
+
+def capture_facts() -> dict[str, str]:
+    """Return the numbers that the text tells of the photographed captures."""
+    adaptive = "Splats in Splats, own poses, message (adaptive)"
+    facts = {}
+    for row in _table("captures-measures"):
+        if row["condition"] == adaptive:
+            facts[f"capture_{row['attack']}_message"] = row["drop of message"]
+            facts[f"capture_{row['attack']}_scene"] = row["drop of scene"]
+        if row["condition"].startswith("SecureGS") and row["attack"] == "prune_repair":
+            owner = "adaptive" if "adaptive" in row["condition"] else "published"
+            facts[f"secure_{owner}"] = row["drop of message"]
+            facts["secure_scene"] = row["drop of scene"]
+    for row in _table("captures-before"):
+        scheme = row["condition"].partition(",")[0].replace(" ", "_").lower()
+        facts[f"before_{scheme}_scene"] = row["scene: public model"]
+        facts[f"before_{scheme}_clean"] = row["scene: clean model"]
+        facts[f"before_{scheme}_message"] = row["message: right key"]
+        facts[f"before_{scheme}_wrong"] = row["message: wrong key"]
+    return facts
+
+
+def _table(name: str) -> list[dict[str, str]]:
+    with (DOCS / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
+        return [*csv.DictReader(stream)]
+
+
+if __name__ == "__main__":
+    write_text(PAGE, page())
