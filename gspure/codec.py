@@ -69,7 +69,9 @@ def read(kind: Any, value: Any, source: str | Path, place: str = "") -> Any:
         Mapping: _read_mapping,
     }
     is_object = is_dataclass(kind) or hasattr(kind, "_fields")
-    reader = readers.get(get_origin(kind), _read_object if is_object else _read_scalar)
+    if is_object:
+        readers[None] = _read_object
+    reader = readers.get(get_origin(kind), _read_scalar)
     return reader(kind, value, source, place)
 
 

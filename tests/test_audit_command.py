@@ -2,11 +2,9 @@
 
 import os
 import re
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
@@ -16,7 +14,6 @@ from gspure.evaluation.collecting import collect
 from gspure.evaluation.judging import judged
 from gspure.evaluation.results import write_results as write_table
 from gspure.files import alone_in, write_json
-from gspure.images import write_image
 from gspure.model import write_model
 from tests.models import blobs, tilted_camera
 from tests.outcome_cases import write_model as write_results
@@ -35,7 +32,7 @@ def words(monkeypatch):
     """The options of Snakemake, which is not started."""
     started = []
     monkeypatch.setattr(audit, "run_workflow", lambda options, **_: not started.extend(options))
-    monkeypatch.setattr(audit, "_answer", lambda **_: inf)
+    monkeypatch.setattr(audit, "_answer", lambda *_, **__: [inf])
     return started
 
 
@@ -46,12 +43,30 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
     assert (asset.model, asset.cameras, asset.generated.up) == ("my model.ply", "orbit", (0, 0, 1))
     assert Path(words[words.index("--snakefile") + 1]) == ROOT / "Snakefile"
     assert words[words.index("--cores") + 1] == "1"
-    write_model(folder / "other.ply", blobs(30))
-    assert main(["audit", "other.ply", "--cameras", "orbit"]) == 2
-    assert "results/audit.yaml: assets: expected other, found my_model" in capsys.readouterr().err
-    write_model(folder / "elsewhere" / "my model.ply", blobs(30))
-    assert main(["audit", "elsewhere/my model.ply", "--cameras", "orbit"]) == 2
-    assert "model: expected elsewhere/my model.ply, found my model.ply (delete" in capsys.readouterr().err
+
+
+def test_another_model_or_suite_has_a_folder_of_its_own(folder, words):
+    places = []
+
+    def place_of(*command: str) -> str:
+        assert main(["audit", *command, "--cameras", "orbit"]) == 0
+        (newest,) = {*folder.rglob("audit.yaml")} - {*places}
+        places.append(newest)
+        return newest.parents[1].relative_to(folder).as_posix()
+
+    (folder / "elsewhere").mkdir()
+    for model in ("other.ply", "elsewhere/my model.ply", "elsewhere/other.ply"):
+        write_model(folder / model, blobs(30))
+    assert place_of("my model.ply") == "."
+    assert place_of("other.ply") == "audit-other"
+    assert place_of("elsewhere/my model.ply") == "audit-my_model"
+    assert place_of("elsewhere/other.ply") == "audit-other-2"
+    assert place_of("other.ply", "--everyday") == "audit-other-everyday-1"
+    assert place_of("other.ply", "--out", "mine") == "mine"
+    assert main(["audit", "other.ply", "--cameras", "orbit"]) == 0
+    assert len({*folder.rglob("audit.yaml")}) == len(places)
+    content = yaml.safe_load(places[1].read_text())
+    assert content["assets"]["other"]["model"] == str(folder / "other.ply")
 
 
 def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):
@@ -65,19 +80,15 @@ def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):
 def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     provenance = {"settings": {"scheme": "planted"}, "inputs": {"pair": {"path": "pair"}}}
     write_json(folder / "run" / "marked" / "key" / "provenance.json", provenance)
-    photograph = folder / "photograph.png"
     for place in ("", "run/pair", "run/pair/message"):  # the pair's path began in the folder where it was made
-        write_cameras(folder / place / "cameras.json", [replace(tilted_camera(8, 6), image=photograph)])
+        write_cameras(folder / place / "cameras.json", [tilted_camera(8, 6)])
     command = ["audit", "my model.ply", "--key", "run/marked/key"]
-    assert main(command) == 0
-    assert "gspure_scaled" not in yaml.safe_load(Path(words[-1]).read_text())["variants"]  # damage needs photographs
-    write_image(photograph, np.zeros((6, 8, 3)))
     assert main(command) == 0
     config = yaml.safe_load(Path(words[words.index("--configfile") + 1]).read_text())
     (asset,) = config["assets"].values()
     places = {"cameras": str(folder / "run/pair"), "message": str(folder / "run/pair/message")}
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
-    assert {"unattacked", "gspure", "gspure_scaled"} < {*config["variants"]}
+    assert {"unattacked", "gspure", "distil", "jpeg"} < {*configuration(config).variants}
     assert main([*command, "--everyday"]) == 0
     config = configuration(yaml.safe_load(Path(words[-1]).read_text()))
     assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
@@ -101,18 +112,20 @@ def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, mon
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
     model = write_results(Path("results"), "sis/room", {"gof": (0.055, 1.0)})
     write_table(Path("results/tables/results.csv"), judged(collect(Path("results"), [model]), {}))
-    assert main(["audit", "my model.ply", "--fail-under", limit]) == status
+    Path("mine.yaml").write_text("{}")
+    assert main(["audit", "mine.yaml", "--fail-under", limit]) == status
     assert "BROKEN: the message is gone at 0.82 dB of damage (GOF)" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("is_lost", [False, True])
 def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monkeypatch, is_lost):
     answered = []
-    monkeypatch.setattr(audit, "_answer", lambda **_: answered.append(True) or (0.1 if is_lost else inf))
+    monkeypatch.setattr(audit, "_answer", lambda *_, **__: answered.append(True) or [0.1 if is_lost else inf])
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: False)
     write_json(Path("results/report.html"), "of an earlier run")
     os.utime("results/report.html", (0, 0))
-    command = ["audit", "my model.ply", "--fail-under", "1dB"]
+    Path("mine.yaml").write_text("{}")
+    command = ["audit", "mine.yaml", "--fail-under", "1dB"]
     assert (main(command), answered) == (2, [])
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: Path("results/report.html").touch())
     assert (main(command), answered) == (2, [True])
@@ -120,7 +133,7 @@ def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monke
 
 def test_without_a_limit_a_lost_message_is_no_failure(folder, monkeypatch):
     monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    monkeypatch.setattr(audit, "_answer", lambda **_: 0.1)
+    monkeypatch.setattr(audit, "_answer", lambda *_, **__: [0.1])
     assert main(["audit", "my model.ply"]) == 0
 
 
@@ -130,3 +143,13 @@ def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(fo
     assert "mine.yaml: --cameras: expected nothing beside a configuration" in capsys.readouterr().err
     assert main(["audit", "mine.yaml", "--", "--forcerun", "all"]) == 0
     assert words[words.index("--configfile") + 1 :] == ["mine.yaml", "--forcerun", "all"]
+
+
+def test_a_limit_needs_a_key_and_a_radius(folder, words, capsys, monkeypatch):
+    assert main(["audit", "my model.ply", "--fail-under", "1"]) == 2
+    assert "audit: --key: expected one beside --fail-under, found none" in capsys.readouterr().err
+    Path("mine.yaml").write_text("{}")
+    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
+    monkeypatch.setattr(audit, "_answer", lambda *_, **__: [])
+    assert main(["audit", "mine.yaml", "--fail-under", "1"]) == 2
+    assert "expected a message with a robust radius" in capsys.readouterr().err

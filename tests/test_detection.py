@@ -134,7 +134,7 @@ def test_any_other_answer_is_refused_in_one_line(renders, answer, message, reaso
 def test_a_detector_gets_a_models_file_and_answers_with_one_entry(tmp_path):
     file = tmp_path / "model.ply"
     file.touch()
-    assert read_marks(printing('{"model": "0110"}'), file, "0111", 60) == [Reading("model", 75.0, 4)]
+    assert read_marks(printing('{"model": "0110"}'), file, "0111", 60) == [Reading("model", 75.0, 4, "0110")]
     with pytest.raises(InputError, match='a: expected one entry, "model", found a further entry'):
         read_marks(printing('{"a": "0110"}'), file, "0111", 60)
 

@@ -3,13 +3,14 @@
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import inf
+from contextlib import chdir, nullcontext
+from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 from shutil import get_terminal_size
 from tempfile import TemporaryDirectory
 from textwrap import fill
-from typing import Final
+from typing import Final, Self
 
 from gspure.cli import options
 from gspure.cli.options import QUIET, add_cameras, read_source
@@ -24,8 +25,9 @@ from gspure.workflow.running import run as run_workflow
 EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
   gspure audit marked/public --key marked/key               # and what is left of the message, as its owner sees it
-  gspure audit marked/public --key marked/key --fail-under 1dB      # status 3 if the message is lost below 1 dB
+  gspure audit marked/public --key marked/key --fail-under 1dB      # status 3 if the robust radius is below 1 dB
   gspure audit marked/public --key marked/key --everyday    # does the mark survive formats, crops, levels of detail?
+  gspure audit marked/public --key marked/key --suite standard-1 --out standard      # for publications: hours
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
 """
@@ -38,12 +40,13 @@ exit status:
   0      success
   1      whoever reads the output has gone
   2      bad input, or failed jobs (the answer is that for the other variants)
-  3      an attack removes the message with less damage than --fail-under
+  3      the robust radius is below --fail-under: an attack with less damage ends the message
   130    interrupted, by Ctrl-C or SIGINT; 143 by SIGTERM, 129 by SIGHUP; the next run goes on from there
 """
 _RESULTS = Path("results")
 _CONFIGURATION = _RESULTS / "audit.yaml"
-_SEARCHED: Final = {"gspure_scaled": {"damage": [1, 2]}}  # tested beside the default attacks, for a verdict
+_SUITE: Final = "small-1"  # of a model with a key
+_EVERYDAY: Final = "everyday-1"
 
 
 def add_arguments(parser: Parser) -> None:
@@ -54,14 +57,17 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("--message", "DIR", meaning, required=False)
     default = " (default: those of the key's pair, or beside MODEL, or orbit)"
     add_cameras(parser, "views of MODEL", more=default, required=False)
+    parser.text("--suite", "NAME", f"attacks and strengths to try: small-1, standard-1 (default with --key: {_SUITE})")
     parser.flag("--everyday", "what customers do, instead of attacks: half precision, web formats, fewer rows, crops")
+    meaning = "folder of the results (default: here or, if the results here are others, a folder of their own)"
+    parser.writes("--out", "DIR", meaning, required=False)
     add_run_options(parser)
 
 
 def add_run_options(parser: Parser) -> None:
     """Add the options of `audited`."""
     parser.flag("--json", "print the answer as JSON")
-    meaning = "exit with status 3 if an attack removes the message with less damage to the scene, in dB of PSNR"
+    meaning = "exit with status 3 if the robust radius is smaller: an attack with less damage ends the message"
     parser.text("--fail-under", "DB", meaning, type=decibels)
     parser.flag("-n", "--dry-run", "count the jobs that would run; with -v, list them, and why")
     parser.number("-c --cores", "N", "number of cores (default: all)", CORES)
@@ -92,33 +98,86 @@ class AuditOptions:
     message: Path | None
     cameras: Path | str | None
     up: Sequence[float] | None
+    suite: str | None
     everyday: bool
+    out: Path | None
 
     @property
     def is_configuration(self) -> bool:
         """Whether the source is a configuration of the workflow."""
         return self.source.suffix in {".yaml", ".yml"}
 
+    @property
+    def suite_name(self) -> str:
+        """The suite; empty for the attacks of a run that names none."""
+        if self.everyday:
+            return _EVERYDAY
+        return self.suite or (_SUITE if self.key else "")
+
+    def resolved(self) -> Self:
+        """Return the same with absolute paths, for a run in another folder."""
+        return replace(
+            self,
+            source=self.source.resolve(),
+            key=self.key and self.key.resolve(),
+            message=self.message and self.message.resolve(),
+            cameras=self.cameras.resolve() if isinstance(self.cameras, Path) else self.cameras,
+        )
+
 
 def run(args: Arguments) -> int:
     """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
     wanted = options.typed(args, AuditOptions)
     run_options = options.typed(args, RunOptions)
-    if wanted.is_configuration and (wanted.cameras or wanted.up or wanted.key or wanted.everyday):
-        conflict = "views or a key"
-        raise InputError(wanted.source, "--cameras", expected="nothing beside a configuration", found=conflict)
+    if wanted.is_configuration:
+        if wanted.cameras or wanted.up or wanted.key or wanted.suite_name or wanted.out:
+            conflict = "views, a key, a suite or a folder"
+            raise InputError(wanted.source, "--cameras", expected="nothing beside a configuration", found=conflict)
+        with nullcontext() if run_options.dry_run else alone_in(Path.cwd()):
+            return audited(run_options, wanted.source)
+    if run_options.fail_under is not None and not wanted.key:
+        hint = "only the owner's key tells when a message is gone"
+        raise InputError("audit", "--key", expected="one beside --fail-under", found="none", hint=hint)
+    place = wanted.out or own_place(wanted)
     if run_options.dry_run:
         with TemporaryDirectory() as folder:
             target = Path(folder) / _CONFIGURATION.name
-            return audited(run_options, _configuration(wanted, target, draws=False))
-    with alone_in(Path.cwd()):
-        return audited(run_options, _configuration(wanted, _CONFIGURATION, draws=True))
+            return audited(run_options, _written(wanted, target, draws=False))
+    if place == Path():
+        with alone_in(place):
+            return audited(run_options, _written(wanted, _CONFIGURATION, draws=True))
+    wanted = wanted.resolved()
+    place.mkdir(parents=True, exist_ok=True)
+    with chdir(place), alone_in(Path()):
+        return audited(run_options, _written(wanted, _CONFIGURATION, draws=True), place)
 
 
-def audited(run_options: RunOptions, configuration: Path) -> int:
+def own_place(wanted: AuditOptions) -> Path:
+    """Return this folder if its results are of the same model and suite, or it has none; else a folder below it."""
+    scene = _scene_name(wanted.source)
+    name = "-".join(filter(None, ("audit", scene, wanted.suite_name)))
+    numbered = (Path(f"{name}-{number}") for number in count(2))
+    return next(place for place in chain([Path(), Path(name)], numbered) if _is_free(place, wanted))
+
+
+def _is_free(place: Path, wanted: AuditOptions) -> bool:
+    """Return whether a folder has no results, or those of this model and suite."""
+    from gspure.model import model_file
+    from gspure.workflow.config_reading import load_yaml
+
+    if not (place / _CONFIGURATION).is_file():
+        return True
+    known = load_yaml(place / _CONFIGURATION)
+    models = [str(asset.get("model", "")) for asset in known.get("assets", {}).values()]
+    is_same = [(place / model).resolve() for model in models] == [model_file(wanted.source).resolve()]
+    return is_same and known.get("suite", "") == wanted.suite_name
+
+
+def audited(run_options: RunOptions, configuration: Path, place: Path = Path()) -> int:
     """Run Snakemake, then print the answer, and return the exit status.
 
     With options after ``--``, all output is Snakemake's. Jobs that failed leave the answer for the other variants.
+    `place` is the current folder, as its user named it.
     """
     words = _snakemake_options(run_options, configuration)
     if run_options.dry_run and not (run_options.verbose or run_options.passed_on):
@@ -135,15 +194,18 @@ def audited(run_options: RunOptions, configuration: Path) -> int:
     succeeded = run_workflow(words, silent=not run_options.verbose)
     if not succeeded and not (page.is_file() and page.stat().st_mtime_ns > earlier):
         return FAILED
-    damage = _answer(as_json=run_options.json)
+    damages = _answer(place, as_json=run_options.json)
     if not succeeded:
         return FAILED
-    is_lost = run_options.fail_under is not None and damage < run_options.fail_under
-    return LOST if is_lost else SUCCESS
+    if run_options.fail_under is None:
+        return SUCCESS
+    if not damages:
+        raise InputError("audit", "--fail-under", expected="a message with a robust radius", found="none")
+    return LOST if min(damages) < run_options.fail_under else SUCCESS
 
 
-def _answer(*, as_json: bool) -> float:
-    """Print the verdict of every condition; return the least damage, dB, at which a message is lost."""
+def _answer(place: Path, *, as_json: bool) -> list[float]:
+    """Print the verdict of every condition; return the known damages, dB, at which messages are gone."""
     from gspure.evaluation.results import read_results
     from gspure.report.answer import answers
 
@@ -154,8 +216,8 @@ def _answer(*, as_json: bool) -> float:
         for answer in conditions:
             *table, sentence = answer.lines()
             print("", *table, fill(sentence, get_terminal_size((120, 24)).columns), sep="\n")
-        print(f"\n{_RESULTS / 'report.html'}")
-    return min((answer.audit.damage for answer in conditions), default=inf)
+        print(f"\n{place / _RESULTS / 'report.html'}")
+    return [answer.audit.damage for answer in conditions if answer.audit.has_radius]
 
 
 def _snakemake_options(run_options: RunOptions, configuration: Path) -> list[str]:
@@ -176,13 +238,8 @@ def snakefile() -> Path:
     return installed if installed.is_file() else package.parent / "Snakefile"
 
 
-def _configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
-    """Return the configuration: the user's, or that of a model, written unless the results here are of another one.
-
-    Warn of doubtful views.
-    """
-    if wanted.is_configuration:
-        return wanted.source
+def _written(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
+    """Write the configuration of a model; warn of doubtful views."""
     import yaml
 
     from gspure.cameras import GENERATED
@@ -202,48 +259,10 @@ def _configuration(wanted: AuditOptions, target: Path, *, draws: bool) -> Path:
     scheme = recognized(rows)
     if scheme:
         content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
-    variants = _variants(wanted, has_photographs=_has_photographs(asset["cameras"]))
-    if variants:
-        content["variants"] = variants
-    _require_same_model(scene, model)
+    if wanted.suite_name:
+        content["suite"] = wanted.suite_name
     write_text(target, yaml.safe_dump(content))
     return target
-
-
-def _has_photographs(cameras: str) -> bool:
-    """Return whether the views of the scene name photographs, by which damage is measured."""
-    from gspure.cameras import GENERATED, read_cameras
-    from gspure.cameras.photographs import missing_photographs
-
-    return cameras not in GENERATED and not missing_photographs(read_cameras(cameras))
-
-
-def _variants(wanted: AuditOptions, *, has_photographs: bool) -> Json:
-    """Return what is done to the model; nothing for the attacks of a run that names none."""
-    from gspure.workflow.config import DEFAULT_VARIANTS
-    from gspure.workflow.config_reading import load_yaml
-
-    if wanted.everyday:
-        variants: Json = load_yaml(snakefile().parent / "config" / "everyday.yaml")["variants"]
-        return variants
-    if not wanted.key:
-        return {}
-    return {name: {} for name in DEFAULT_VARIANTS} | (_SEARCHED if has_photographs else {})
-
-
-def _require_same_model(scene: str, model: Path) -> None:
-    """Refuse to replace the results of another model, even of one that has the same name."""
-    from gspure.workflow.config_reading import load_yaml
-
-    if not _CONFIGURATION.is_file():
-        return
-    assets = load_yaml(_CONFIGURATION).get("assets", {})
-    hint = f"delete {_CONFIGURATION} to replace the results, or audit in another folder"
-    if [*assets] != [scene]:
-        raise InputError(_CONFIGURATION, "assets", expected=scene, found=", ".join(assets), hint=hint)
-    audited_model = str(assets[scene].get("model", ""))
-    if Path(audited_model).resolve() != model.resolve():
-        raise InputError(_CONFIGURATION, "model", expected=str(model), found=audited_model, hint=hint)
 
 
 def _scene_name(source: Path) -> str:

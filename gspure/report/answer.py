@@ -175,7 +175,8 @@ def answers(rows: Sequence[Result]) -> list[Answer]:
 def _answer(audit: Audit, rows: Sequence[Result]) -> Answer:
     by_variant = grouped(rows, lambda row: row.variant)
     lines = {variant: _attack_row(audit.extraction, alike) for variant, alike in by_variant.items()}
-    attacks = [row for variant, row in lines.items() if variant not in {UNATTACKED, *CONTROLS}]
+    inapplicable = {name for name, alike in by_variant.items() if all(map(_is_inapplicable, alike))}
+    attacks = [row for variant, row in lines.items() if variant not in {UNATTACKED, *CONTROLS, *inapplicable}]
     attacks.sort(key=lambda row: (isnan(row.damage), row.damage, -row.fidelity, row.attack))  # failed ones last
     known = [row for row in rows if row.variant == UNATTACKED]
     return Answer(
@@ -187,6 +188,11 @@ def _answer(audit: Audit, rows: Sequence[Result]) -> Answer:
         scenes=len({row.scene for row in known}),
         seeds=len({row.seed for row in known}),
     )
+
+
+def _is_inapplicable(row: Result) -> bool:
+    """Return whether an attack has nothing to act on in a model."""
+    return row.failure.startswith("not applicable")
 
 
 def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:

@@ -40,6 +40,12 @@ class Audit:
         return of_kind.get(owner) if owner else of_kind.get(ADAPTS, of_kind.get(PUBLISHED))
 
     @property
+    def has_radius(self) -> bool:
+        """Whether a damage is known at which the message is gone, or up to which it is not."""
+        radius = self.radius()
+        return radius is not None and not isnan(radius.radius)
+
+    @property
     def damage(self) -> float:
         """The least damage to the scene, dB, at which the message is gone; infinite if no attack ends it."""
         radius = self.radius()
