@@ -36,7 +36,7 @@ class Compared(NamedTuple):
     condition: Condition
     damage: float  # dB
     other: str
-    lead: Interval  # GSPure's drop of the message's PSNR minus the other's, dB
+    difference: Interval  # GSPure's drop of the message's PSNR minus the other's, dB
     p: float  # of the sign-flip test
     corrected: float  # by Holm, over the comparisons of the condition
 
@@ -45,9 +45,11 @@ def page() -> str:
     """Return the page as Markdown."""
     large = read_results(*sorted((DOCS / "results" / "large").glob("*.csv")))
     networks = read_results(*sorted((DOCS / "results" / "networks").glob("*.csv")))
+    compared = comparisons(large)
     facts = {
         "radius": radius_section(),
-        "compared": compared_table(large),
+        "compared": compared_table(compared),
+        "least_p": significant(min(one.corrected for one in compared), 2),
         "paper": paper_table([*large, *networks]),
         "networks": networks_table(networks),
         **large_facts(large),
@@ -75,10 +77,10 @@ def radius_section() -> str:
 
 def _radius_cells(known: Sequence[Radius]) -> Iterator[list[Cell]]:
     for condition, alike in grouped(known, lambda one: one.condition).items():
-        of = {(one.kind, one.owner): one for one in alike}
-        published = of.get(("message", PUBLISHED))
-        adaptive = of.get(("message", ADAPTS), published)
-        readable = of.get(("readable", ADAPTS), of.get(("readable", PUBLISHED)))
+        known_radii = {(one.kind, one.owner): one for one in alike}
+        published = known_radii.get(("message", PUBLISHED))
+        adaptive = known_radii.get(("message", ADAPTS), published)
+        readable = known_radii.get(("readable", ADAPTS), known_radii.get(("readable", PUBLISHED)))
         texts = [str(one) if one else "–" for one in (adaptive, published, readable)]
         scenes = str(max(one.scenes for one in alike))
         yield [*map(Cell, [condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else "–"])]
@@ -115,18 +117,18 @@ def _levels(rows: Sequence[Result], variant: str) -> dict[tuple[str, int], float
     return {(row.scene, row.seed): row.message_values[paper.PSNR] for row in published if row.message_values}
 
 
-def compared_table(rows: Sequence[Result]) -> str:
+def compared_table(compared: Sequence[Compared]) -> str:
     """Return the comparisons as a table."""
     columns = [Column("condition"), Column("damage dB"), Column("GSPure minus", text=True), Column("pairs")]
     columns += [Column("drop of the message, dB"), Column("p"), Column("Holm")]
     lines = []
-    for one in comparisons(rows):
+    for one in compared:
         cells = [
             Cell(one.condition.title),
             Cell(f"{one.damage:g}"),
             Cell(display_name(one.other.removesuffix("_equal"))),
         ]
-        cells += [Cell(str(one.lead.scenes)), interval(one.lead, one.lead.scenes)]
+        cells += [Cell(str(one.difference.scenes)), interval(one.difference, one.difference.scenes)]
         cells += [Cell(significant(one.p, 2)), Cell(significant(one.corrected, 2))]
         lines.append(TableRow(cells))
     return Table("", columns, lines).markdown()

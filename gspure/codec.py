@@ -22,6 +22,8 @@ from gspure.settings import Range
 KIND: Final = "kind"  # entry that names the class of an object in a union of classes
 REST: Final = "rest"  # annotation of a mapping field that takes all keys which no other field has
 
+_Reader = Callable[[Any, Any, str | Path, str], Any]
+
 
 class Text(NamedTuple):
     """A rule for texts: a pattern, and the rule in words for refusals."""
@@ -60,7 +62,9 @@ def read(kind: Any, value: Any, source: str | Path, place: str = "") -> Any:
 
     Raise `InputError` for the first entry of the source that does not fit, with its place: ``pairs.room.width``.
     """
-    readers: dict[Any, Callable[[Any, Any, str | Path, str], Any]] = {
+    is_object = is_dataclass(kind) or hasattr(kind, "_fields")
+    default: _Reader = _read_object if is_object else _read_scalar
+    readers: dict[Any, _Reader] = {
         Annotated: _read_annotated,
         Union: _read_union,
         UnionType: _read_union,
@@ -68,11 +72,7 @@ def read(kind: Any, value: Any, source: str | Path, place: str = "") -> Any:
         tuple: _read_tuple,
         Mapping: _read_mapping,
     }
-    is_object = is_dataclass(kind) or hasattr(kind, "_fields")
-    if is_object:
-        readers[None] = _read_object
-    reader = readers.get(get_origin(kind), _read_scalar)
-    return reader(kind, value, source, place)
+    return readers.get(get_origin(kind), default)(kind, value, source, place)
 
 
 def schema(kind: Any) -> dict[str, Any]:
