@@ -90,7 +90,7 @@ def test_the_key_s_pair_has_the_views_and_the_message(folder, words):
     assert asset == {"model": "my model.ply", "key": "run/marked/key", **places}
     assert {"unattacked", "gspure", "distil", "jpeg"} < {*configuration(config).variants}
     assert main([*command, "--everyday"]) == 0
-    config = configuration(yaml.safe_load(Path(words[-1]).read_text()))
+    config = configuration(yaml.safe_load(Path("audit-my_model-everyday-1", words[-1]).read_text()))
     assert {"half", "sog", "detail_quarter", "merge"} < {*config.variants}
 
 

@@ -152,7 +152,6 @@ def test_seed_and_measurements_of_an_attack_are_those_of_the_plan() -> None:
 
 def test_a_strength_is_searched_for_a_drop_of_the_mean_psnr_against_photographs() -> None:
     views = Views(cases.PHOTOGRAPHED, "test", cases.UNATTACKED, photographed=(SCENE,))
-    before = run(attack_job("photographed", "unattacked", targets=(SCENE,), views=views)).metrics
     planned = job("searched", AttackSpec("gaussian_noise", damage=0.5), targets=(SCENE,), views=views)
     evaluation = run(planned)
     assert isinstance(evaluation.attack, Applied)
@@ -162,8 +161,6 @@ def test_a_strength_is_searched_for_a_drop_of_the_mean_psnr_against_photographs(
     images = renders(planned, SCENE)
     assert after == [psnr(photographs[name], images[name]) for name in TESTED]
     assert {row.reference for row in evaluation.metrics} == {"truth"}
-    damage = np.mean([row.psnr for row in before]) - np.mean(after)
-    assert 0 < evaluation.attack.search_damage < damage  # after the best map of colours
     assert evaluation.evidence.scene.damage == pytest.approx(evaluation.attack.search_damage, abs=1e-4)
     comments = " ".join(attacked_model(planned).comments)
     assert f"sigma={evaluation.attack.strength.value}" in comments
@@ -310,7 +307,8 @@ def test_bits_of_the_file_and_a_detector_of_files_read_the_attacked_one(case, le
     planned = job("etched", case, owner=owner, rendered=(SCENE,), compared=(), bits=(MODEL_BITS,), detectors=detectors)
     evaluation = run(planned)
     file = cases.PUBLIC if isinstance(case, Control) else planned.folder / "public" / "point_cloud.ply"
-    bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4, "1011"),)}
+    decoded = "0100" if affects else "1011"
+    bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4, decoded),)}
     assert evaluation.readings == {"size": (Reading("model", file.stat().st_size, 0, ""),), **bits}
     if isinstance(evaluation.attack, Applied):
         assert evaluation.attack.affects == {MODEL_BITS: affects}

@@ -257,7 +257,7 @@ def test_a_key_names_the_scheme_of_a_users_model(marked: dict[str, Any]) -> None
 
 def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked: dict[str, Any]) -> None:
     Path("key/provenance.json").unlink()
-    with pytest.raises(InputError, match="found no provenance.json in it"):
+    with pytest.raises(InputError, match=r"found no provenance\.json in it"):
         model_of_asset(marked)
     write_cameras(Path("views.json"), [tilted_camera(8, 6, name="v")])
     model = model_of_asset({**marked, "scheme": "planted"})

@@ -47,9 +47,23 @@ def of(kind: str, owner: str, *outcomes: Outcome) -> Radius:
         (shown(0.95, 1.0, is_blank=True), "gone"),
         (shown(0.3, 0.9, twins=(0.28, 0.31, 0.3, 0.29, 0.32, 0.3, 0.31, 0.29)), "descent"),
         (shown(-0.5, 0.9, is_fitted=True), "gone"),
-        (Evidence(0.95, 1.0), "gone"),
+        (Evidence(0.95, 1.0), "readable"),
+        (Evidence(0.95, 0.3), "gone"),
+        (Evidence(0.95, 1.0, (), (0.95, 0.94, 0.96, 0.95)), "descent"),
     ],
-    ids=["plain", "inverted", "in part", "faint", "noise", "blank", "of its descent", "inverted, fitted", "no null"],
+    ids=[
+        "plain",
+        "inverted",
+        "in part",
+        "faint",
+        "noise",
+        "blank",
+        "of its descent",
+        "inverted, fitted",
+        "no null",
+        "no null, faint",
+        "no null, of its descent",
+    ],
 )
 def test_a_word_needs_a_proof_and_then_what_can_be_recognized(evidence: Evidence, word: str) -> None:
     assert words(attacked("unattacked", 0.0, message=evidence)) == {("unattacked", PUBLISHED): word}

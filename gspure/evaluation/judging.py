@@ -99,8 +99,10 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     row = row._replace(message_values=o.targets[row.extraction].values)
     if row.extraction not in o.evidence:
         return row
-    names = [name for name in tried if name in o.evidence]
+    names = [name for name in tried if name in o.evidence and not is_refuted(clean.get(name, ()))]
     proofs = [proof_of(o.evidence[name], clean.get(name, ())) for name in names]
+    if not proofs:
+        return row._replace(word=GONE)
     legibilities = [o.evidence[name].legibility for name in names]
     proof = min(proofs, key=lambda one: one.p)
     return row._replace(
@@ -117,39 +119,47 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
 
 
 def proof_of(evidence: Evidence, clean: Sequence[Evidence]) -> Proof:
-    """Return the proof that one extraction gives, with its evidence in clean models.
-
-    Fewer than `LEAST_CLEAN` of these cannot support a proof. They refute an extraction that shows the message in one.
-    """
-    has_models = len(clean) >= LEAST_CLEAN
-    is_refuted = not has_models and any(map(_shows_message, clean))
+    """Return the proof that one extraction gives, with its evidence in clean models, of which few cannot support it."""
     traces = Traces(
-        message=0.0 if is_refuted or evidence.is_blank else evidence.trace,
+        message=0.0 if evidence.is_blank else evidence.trace,
         candidates=np.array(evidence.candidates),
-        clean=np.array([model.trace for model in clean] if has_models else []),
+        clean=np.array([model.trace for model in clean] if len(clean) >= LEAST_CLEAN else []),
         twins=np.array(evidence.twins),
         two_sided=not evidence.is_fitted,
     )
     return prove(traces)
 
 
+def is_refuted(clean: Sequence[Evidence]) -> bool:
+    """Return whether an extraction shows the message in a clean model, too few of which are there for a test."""
+    return len(clean) < LEAST_CLEAN and any(map(_shows_message, clean))
+
+
 def _shows_message(control: Evidence) -> bool:
-    """Return whether an extraction from a clean model shows the message rather than any candidate."""
+    """Return whether an extraction from a clean model shows the message, and rather than any candidate."""
     traces = np.array(control.candidates)
-    return not control.is_blank and rank_p(control.trace, traces) <= 1 / (len(traces) + 1) < 1
+    if not traces.size:
+        return control.legibility >= legibility.TRACES
+    return not control.is_blank and rank_p(control.trace, traces) <= 1 / (len(traces) + 1)
 
 
 def word_of(proof: Proof, legible: float) -> Word:
     """Return whether a message is readable, shows traces, is proven only, or gone.
 
-    An extraction that shows the message no better than from a redrawn twin shows whence the file comes.
+    An extraction that shows the message no better than from a redrawn twin shows whence the file comes. Without
+    candidates, nothing is proven: what can be recognized counts.
     """
-    if not proof.is_proven:
+    is_legible = legible >= legibility.TRACES
+    if not proof.candidates and proof.p_twins is not None and proof.p_twins > COARSEST:
+        return DESCENT if is_legible else GONE
+    if proof.candidates and not proof.is_proven:
         others = [proof.p_candidates] if proof.p_clean is None else [proof.p_candidates, proof.p_clean]
         return DESCENT if max(others) <= proof.level <= COARSEST else GONE
     if legible >= legibility.READABLE:
         return READABLE
-    return TRACES if legible >= legibility.TRACES else PROVEN
+    if is_legible:
+        return TRACES
+    return PROVEN if proof.candidates else GONE
 
 
 def _of_bits(row: Result, evidence: BitEvidence) -> Result:

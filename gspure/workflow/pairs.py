@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Final
 
 from gspure.datasets import SCENES
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.evaluation.identity import RESULTS
 from gspure.evaluation.plan import Candidates, Preparation, Split
-from gspure.files import digest
+from gspure.files import digest, read_json
 from gspure.model import is_trained_model
+from gspure.provenance import PROVENANCE
 from gspure.scenes.candidates import kind_of
 from gspure.scenes.procedural import NAMES, scene_builder
 from gspure.workflow.config import PairConfig
@@ -84,6 +85,23 @@ def planned_pair(name: str, config: PairConfig, source: str) -> PlannedPair:
         require_path(config.scene, source, f"{place}.scene")
         require_path(config.message, source, f"{place}.message")
     return PlannedPair(name, config, is_traced[0])
+
+
+def candidates_of_message(message: Path, count: int, split: Split) -> Candidates | None:
+    """Return what the pictures of a message's kind are traced with, by what `gspure pair` wrote down; None if unknown.
+
+    `message` is the folder of a pair's message.
+    """
+    file = message.parent / PROVENANCE
+    if not file.is_file() or not count:
+        return None
+    with reading(file, "the provenance of a pair"):
+        record = read_json(file)
+        settings = record["settings"] if record["command"] == "pair" else {}
+        kind = kind_of(str(settings.get("message", "")), str(settings.get("placement", "")))
+        if kind is None:
+            return None
+        return Candidates(*kind, settings["views"], settings["width"], settings["height"], split, count)
 
 
 def require_path(path: str, source: str, place: str) -> None:

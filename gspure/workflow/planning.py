@@ -33,7 +33,7 @@ from gspure.workflow.config import AssetConfig, Config
 from gspure.workflow.decisions import SettingsByDecision, attack_groups, decisions_of, factors_of, suited, sweeps
 from gspure.workflow.inputs import camera_files, capture_files, distinct, model_files
 from gspure.workflow.jobs import Subject, control_job, controls_of, variant_job
-from gspure.workflow.pairs import PlannedPair, message_training, pair_training, planned_pair
+from gspure.workflow.pairs import PlannedPair, candidates_of_message, message_training, pair_training, planned_pair
 from gspure.workflow.variants import VariantSpec, check_detectors, check_schemes, read_variants
 
 VANILLA: Final = "vanilla"  # folder of the user's own models without a key
@@ -50,12 +50,13 @@ def plan_of(config: Config, source: str) -> Plan:
     pairs = {name: planned_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
     settings = planner.decision_settings(None)
-    candidates = filter(None, map(planner.candidates, pairs.values()))
+    models = tuple(planner.models())
+    candidates = [*filter(None, map(planner.candidates, pairs.values())), *planner.of_messages.values()]
     factors = {
         name: factors_of(variants, planner.decision_settings(scheme)) for name, scheme in planner.schemes.items()
     }
     return Plan(
-        models=tuple(planner.models()),
+        models=models,
         pairs={name: pair_training(pair) for name, pair in pairs.items()},
         messages=dict(filter(None, map(message_training, pairs.values()))),
         trained={name: _training(asset) for name, asset in config.assets.items() if asset.train},
@@ -87,6 +88,7 @@ class _Planner:
         self.clean_assets = {asset.config.clean for asset in self.assets.values()}
         of_keys = [asset.scheme for asset in self.assets.values() if asset.scheme]
         self.schemes = {name: find_scheme(name) for name in dict.fromkeys([*config.schemes, *of_keys])}
+        self.of_messages: dict[str, Candidates] = {}
         self.detectors = {
             name: Detector(entry.command, entry.message, entry.timeout, entry.reads)
             for name, entry in config.detectors.items()
@@ -100,6 +102,14 @@ class _Planner:
     def candidates(self, pair: PlannedPair) -> Candidates | None:
         """Return the pictures of the kind of a pair's message, in the views that are compared."""
         return pair.candidates(self.config.proof.candidates, self.config.views.evaluate)
+
+    def candidates_of(self, message: Path) -> Candidates | None:
+        """Return the pictures of the kind of a user's message, if it is that of a ray-traced pair."""
+        proof = self.config.proof
+        known = candidates_of_message(message, proof.candidates, self.config.views.evaluate)
+        if known:
+            self.of_messages[known.name] = known
+        return known
 
     def models(self) -> Iterator[ModelPlan]:
         """Yield the user's models without a key, then for each scheme those with one, and its models of all pairs."""
@@ -149,6 +159,9 @@ class _Planner:
             message = Path(asset.config.message) if asset.config.message else None
             owner = owner_of(scheme, identity, Path(asset.config.key), public, targets, message)
             owner = replace(owner, twins=self.config.proof.twins)
+            candidates = self.candidates_of(message) if message and not owner.bits else None
+            if candidates:
+                owner = replace(owner, candidates=candidates.file)
         model = ModelPlan(
             id=identity,
             public=public,
@@ -167,6 +180,7 @@ class _Planner:
         inputs = [identity.folder / "cameras.json", *model.inputs]
         if owner:
             inputs.append(owner.message_cameras)
+            inputs += [owner.candidates] if owner.candidates else []
         return self._with_jobs(model, self._subject(model, photographed, tuple(inputs), self._clean_of(asset)))
 
     def _clean_of(self, asset: Asset) -> Clean | None:
