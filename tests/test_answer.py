@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isnan
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from gspure.report.answer import Answer, answers
 from gspure.report.audit import NO_KEY
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from tests.outcome_cases import NOTHING as FAINT
-from tests.outcome_cases import PLAIN, outcome, read, shown
+from tests.outcome_cases import PLAIN, PROTOCOL, outcome, read, shown
 from tests.outcome_cases import with_evidence as attacked
 
 
@@ -72,6 +73,12 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     assert lines[5] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
     failed = answer_of([outcome("crop", failure="no memory", protocol="shared", initialization="both"), *LOST])
     assert [row.variant for row in failed.attacks] == ["gof", "noise", "crop"]
+
+
+def test_a_removed_format_has_no_level_of_the_message() -> None:
+    removed = outcome("distil", targets={"scene": 29.9}, unreadable={"message": "removed"}, **PROTOCOL)
+    first = answer_of([removed, *LOST]).attacks[0]
+    assert (first.variant, first.published, isnan(first.level)) == ("distil", "gone", True)
 
 
 def test_the_verdict_follows_the_owner_who_adapts() -> None:

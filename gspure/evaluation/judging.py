@@ -125,9 +125,10 @@ def proof_of(tries: Sequence[Evidence], clean: Sequence[Sequence[Evidence]]) -> 
 
 
 def _shows_message(control: Evidence) -> bool:
-    """Return whether an extraction from a clean model shows the message rather than any candidate."""
-    traces = np.array(control.candidates)
-    return not control.is_blank and rank_p(control.trace, traces) <= 1 / (len(traces) + 1) < 1
+    """Return whether an extraction from a clean model shows the message, or its negative, rather than any candidate."""
+    traces = np.array([control.trace, *control.candidates])
+    strengths = traces if control.is_fitted else np.abs(traces)
+    return not control.is_blank and rank_p(float(strengths[0]), strengths[1:]) <= 1 / len(traces) < 1
 
 
 def word_of(proof: Proof, legible: float) -> Word:
