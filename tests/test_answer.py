@@ -113,6 +113,8 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
     assert "p ≤ 0.005: 199 candidates, 8 redrawn twins, no test against clean models" in remarks
     for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
         assert text in remarks
+    many = attacked("gof", 0.4, message=Evidence(0.95, 1.0, 60 * PLAIN.candidates))
+    assert answer_of([many]).audit.remarks[0].startswith("Proven means p ≤ 0.001: 11940 candidates")
 
 
 def test_without_a_key_nothing_is_said_about_a_message() -> None:

@@ -8,9 +8,10 @@ import pytest
 
 from gspure.codec import plain
 from gspure.evaluation.evidence import Evidence, compared_views
+from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.judging import LEAST_CLEAN, judged
 from gspure.evaluation.outcomes import Outcome, with_references
-from gspure.evaluation.radius import Radius, model_radii, radii
+from gspure.evaluation.radius import ModelRadius, Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, write_results
 from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.detection import Detection
@@ -136,6 +137,17 @@ def test_without_photographs_the_gentlest_attack_that_ends_a_message_has_a_fidel
     radius = of("message", PUBLISHED, *rendered)
     assert isnan(radius.radius)
     assert (radius.killer, radius.fidelity, str(radius)) == ("gof", 41.0, "unknown")
+
+
+def test_without_photographs_a_radius_over_scenes_is_the_median_by_fidelity() -> None:
+    condition = Condition("sis")
+    known = []
+    for scene, fidelity in {"a": 30.0, "b": 41.0, "c": 35.0}.items():
+        killer = f"attack on {scene}"
+        model = ModelId("sis", scene)
+        known.append(ModelRadius(model, "message", PUBLISHED, "message", nan, False, killer, fidelity))
+    (radius,) = radii(known, {one.model: condition for one in known})
+    assert (radius.killer, radius.fidelity) == ("attack on c", 35.0)
 
 
 def test_a_removed_format_ends_the_message() -> None:
