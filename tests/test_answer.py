@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isnan
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from gspure.report.answer import Answer, answers
 from gspure.report.audit import NO_KEY
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from tests.outcome_cases import NOTHING as FAINT
-from tests.outcome_cases import PLAIN, outcome, read, shown
+from tests.outcome_cases import PLAIN, PROTOCOL, outcome, read, shown
 from tests.outcome_cases import with_evidence as attacked
 
 
@@ -74,6 +75,12 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     assert [row.variant for row in failed.attacks] == ["gof", "noise", "crop"]
 
 
+def test_a_removed_format_has_no_level_of_the_message() -> None:
+    removed = outcome("distil", targets={"scene": 29.9}, unreadable={"message": "removed"}, **PROTOCOL)
+    first = answer_of([removed, *LOST]).attacks[0]
+    assert (first.variant, first.published, isnan(first.level)) == ("distil", "gone", True)
+
+
 def test_the_verdict_follows_the_owner_who_adapts() -> None:
     outcomes = [
         attacked("unattacked", 0.0, message=PLAIN, message_adaptive=PLAIN),
@@ -106,6 +113,8 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
     assert "p ≤ 0.005: 199 candidates, 8 redrawn twins, no test against clean models" in remarks
     for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
         assert text in remarks
+    many = attacked("gof", 0.4, message=Evidence(0.95, 1.0, 60 * PLAIN.candidates))
+    assert answer_of([many]).audit.remarks[0].startswith("Proven means p ≤ 0.001: 11940 candidates")
 
 
 def test_without_a_key_nothing_is_said_about_a_message() -> None:

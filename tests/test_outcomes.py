@@ -7,14 +7,17 @@ from pathlib import Path
 
 import pytest
 
+from gspure.codec import plain
 from gspure.evaluation.collecting import collect
-from gspure.evaluation.evidence import SceneChange
+from gspure.evaluation.evidence import EVIDENCE, JobEvidence, SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
 from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
 from gspure.evaluation.plan import ModelPlan
 from gspure.evaluation.verdict import StrengthValue
 from gspure.files import write_json, write_text
+from gspure.metrics.bit_evidence import bit_evidence
+from gspure.metrics.csv_tables import write_table
 from gspure.metrics.detection import Detection, detection
 from gspure.metrics.readings import Reading
 from tests.outcome_cases import attacked, measured, model_plan, outcome, write_model
@@ -132,6 +135,16 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
     assert gspure.views == {"scene": 3, "message": 3}
     assert gspure.before.targets == found["unattacked"].targets
     assert (gspure.strength, gspure.affects) == (("sigma", 0.1), {"message": True})
+
+
+def test_the_bits_of_a_control_without_metrics_are_read(tmp_path, plan) -> None:
+    wrong_key = replace(plan.controls[0], variant="wrong_key", compared=(), reads_bits=True)
+    folder = tmp_path / MODEL / "wrong_key"
+    write_table(folder / "detections" / "bits.csv", Reading, [Reading("view_0", 50.0, 2, "01")])
+    bits = {"bits": bit_evidence([Reading("view_0", 50.0, 2, "01")], "00")}
+    write_json(folder / EVIDENCE, plain(JobEvidence(bits=bits)))
+    o = by_variant(tmp_path, replace(plan, controls=(wrong_key,)))["wrong_key"]
+    assert (o.targets, o.bits, [*o.detections]) == ({}, bits, ["bits"])
 
 
 def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:

@@ -8,9 +8,10 @@ import pytest
 
 from gspure.codec import plain
 from gspure.evaluation.evidence import Evidence, SceneChange
+from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.judging import LEAST_CLEAN, judged
 from gspure.evaluation.outcomes import Outcome, with_references
-from gspure.evaluation.radius import Radius, model_radii, radii
+from gspure.evaluation.radius import ModelRadius, Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, write_results
 from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.detection import Detection
@@ -72,7 +73,8 @@ def test_a_word_needs_a_proof_and_then_what_can_be_recognized(evidence: Evidence
 def test_a_key_that_shows_the_message_in_a_clean_model_proves_nothing() -> None:
     marked = attacked("unattacked", 0.0, message=shown(0.6, 0.9))
     assert words(marked, attacked("clean", 0.0, message=NOTHING))["unattacked", PUBLISHED] == "readable"
-    assert words(marked, attacked("clean", 0.0, message=shown(0.4, 0.5)))["unattacked", PUBLISHED] == "gone"
+    for trace in (0.4, -0.4):  # as it is, or inverted
+        assert words(marked, attacked("clean", 0.0, message=shown(trace, 0.5)))["unattacked", PUBLISHED] == "gone"
     of_scenes = [attacked("clean", 0.0, "room", seed, message=shown(0.05 * seed, 0.1)) for seed in range(LEAST_CLEAN)]
     models = [replace(o, seed=0, variant="clean") for o in of_scenes]
     (row,) = (row for row in results(marked, *models) if row.variant == "unattacked")
@@ -150,6 +152,17 @@ def test_without_photographs_the_gentlest_attack_that_ends_a_message_has_a_fidel
     radius = of("message", PUBLISHED, *rendered)
     assert isnan(radius.radius)
     assert (radius.killer, radius.fidelity, str(radius)) == ("gof", 41.0, "unknown")
+
+
+def test_without_photographs_a_radius_over_scenes_is_the_median_by_fidelity() -> None:
+    condition = Condition("sis")
+    known = []
+    for scene, fidelity in {"a": 30.0, "b": 41.0, "c": 35.0}.items():
+        killer = f"attack on {scene}"
+        model = ModelId("sis", scene)
+        known.append(ModelRadius(model, "message", PUBLISHED, "message", nan, False, killer, fidelity))
+    (radius,) = radii(known, {one.model: condition for one in known})
+    assert (radius.killer, radius.fidelity) == ("attack on c", 35.0)
 
 
 def test_a_removed_format_ends_the_message() -> None:

@@ -77,6 +77,8 @@ def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
     detections = read_detections(place)
     for job in jobs:
         outcome = _unmeasured_outcome(model, job, files[job.variant], detections.get(job.variant, {}))
+        evidence = _evidence(place / job.variant)
+        outcome = replace(outcome, evidence=evidence.pictures, bits=evidence.bits, change=evidence.scene)
         if job.variant in metrics:
             outcome = replace(outcome, **_metric_fields(place / job.variant, metrics[job.variant]))
         yield outcome
@@ -128,6 +130,14 @@ def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: M
     )
 
 
+def _evidence(folder: Path) -> JobEvidence:
+    """Return the evidence of a job, which controls without metrics have, too; none if it is not there."""
+    if not (folder / EVIDENCE).is_file():
+        return JobEvidence()
+    evidence: JobEvidence = read(JobEvidence, read_json(folder / EVIDENCE), folder / EVIDENCE)
+    return evidence
+
+
 def _metric_fields(folder: Path, rows: Sequence[ViewMetrics]) -> dict[str, Any]:
     """Return the fields of an outcome from the files of a variant's folder."""
     targets = {mean.target: mean for mean in means(rows)}
@@ -137,9 +147,6 @@ def _metric_fields(folder: Path, rows: Sequence[ViewMetrics]) -> dict[str, Any]:
         "views": Counter(row.target for row in rows),
         "identical": {name: same[name] for name in targets},
     }
-    if (folder / EVIDENCE).is_file():
-        evidence: JobEvidence = read(JobEvidence, read_json(folder / EVIDENCE), folder / EVIDENCE)
-        fields |= {"evidence": evidence.pictures, "bits": evidence.bits, "change": evidence.scene}
     mask_file = folder / "prune_mask.npy"
     if mask_file.is_file():
         pruned = load_array(mask_file, dtype=np.bool_, shape=(None,))

@@ -136,11 +136,12 @@ def is_refuted(clean: Sequence[Evidence]) -> bool:
 
 
 def _shows_message(control: Evidence) -> bool:
-    """Return whether an extraction from a clean model shows the message, and rather than any candidate."""
-    traces = np.array(control.candidates)
-    if not traces.size:
+    """Return whether an extraction from a clean model shows the message, or its negative, rather than any candidate."""
+    if not control.candidates:
         return control.legibility >= legibility.TRACES
-    return not control.is_blank and rank_p(control.trace, traces) <= 1 / (len(traces) + 1)
+    traces = np.array([control.trace, *control.candidates])
+    strengths = traces if control.is_fitted else np.abs(traces)
+    return not control.is_blank and rank_p(float(strengths[0]), strengths[1:]) <= 1 / len(traces)
 
 
 def word_of(proof: Proof, legible: float) -> Word:

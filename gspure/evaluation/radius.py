@@ -161,8 +161,11 @@ def _over_scenes(
 
 
 def _median(alike: Sequence[ModelRadius]) -> ModelRadius:
-    """Return the one in the middle, the lower of two; radii that exceed what was tried are last."""
-    in_order = sorted(alike, key=lambda one: (one.exceeds, one.radius))
+    """Return the one in the middle, the lower of two; radii that exceed what was tried are last.
+
+    Without photographs, the order is that of fidelity, the highest first.
+    """
+    in_order = sorted(alike, key=lambda one: (one.exceeds, -one.fidelity if isnan(one.radius) else one.radius))
     return in_order[(len(in_order) - 1) // 2]
 
 

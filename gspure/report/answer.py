@@ -220,7 +220,7 @@ def _level(rows: Sequence[Result]) -> float:
     """Return the message's mean PSNR, or mean reading; the scene's PSNR if there is no message."""
     if any(not isnan(row.reading) for row in rows):
         return _mean(rows, "reading")
-    levels = [(row.message_values or row.scene_values).get("psnr", nan) for row in rows]
+    levels = [(row.message_values if row.extraction else row.scene_values).get("psnr", nan) for row in rows]
     known = {(row.scene, row.seed): level for row, level in zip(rows, levels, strict=True) if not isnan(level)}
     return float(np.mean([*scene_means(known).values()])) if known else nan
 

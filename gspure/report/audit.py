@@ -144,12 +144,13 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
     wrong_key = [row for row in judged if row.variant == WRONG_KEY and row.word in (READABLE, TRACES)]
     attacked = [row for row in judged if row.is_attack]
     unaffected = {row.title: None for row in attacked if row.reached is False}
-    nulls = {(row.candidates, row.clean_models, row.twins) for row in attacked if row.candidates}
+    nulls = {(row.candidates, row.clean_models, row.twins, row.level) for row in attacked if row.candidates}
     remarks = []
-    for candidates, clean_models, twins in sorted(nulls)[:1]:
+    for candidates, clean_models, twins, level in sorted(nulls)[:1]:
         models = f"{clean_models} clean models" if clean_models else "no test against clean models, which takes eight"
-        level = decimal(1 / (candidates + 1), 3)
-        remarks.append(f"Proven means p ≤ {level}: {candidates} candidates, {twins} redrawn twins, {models}.")
+        remarks.append(
+            f"Proven means p ≤ {decimal(level, 3)}: {candidates} candidates, {twins} redrawn twins, {models}."
+        )
     if any(not row.candidates and not row.bits and row.word for row in attacked if is_picture(row.extraction)):
         remarks.append("There are no candidates of the message's kind: what is said of it is no proof.")
     if wrong_key:
