@@ -111,7 +111,7 @@ def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(sch
     assert changed(public.model, attacked.model) == colours
     blank = public.model.with_columns(dict.fromkeys(colours, np.zeros(len(public.model), np.float32)))
     damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
-    assert damage_of(public.with_model(attacked.model)) < 0.5 * damage_of(public.with_model(blank))
+    assert damage_of(public.with_model(attacked.model)) < 0.7 * damage_of(public.with_model(blank))
 
 
 @pytest.mark.parametrize(("scheme", "kept"), [("gs_hider", {"scale_0", "x", "rot_0"}), ("secure_gs", {"x", "rot_0"})])

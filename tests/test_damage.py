@@ -75,14 +75,16 @@ def test_rows_of_another_model_have_no_motion(rows):
     assert motion_between(PUBLIC[:rows], blobs(300, seed=1)) is STILL
 
 
-def test_only_pixels_that_the_attacked_model_covers_count_and_the_lost_ones_are_told():
+def test_a_hole_is_damage_and_a_changed_background_is_none():
     half = np.arange(48) < 24
     masks = [np.broadcast_to(half, (36, 48))] * 2
-    attacked = Shown([np.where(half[:, None], image, 0.0) for image in BEFORE.images], masks)
-    assert damage(PHOTOGRAPHS, BEFORE, attacked) == pytest.approx(0, abs=0.01)
-    assert (coverage_lost(BEFORE, attacked), coverage_lost(attacked, BEFORE)) == (0.5, 0.0)
-    blank = Shown(attacked.images, [np.zeros((36, 48), np.bool_)] * 2)
-    assert np.isnan([damage(PHOTOGRAPHS, BEFORE, blank), fidelity(BEFORE, blank)]).all()
+    holed = Shown([np.where(half[:, None], image, 0.0) for image in BEFORE.images], masks)
+    assert damage(PHOTOGRAPHS, BEFORE, holed) > 10
+    before = BEFORE._replace(covered=masks)
+    assert damage(PHOTOGRAPHS, before, holed) == pytest.approx(0, abs=0.01)
+    assert (coverage_lost(BEFORE, holed), coverage_lost(holed, BEFORE)) == (0.5, 0.0)
+    blank = Shown(holed.images, [np.zeros((36, 48), np.bool_)] * 2)
+    assert np.isnan([damage(PHOTOGRAPHS, blank, holed), fidelity(blank, holed)]).all()
     assert coverage_lost(BEFORE, blank) == 1
     assert covered(np.array([0.5, 0.51])).tolist() == [True, False]
 

@@ -54,7 +54,8 @@ def test_commands_embed_bits_and_read_them_from_the_file_only(pair_folder, tmp_p
     key = ["--key", str(tmp_path / "marked" / "key"), "--out", str(out)]
     for model in ("marked/public", "marked/public/point_cloud.ply"):
         assert main(["detect", str(tmp_path / model), *key]) == 0
-        assert read_table(out, Reading) == [Reading(MODEL, 100.0, 32)]
+        (read,) = read_table(out, Reading)
+        assert (read.view, read.level, read.bits, len(read.decoded)) == (MODEL, 100.0, 32, 32)
     cameras = ["--cameras", str(pair_folder / "cameras.json"), "--out", str(tmp_path / "renders")]
     assert main(["render", str(tmp_path / "marked/public"), *cameras]) == 0
     assert main(["detect", str(tmp_path / "renders"), *key]) == 2

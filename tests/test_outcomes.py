@@ -20,6 +20,7 @@ from gspure.metrics.bit_evidence import bit_evidence
 from gspure.metrics.csv_tables import write_table
 from gspure.metrics.detection import Detection, detection
 from gspure.metrics.readings import Reading
+from gspure.metrics.targets import BITS
 from tests.outcome_cases import attacked, measured, model_plan, outcome, write_model
 
 
@@ -138,7 +139,7 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
 
 
 def test_the_bits_of_a_control_without_metrics_are_read(tmp_path, plan) -> None:
-    wrong_key = replace(plan.controls[0], variant="wrong_key", compared=(), reads_bits=True)
+    wrong_key = replace(plan.controls[0], variant="wrong_key", compared=(), bits=(BITS,))
     folder = tmp_path / MODEL / "wrong_key"
     write_table(folder / "detections" / "bits.csv", Reading, [Reading("view_0", 50.0, 2, "01")])
     bits = {"bits": bit_evidence([Reading("view_0", 50.0, 2, "01")], "00")}

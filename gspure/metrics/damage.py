@@ -9,7 +9,8 @@ move; the colours here, by one affine map
 of all pixels of all views. A map of each view, or a warp of each image, would hide real damage. It is fitted to the
 unattacked renders, not to the photographs: it undoes the attack, and does not improve the model.
 
-Only pixels that the attacked model covers count. What it no longer covers is a second number, `coverage_lost`.
+Only pixels that the unattacked model covers count, so that a hole is damage and a changed background is none. How many
+of them the attacked model leaves uncovered is a second number, `coverage_lost`.
 """
 
 from collections.abc import Sequence
@@ -38,20 +39,20 @@ def covered(transmittance: NDArray[Any]) -> Bools:
 def registered_psnr(references: Sequence[NDArray[Any]], unattacked: Shown, attacked: Shown) -> Float64:
     """Return the PSNR [V] in dB of attacked renders against the reference of each view, after the best colour map.
 
-    Only pixels that the attacked model covers count; a view without any is NaN. The renders stay as they are if the map
-    does not help.
+    Only pixels that the unattacked model covers count; a view without any is NaN. The renders stay as they are if the
+    map does not help.
     """
-    plain = _psnrs(references, attacked.images, attacked.covered)
-    mapped = _psnrs(references, recoloured(unattacked, attacked), attacked.covered)
+    plain = _psnrs(references, attacked.images, unattacked.covered)
+    mapped = _psnrs(references, recoloured(unattacked, attacked), unattacked.covered)
     return max(plain, mapped, key=np.nansum)
 
 
 def damage(photographs: Sequence[NDArray[Any]], unattacked: Shown, attacked: Shown) -> float:
     """Return the drop in dB of the PSNR against photographs that a customer cannot undo, mean over the views.
 
-    Views that equal their photograph, or show nothing of the attacked model, do not count; NaN if none is left.
+    Views that equal their photograph, or show nothing of the model, do not count; NaN if none is left.
     """
-    before = _psnrs(photographs, unattacked.images, attacked.covered)
+    before = _psnrs(photographs, unattacked.images, unattacked.covered)
     drops = before - registered_psnr(photographs, unattacked, attacked)
     return _mean(drops[np.isfinite(drops)])
 
@@ -59,7 +60,7 @@ def damage(photographs: Sequence[NDArray[Any]], unattacked: Shown, attacked: Sho
 def fidelity(unattacked: Shown, attacked: Shown) -> float:
     """Return the PSNR in dB of attacked against unattacked renders, mean over the views: without photographs.
 
-    Infinite if nothing changed, NaN if the attacked model covers no pixel.
+    Infinite if nothing changed, NaN if the model covers no pixel.
     """
     levels = registered_psnr(unattacked.images, unattacked, attacked)
     return _mean(levels[~np.isnan(levels)])
@@ -75,11 +76,12 @@ def coverage_lost(unattacked: Shown, attacked: Shown) -> float:
 def recoloured(unattacked: Shown, attacked: Shown) -> list[Float64]:
     """Return the attacked renders after the affine map of colours that brings them nearest to the unattacked ones.
 
-    The map has the least squared error over the pixels that the attacked model covers, of all views together.
+    The map has the least squared error over the pixels that both cover, of all views together.
     """
     products = np.zeros((4, 4))
     moments = np.zeros((4, 3))
-    for reference, image, mask in zip(unattacked.images, attacked.images, attacked.covered, strict=True):
+    masks = [before & after for before, after in zip(unattacked.covered, attacked.covered, strict=True)]
+    for reference, image, mask in zip(unattacked.images, attacked.images, masks, strict=True):
         colours = _with_one(image[mask])
         products += colours.T @ colours
         moments += colours.T @ np.asarray(reference[mask], np.float64)

@@ -16,7 +16,7 @@ from gspure.text import UNKNOWN, decimal, percent, significant
 _NOTE: Final = (
     "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "
     "95% interval. Damage: drop of the scene's PSNR against photographs after the best map of colours, where the "
-    "model still covers the image; uncovered: the share where it does not. Fidelity: PSNR against the unattacked, "
+    "model covered the image; uncovered: the share where it does so no longer. Fidelity: PSNR against the unattacked, "
     "without photographs. T: trace, the mean correlation of the extraction's gradients with the message's. Legible: R, "
     "the share of the message's blocks that can be recognized. p: the largest of a scene. †: the attack changed "
     "nothing that this extraction reads."
