@@ -16,6 +16,7 @@ Case = tuple[Gaussians, Camera]
 def camera(width=65, height=47, *, focal=60.0, principal=None, viewmat=None, name="view") -> Camera:
     """A camera at the origin that looks along +z, unless told otherwise."""
     cx, cy = (width / 2, height / 2) if principal is None else principal
+    focal = min(focal, 19.0 * max(width, height))  # narrower views are refused
     return Camera(name, width, height, intrinsics(focal, focal, cx, cy), np.eye(4) if viewmat is None else viewmat)
 
 
