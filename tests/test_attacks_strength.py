@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from gspure.attacks import BUILT_IN, Strength, find_attack
-from gspure.attacks.strength import EVALUATIONS, scene_damage, search, shown
+from gspure.attacks.strength import EVALUATIONS, scene_damage, search
 from gspure.errors import InputError
 from gspure.images import read_back
 from gspure.method.pruning import prune_mask
-from gspure.metrics.damage import damage
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.public_model import PublicModel
 from tests.attack_cases import measurements, photographs
@@ -58,6 +57,5 @@ def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> N
         scene_damage(public, VIEWS, renders)
     photograph = renders[1] * 0.9
     noisy = PublicModel(find_attack("gaussian_noise").apply(public, sigma=0.2).model)
-    before, after = (shown(model, VIEWS[1:]) for model in (public, noisy))
-    of_second = damage([photograph], before, after)
-    assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(of_second, abs=0.05)
+    of_both = scene_damage(public, VIEWS, [renders[0] * 0.9, photograph])(noisy)
+    assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(of_both, rel=0.5)
