@@ -61,7 +61,7 @@ def test_views_are_scaled_written_in_order_and_summarized(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (gzip.compress(b"[]"), "found a gzip file .unpack it first"),
+        (gzip.compress(b"[]", mtime=0), "found a gzip file .unpack it first"),
         (b"[\xff]", "found no UTF-8 text"),
         (b'{"img_name": "a"}', r"an object with img_name .a single camera\? Put \[ \] around it"),
         (b"7", "found something else"),

@@ -4,16 +4,22 @@ import csv
 import html
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from gspure.cameras import write_cameras
+from gspure.cli import main
+from gspure.codec import plain, read
 from gspure.evaluation.plan import Plan
+from gspure.evaluation.radius import Record
 from gspure.figures import style
 from gspure.files import read_json, write_json, write_text
 from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
-from tests.outcome_cases import write_model
+from tests.models import camera
+from tests.outcome_cases import model_plan, write_model
 from tests.test_viewer import purified
 
 ATTACKS = {"gspure": (0.055, 1.0), "noise": (0.2, 0.02), "noise_2": (0.3, 0.3)}
@@ -117,3 +123,21 @@ def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> Non
     for link in links:
         assert link.removeprefix("#") in ids if link.startswith("#") else (run / link).is_file() or link == "logs", link
     assert {"tables/results.csv", "configuration.json"} <= {*links}
+
+
+def test_two_runs_are_compared_and_one_of_a_suite_is_submitted(run: Path, tmp_path: Path, capsys) -> None:
+    assert main(["compare", str(run), str(run)]) == 0
+    radius = re.search(r"message radius: (\S+ dB) → (\S+ dB)", capsys.readouterr().out)
+    assert radius
+    assert radius[1] == radius[2]
+    out = tmp_path / "record.json"
+    plan = Plan((model_plan(NAME, ("unattacked", "gspure"), ("clean",)),))
+    write_cameras(run / NAME / "cameras.json", [camera(32, 24)])
+    write_json(run / "plan.json", plain(plan))
+    assert main(["submit", str(run), "--out", str(out)]) == 2
+    assert "suite: expected a run of a suite" in capsys.readouterr().err
+    write_json(run / "plan.json", plain(replace(plan, suite="small-1")))
+    assert main(["submit", str(run), "--out", str(out)]) == 0
+    record = read(Record, read_json(out), out)
+    assert (record.suite, record.scenes, record.size) == ("small-1", 2, "32x24")
+    assert {str(one) for one in record.conditions if one.kind == "message"} == {radius[1]}

@@ -89,5 +89,5 @@ def test_the_search_works_from_disk(built, visit, width):
     page.locator(".md-search-result__link").first.click()
     page.wait_for_url(lambda url: "index.html" not in url)
     page.goto((built / "leaderboard.html").as_uri())
-    assert page.locator(".leaderboard tbody tr").count() > 5
+    assert "Robust radius" in page.content() or "robust radius" in page.content()
     assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")

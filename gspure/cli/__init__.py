@@ -36,6 +36,8 @@ COMMANDS = {
     "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "report": "write tables, figures and report of a run, even if it failed or is running",
+    "compare": "put two audits beside each other: before and after a change of a scheme",
+    "submit": "write the radii of a run of a suite as one record for the leaderboard",
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
     "completion": "print a script for tab completion in a shell",
 }

@@ -77,6 +77,7 @@ class Record(NamedTuple):
     date: str  # 2026-11-29
     scenes: int
     size: str  # of the views: 400x300
+    results: str  # SHA-256 of results.csv
     conditions: tuple[Radius, ...]
     models: tuple[ModelRadius, ...]
 

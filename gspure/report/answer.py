@@ -98,10 +98,10 @@ class Answer:
         for owner, of_owner in owners.items():
             radius = self.audit.radius(owner=owner)
             if radius:
-                yield self._radius(radius), f"robust radius, {of_owner}: damage at which the message is gone"
+                yield self._radius(radius), f"robust radius, {of_owner}"
         readable = self.audit.radius("readable")
         if readable:
-            yield self._radius(readable), "readable radius: damage at which nobody can read it"
+            yield self._radius(readable), "readable radius"
         yield self._with_wrong_key()
         if scans:
             yield _scanned(scans)
@@ -183,7 +183,7 @@ def _answer(audit: Audit, rows: Sequence[Result]) -> Answer:
         audit=audit,
         attacks=attacks,
         controls=[lines[name] for name in CONTROLS if name in lines],
-        has_message=any(row.owner and row.word for row in rows),
+        has_message=any(row.owner and (row.word or not isnan(row.reading)) for row in rows),
         before=lines.get(UNATTACKED),
         scenes=len({row.scene for row in known}),
         seeds=len({row.seed for row in known}),

@@ -32,9 +32,9 @@ def _table(extraction: str, rows: Sequence[Result]) -> Table:
     scenes = len({row.scene for row in rows})
     columns = {"attack": Column("attack"), "damage": Column("damage dB"), "fidelity": Column("fidelity dB")}
     columns |= {"coverage_lost": Column("uncovered", main=False)}
-    columns |= {"scene": Column("PSNR", "scene", main=False), "message": Column("PSNR", "message")}
+    columns |= {"scene": Column("PSNR", "scene", main=False), "message": Column("PSNR", "message", main=False)}
     columns |= {
-        "trace": Column("T"),
+        "trace": Column("T", main=False),
         "legibility": Column("legible"),
         "bits": Column("bits"),
         "reading": Column("reading"),
