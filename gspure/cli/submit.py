@@ -40,8 +40,8 @@ def run(args: Arguments) -> None:
         scenes=len({model.model.scene for model in radii.models}),
         size=f"{first.width}x{first.height}",
         results=file_digest(args.results / "tables" / "results.csv"),
-        conditions=tuple(radii.conditions),
-        models=tuple(radii.models),
+        conditions=radii.conditions,
+        models=radii.models,
     )
     write_json(args.out, plain(record))
     print(args.out)

@@ -65,8 +65,8 @@ class Radius(NamedTuple):
 class RadiusRecord(NamedTuple):
     """The content of `RADIUS`."""
 
-    models: Sequence[ModelRadius]
-    conditions: Sequence[Radius]
+    models: tuple[ModelRadius, ...]
+    conditions: tuple[Radius, ...]
 
 
 class Record(NamedTuple):

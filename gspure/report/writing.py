@@ -42,9 +42,9 @@ def write_report(results: Path, plan: Plan) -> list[Outcome]:
     tables = results / "tables"
     write_results(tables / "results.csv", rows)
     write_text(tables / "results.md", results_markdown(outcomes))
-    of_models = model_radii(rows)
+    of_models = tuple(model_radii(rows))
     conditions = {row.model: row.condition for row in rows}
-    write_json(results / RADIUS, plain(RadiusRecord(of_models, radii(of_models, conditions))))
+    write_json(results / RADIUS, plain(RadiusRecord(of_models, tuple(radii(of_models, conditions)))))
     _warn(outcomes, rows)
     by_condition = grouped(rows, lambda row: row.condition)
     comparisons = [
