@@ -310,6 +310,8 @@ def test_bits_of_the_file_and_a_detector_of_files_read_the_attacked_one(case, le
     decoded = "0100" if affects else "1011"
     bits = {} if level is None else {MODEL_BITS: (Reading("model", level, 4, decoded),)}
     assert evaluation.readings == {"size": (Reading("model", file.stat().st_size, 0, ""),), **bits}
+    correct = {name: evidence.correct for name, evidence in evaluation.evidence.bits.items()}
+    assert correct == ({} if level is None else {MODEL_BITS: 4 * level / 100})
     if isinstance(evaluation.attack, Applied):
         assert evaluation.attack.affects == {MODEL_BITS: affects}
 

@@ -18,7 +18,7 @@ from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewM
 from gspure.metrics.damage import coverage_lost, damage, fidelity
 from gspure.metrics.evidence import compared_views, trace
 from gspure.metrics.readings import Reading, as_digits
-from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE, is_picture
+from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE, is_picture
 from gspure.opencl.device import choose_device
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import Key
@@ -119,5 +119,5 @@ def bits_evidence(job: Job, key: Key | None, marks: Mapping[str, Sequence[Readin
     """Return what the majority of the views shows of the bits of each detector, and of the key."""
     messages = {name: detector.message for name, detector in job.detectors.items()}
     if key is not None:
-        messages[BITS] = as_digits(key.bits)
+        messages |= dict.fromkeys(job.bits, as_digits(key.bits))
     return {name: bit_evidence(rows, messages[name]) for name, rows in marks.items() if messages.get(name)}
