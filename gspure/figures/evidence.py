@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
 
 MOST_DAMAGE: Final = 8.0  # dB; attacks that do more are drawn at the edge
 _TICKS: Final = (0, 0.1, 0.3, 1, 2, 3, 5, 8)
+_LETTERS: Final = 22  # most letters of a name
 _NAMED: Final = 9  # attacks with a colour and an entry of the legend: those that end the message first
 
 
 class Point(NamedTuple):
     """One attack at one strength, mean over scenes."""
 
-    attack: str
+    attack: str  # the display name of its entry in the configuration, or of its first strength
     damage: float  # dB, 0 to `MOST_DAMAGE`
     evidence: float
     is_proven: bool  # in all scenes
@@ -36,12 +38,13 @@ class Point(NamedTuple):
 def points(rows: Sequence[Result]) -> list[Point]:
     """Return the attacks of one owner by name and damage, where damage and evidence are known."""
     found = []
+    names = {row.attack: display_name(row.entry or row.variant) for row in reversed(rows)}
     for (attack, _), alike in grouped(rows, lambda row: (row.attack, row.variant)).items():
         damage = _mean([(row, row.damage) for row in alike])
         evidence = _mean([(row, _evidence(row)) for row in alike])
         if isfinite(damage + evidence):
             within = float(np.clip(damage, 0, MOST_DAMAGE))
-            found.append(Point(attack, within, evidence, all(row.is_proven for row in alike)))
+            found.append(Point(names[attack], within, evidence, all(row.is_proven for row in alike)))
     return sorted(found, key=lambda point: (point.attack, point.damage))
 
 
@@ -92,7 +95,7 @@ def _draw_owner(axes: Axes, known: Sequence[Point], named: Sequence[str], dash: 
     for attack, alike in grouped(known, lambda point: point.attack).items():
         is_named = attack in named
         colour = style.CLUSTERS[named.index(attack)] if is_named else style.FAINT
-        label = display_name(attack) if is_named and dash == "-" else None
+        label = shorten(attack, _LETTERS, placeholder=" …") if is_named and dash == "-" else None
         damage = [point.damage for point in alike]
         evidence = [point.evidence for point in alike]
         axes.plot(damage, evidence, dash, color=colour, linewidth=0.9, label=label)
