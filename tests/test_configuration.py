@@ -18,7 +18,7 @@ from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.workflow import planning
 from gspure.workflow.config import DEFAULT_VARIANTS
-from gspure.workflow.config_reading import load_yaml, read_config
+from gspure.workflow.config_reading import SUITES, load_yaml, read_config
 from gspure.workflow.schema import config_schema
 from tests.workflow_cases import ROOT, SOURCE, configuration
 
@@ -207,7 +207,24 @@ def test_a_shipped_configuration_is_read(file: Path) -> None:
     entries = yaml.safe_load(file.read_text())
     shipped = read_config([file], {}, SOURCE)
     assert entries.keys() == {name for name in entries if getattr(shipped, name)}
-    assert {*shipped.variants} == {*entries.get("variants", DEFAULT_VARIANTS)}
+    of_suite = load_yaml(SUITES / f"{entries['suite']}.yaml") if "suite" in entries else {}
+    assert {*shipped.variants} == {*{**of_suite, **entries}.get("variants", DEFAULT_VARIANTS)}
+
+
+@pytest.mark.parametrize("file", sorted(SUITES.glob("*.yaml")), ids=lambda file: file.stem)
+def test_a_suite_stands_in_place_of_variants(file: Path) -> None:
+    pair = {"pairs": {"room": {}}, "schemes": {"splats_in_splats": {}}}
+    config = configuration({**pair, "suite": file.stem})
+    assert {*config.variants} == {*load_yaml(file)["variants"]}
+    plan = planning.plan_of(config, SOURCE)
+    assert (plan.suite, len(plan.models[0].variants) >= len(config.variants)) == (file.stem, True)
+    with pytest.raises(InputError, match="variants: expected nothing beside suite"):
+        configuration({**pair, "suite": file.stem, "variants": {"gspure": {}}})
+
+
+def test_an_unknown_suite_is_refused() -> None:
+    with pytest.raises(InputError, match="suite: expected one of everyday-1, small-1, standard-1, found 'large'"):
+        configuration({"suite": "large"})
 
 
 BASES = ("config", "mini", "six_pairs")
