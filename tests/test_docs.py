@@ -155,7 +155,7 @@ def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp
         radius(weak, 0.4, kind="readable"),
         radius(strong, 1.5, exceeds=True, high=inf, killer=""),
     ]
-    record = Record("0.1.0", "small-1", "2026-11-29", 2, "96x72", tuple(found), ())
+    record = Record("0.1.0", "small-1", "2026-11-29", 2, "96x72", "", tuple(found), ())
     (tmp_path / "run.json").write_text(json.dumps(plain(record)))
     page = leaderboard.leaderboard_page()
     rows = [re.findall("<td.*?</td>", row) for row in re.findall("<tr>(.*?)</tr>", page)[1:]]
