@@ -14,6 +14,7 @@ from gspure.cameras.camera import Camera
 from gspure.images import write_image
 from gspure.metrics import legibility
 from gspure.metrics.detection import FALSE_POSITIVES, Threshold
+from gspure.metrics.evidence import trace
 from gspure.metrics.image_metrics import psnr
 from gspure.metrics.names import WRONG_KEY, display_name
 from gspure.metrics.readings import Reading
@@ -100,12 +101,13 @@ def readability(capture: Capture, public: PublicModel, key: Key, device: Device 
         return [image.clip(0, 1) for image in reader.images(public, MESSAGE, views, device)]
 
     extractions = shown(key)
+    with_wrong_key = shown(key.wrong(np.random.default_rng(0)))
     message = 100.0 * legibility.legibility(extractions, truths)
-    wrong_key = 100.0 * legibility.legibility(shown(key.wrong(np.random.default_rng(0))), truths)
+    stands_out = trace(extractions, truths) > trace(with_wrong_key, truths)  # edges alone may be legible with both
     return Readability(
         message=message,
-        controls={WRONG_KEY: wrong_key},
-        readable=message >= 100.0 * legibility.READABLE and message > wrong_key,
+        controls={WRONG_KEY: 100.0 * legibility.legibility(with_wrong_key, truths)},
+        readable=message >= 100.0 * legibility.READABLE and stands_out,
         quantity="legible",
         psnr=psnr(np.concatenate([*map(_pixels, extractions)]), np.concatenate([*map(_pixels, truths)])),
     )
