@@ -6,9 +6,7 @@ import pytest
 from gspure.images import read_back
 from gspure.metrics.damage import Shown, coverage_lost, covered, damage, fidelity
 from gspure.metrics.image_metrics import psnr
-from gspure.model.rotations import moved
 from gspure.renderer import Renderer
-from gspure.schemes.matching import STILL, motion_between
 from tests.models import blobs, camera, tilted_camera
 
 RNG = np.random.default_rng(0)
@@ -17,12 +15,11 @@ PUBLIC = blobs(300)
 EVERYWHERE = [np.ones((36, 48), np.bool_)] * 2
 
 
-def shown(model, motion=STILL):
-    """What the views, moved with a model, show of it."""
-    views = [view.moved(motion.inverse.transform) for view in VIEWS]
+def shown(model):
+    """What the views show of a model."""
     renderer = Renderer(model)
-    images = [read_back(renderer.image(view).clip(0, 1)) for view in views]
-    return Shown(images, [covered(renderer.transmittance(view)) for view in views])
+    images = [read_back(renderer.image(view).clip(0, 1)) for view in VIEWS]
+    return Shown(images, [covered(renderer.transmittance(view)) for view in VIEWS])
 
 
 BEFORE = Shown(shown(PUBLIC).images, EVERYWHERE)
@@ -57,22 +54,6 @@ def drop(attacked):
 def test_one_map_of_colours_is_undone_and_nothing_else(change, least, most):
     attacked = retouched(change)
     assert least <= damage(PHOTOGRAPHS, BEFORE, attacked) <= min(most, drop(attacked) + 0.02)
-
-
-@pytest.mark.parametrize(("degrees", "scale"), [(0.0, 1.0), (1.0, 1.0), (0.0, 1.01), (25.0, 3.0)])
-def test_a_motion_of_the_world_is_undone_and_damage_beside_it_stays(degrees, scale):
-    rotvec = np.deg2rad(degrees) * np.array([0.0, 0.6, 0.8])
-    opacity = PUBLIC.table["opacity"] + RNG.normal(0, 0.3, len(PUBLIC)).astype(np.float32)
-    for model, least, most in ((PUBLIC, -0.01, 0.01), (PUBLIC.with_columns({"opacity": opacity}), 0.5, 20.0)):
-        attacked = moved(model, rotvec, np.array([0.02, -0.01, 0.0]), scale)
-        images = shown(attacked, motion_between(PUBLIC, attacked)).images
-        assert least <= damage(PHOTOGRAPHS, BEFORE, Shown(images, EVERYWHERE)) <= most
-
-
-@pytest.mark.parametrize("rows", [0, 1, 300])
-def test_rows_of_another_model_have_no_motion(rows):
-    assert motion_between(PUBLIC, blobs(300, seed=1)[:rows]) is STILL
-    assert motion_between(PUBLIC[:rows], blobs(300, seed=1)) is STILL
 
 
 def test_a_hole_is_damage_and_a_changed_background_is_none():

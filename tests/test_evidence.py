@@ -11,7 +11,7 @@ from scipy.stats import binom
 from gspure.metrics.bit_evidence import bit_evidence
 from gspure.metrics.evidence import Traces, models_p, prove, rank_p, trace, traces
 from gspure.metrics.image_metrics import gradient_correlation, halved
-from gspure.metrics.legibility import legibility, word
+from gspure.metrics.legibility import READABLE, TRACES, legibility
 from gspure.metrics.readings import Reading
 from gspure.scenes.candidates import Kind, candidate_cameras, candidates, kind_of
 
@@ -63,7 +63,7 @@ def test_trace_and_legibility_say_what_is_left(
 
 def test_wrong_messages_are_not_legible(pictures: NDArray[np.uint8], message: Array) -> None:
     scores = [legibility(full_size(room), message) for room in pictures]
-    assert [word(score) for score in (scores[0], 0.5, max(scores[1:]))] == ["readable", "traces", "unreadable"]
+    assert scores[0] >= READABLE > TRACES > max(scores[1:])
     assert legibility(message, np.zeros_like(message)) == 0  # nothing to read
     corner = np.zeros_like(message)
     corner[:, :20, :30] = message[:, :20, :30]

@@ -8,14 +8,14 @@ with the damage :math:`d_a` of an attack in dB; the readable radius counts attac
 attack ends it, the radius exceeds the largest damage tried. Over scenes, it is the median. (docs/statistics.md)
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf, isfinite, isnan, nan
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from gspure.evaluation.identity import Condition, ModelId, OfCondition
-from gspure.evaluation.results import ADAPTS, PUBLISHED, READABLE, OwnerName, Result
+from gspure.evaluation.results import READABLE, OwnerName, Result
 from gspure.grouping import grouped
 from gspure.metrics.names import UNATTACKED
 from gspure.text import decimal
@@ -168,9 +168,3 @@ def _median(alike: Sequence[ModelRadius]) -> ModelRadius:
     """
     in_order = sorted(alike, key=lambda one: (one.exceeds, -one.fidelity if isnan(one.radius) else one.radius))
     return in_order[(len(in_order) - 1) // 2]
-
-
-def of_owner(known: Sequence[Radius], kind: Kind = "message") -> Iterator[Radius]:
-    """Yield the radii of one kind: as published, then of the owner who adapts."""
-    for owner in (PUBLISHED, ADAPTS):
-        yield from (radius for radius in known if radius.kind == kind and radius.owner == owner)

@@ -1,8 +1,8 @@
 r"""Damage: what an attack takes from a scene and a customer cannot give back.
 
 Whoever renders an attacked model can move the views and correct the colours. So both are undone before images are
-compared: the motion by one similarity of the world (`gspure.schemes.matching.motion_between`), with which the views
-move; the colours here, by one affine map
+compared: the motion by the views, which move with the transform that the attack declares; the colours here, by one
+affine map
 
 .. math:: c' = A c + b
 

@@ -5,7 +5,7 @@ still correlate. So this measure compares the strength of edges, which has no si
 """
 
 from collections.abc import Iterator, Sequence
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
@@ -17,8 +17,6 @@ TRACES: Final = 0.4  # the same for traces
 MATCH: Final = 0.4  # least correlation of the edges in a block that shows the message
 BLOCKS: Final = (6, 8)  # of a picture, down and across
 
-Word = Literal["readable", "traces", "unreadable"]
-
 
 def legibility(extractions: Sequence[Float32], messages: Sequence[Float32]) -> float:
     """Return the reading score R, 0 to 1, of extracted views [H,W,3] of a message.
@@ -27,13 +25,6 @@ def legibility(extractions: Sequence[Float32], messages: Sequence[Float32]) -> f
     views. The half of the 8 x 6 blocks counts in which the message has most gradient energy, without flat ones.
     """
     return float(np.mean([_share(*pair) for pair in zip(extractions, messages, strict=True)]))
-
-
-def word(score: float) -> Word:
-    """Return what a reading score means; *readable* also needs a proof (`gspure.metrics.evidence`)."""
-    if score >= READABLE:
-        return "readable"
-    return "traces" if score >= TRACES else "unreadable"
 
 
 def _share(extraction: Float32, message: Float32) -> float:

@@ -35,11 +35,6 @@ class Similarity:
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
     @property
-    def transform(self) -> Float64:
-        """The matrix [4,4], with which `Camera.moved` moves views."""
-        return rigid(self.scale * self.rotation, self.translation)
-
-    @property
     def inverse(self) -> Similarity:
         """The similarity from coordinates of the message to those of the scene."""
         scale = 1 / self.scale

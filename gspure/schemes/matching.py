@@ -1,4 +1,4 @@
-"""Matching of the rows of an attacked model with those of the published one, and the motion of the attacked model."""
+"""Matching of the rows of an attacked model with those of the published one."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -39,17 +39,6 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     extent, _ = extent_and_distances(original.astype(np.float64))
     distances, places = KDTree(original).query(means)
     return np.where(distances <= NEAR * extent, places, -1)
-
-
-def motion_between(original: Gaussians, model: Gaussians) -> Similarity:
-    """Return the similarity that moves the matching rows of a model to those of the original; `STILL` if none match."""
-    _, matches = _matched(original, model)
-    is_matched = matches >= 0
-    if not is_matched.any():
-        return STILL
-    source = model.means[is_matched].astype(np.float64)
-    target = original.means[matches[is_matched]].astype(np.float64)
-    return _fitted(source, target)
 
 
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
