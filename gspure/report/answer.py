@@ -25,15 +25,15 @@ _DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
 
 
 class AttackRow(NamedTuple):
-    """One attack, mean over scenes; NaN is unknown."""
+    """One attack, mean over scenes; NaN is unknown. Its numbers of the message are those of the owner as published."""
 
     variant: str
     attack: str  # its display name
     damage: float  # drop of the scene's PSNR, dB
     fidelity: float  # PSNR of the scene against the unattacked model, dB; without photographs
     level: float  # the message's PSNR, dB, or mean reading of a mark; the scene's PSNR, if there is neither
-    legibility: float  # R, of the owner who adapts if there is one
-    p: float  # the largest of a scene, of the same owner
+    legibility: float  # R
+    p: float  # the largest of a scene
     published: str  # whether the message is readable, shows traces, is proven or gone; of several scenes, in how many
     adaptive: str  # the same for an owner who adapts; empty if the scheme has none
 
@@ -199,7 +199,6 @@ def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
     """Return one variant over all scenes; `extraction` is that of the owner as published."""
     published = [row for row in alike if row.extraction == extraction]
     adaptive = [row for row in alike if row.owner == ADAPTS]
-    best = adaptive or published
     first = alike[0]
     drops = scene_means(known_cells(alike, "damage")).values()
     name = display_name(first.variant) if first.variant in CONTROLS else first.title
@@ -209,8 +208,8 @@ def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
         damage=_mean(alike, "damage"),
         fidelity=_mean(alike, "fidelity"),
         level=_level(published or alike),
-        legibility=_mean(best, "legibility"),
-        p=max((row.p for row in best if not isnan(row.p)), default=nan),
+        legibility=_mean(published, "legibility"),
+        p=max((row.p for row in published if not isnan(row.p)), default=nan),
         published=_words(published),
         adaptive=_words(adaptive),
     )
