@@ -42,7 +42,11 @@ _MEASUREMENTS = {
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.text("name", "NAME", "one of the attacks below, or of an installed plug-in")
+    parser.text(
+        "name",
+        "NAME",
+        "one of the attacks below, or of an installed plug-in; those on renders, such as jpeg, run in a configuration only",
+    )
     options.list_choices(parser, "attacks", (attack for attack in BUILT_IN if not attack.of_renders))
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
@@ -54,7 +58,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--removed", "NPY", "also write the mask of the removed rows: bool [K]", required=False)
     parser.writes("--transform", "NPY", "also write the rigid transform of the attack: float64 [4,4]", required=False)
     parser.text(*options.SCHEME)
-    meaning = "search for the strength that lowers the scene's PSNR by DB; needs --cameras"
+    meaning = "search for the strength that lowers the scene's PSNR by DB; needs --cameras and photographs of the scene"
     parser.number("--damage", "DB", meaning, DECIBELS)
     options.add_cameras(parser, "public views, for attacks that train and for --damage", required=False)
     parser.choice("--split", options.SPLITS, "views that --damage renders", "test")

@@ -26,7 +26,7 @@ EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
   gspure audit marked/public --key marked/key               # and what is left of the message, as its owner sees it
   gspure audit marked/public --key marked/key --fail-under 1dB      # status 3 if the robust radius is below 1 dB
-  gspure audit marked/public --key marked/key --everyday    # does the mark survive formats, crops, levels of detail?
+  gspure audit marked/public --key marked/key --everyday    # what customers do: formats, crops, fewer rows
   gspure audit marked/public --key marked/key --suite standard-1 --out standard      # for publications: hours
   gspure audit mine.yaml --cores 4                          # a configuration, with all settings of the workflow
   gspure audit mine.yaml -- --forcerun evaluate_variant     # options of Snakemake
@@ -38,9 +38,9 @@ LOST: Final = 3
 _STATUSES = """
 exit status:
   0      success
-  1      whoever reads the output has gone
-  2      bad input, or failed jobs (the answer is that for the other variants)
-  3      the robust radius is below --fail-under: an attack with less damage ends the message
+  1      broken pipe: the reader of the output closed it
+  2      bad input, or failed jobs (the verdict then covers the attacks that succeeded)
+  3      the robust radius is smaller than --fail-under
   130    interrupted, by Ctrl-C or SIGINT; 143 by SIGTERM, 129 by SIGHUP; the next run goes on from there
 """
 _RESULTS = Path("results")
