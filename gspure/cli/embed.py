@@ -25,8 +25,8 @@ EXAMPLES = """\
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
   gspure embed splats_in_splats --scene photos/garden --message photos/desk --out marked   # the pair: marked/pair
 
-Writes public/, the public model, and key/, the owner's key, with readability.json: the PSNR of the message and of
-negative controls in a few training views. A warning is printed if the message does not stand out from them.
+Writes public/, the public model, and key/, the owner's key, with readability.json: how much of the message is legible
+with this key and with a wrong one, in a few training views. A warning is printed if the message is not readable.
 gs_hider, secure_gs and keyss need PyTorch: pip install 'gspure[torch]'.
 """
 
