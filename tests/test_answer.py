@@ -52,6 +52,11 @@ UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unat
         (KEYLESS, "unknown", NO_KEY),
         (UNAPPLIED, "unknown", "every variant is without results"),
         ([attacked("unattacked", 0.0, message=FAINT), *models_of(gof=(1.0, FAINT))[1:]], "not present", "not proven"),
+        (
+            [*models_of(gof=(1.0, FAINT)), attacked("clean", 0.0, message=PLAIN)],
+            "not present",
+            "with this key, a model",
+        ),
         ([attacked("unattacked", 0.0, message=Evidence(0.95, 1.0))], "unknown", "too few views or candidates"),
         ([read("unattacked", 32, 32), read("blur", 17, 32, 1.5)], "weak", "the mark (bits) is gone at 1.5 dB"),
     ],

@@ -96,8 +96,8 @@ def _warn(outcomes: Sequence[Outcome], rows: Sequence[Result]) -> None:
     for row in rows:
         if row.variant == UNATTACKED and row.is_decided and row.word == GONE:
             warn(
-                f"{row.model.title}, {extraction_name(row.extraction)}: no message is embedded, or the key does not "
-                "match the model: even before any attack, the message is not proven"
+                f"{row.model.title}, {extraction_name(row.extraction)}: even before any attack, the message is not "
+                "proven: none is embedded, the key does not match, or it shows the message in a clean model, too"
             )
 
 
