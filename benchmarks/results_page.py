@@ -16,6 +16,7 @@ from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import CLEAN, UNATTACKED, display_name, variant_at, variant_title
 from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
 from gspure.metrics.targets import MESSAGE
+from gspure.report.audit import audits
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
 from gspure.text import decimal, significant
@@ -70,9 +71,16 @@ def radius_section() -> str:
     lines = [TableRow(cells) for cells in _radius_cells(known)]
     return (
         "## The robust radius\n\nThe least [damage](statistics.md#the-robust-radius) after which the message is not "
-        f"proven, or not readable ([results.csv](results/radius/results.csv)).\n\n"
-        f"{Table('', columns, lines).markdown()}\n\n"
+        "proven, or not readable.\nOne ray-traced pair at 208x156, one seed: the suite of\n"
+        "[`config/radius.yaml`](../config/radius.yaml) ([results.csv](results/radius/results.csv)).\n\n"
+        f"{Table('', columns, lines).markdown()}\n\n{''.join(_without_radius(rows))}"
     )
+
+
+def _without_radius(rows: Sequence[Result]) -> Iterator[str]:
+    for audit in audits(rows):
+        if not audit.has_radius:
+            yield f"{audit.condition.title}: {audit.sentence}\n\n"
 
 
 def _radius_cells(known: Sequence[Radius]) -> Iterator[list[Cell]]:

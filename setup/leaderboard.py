@@ -47,9 +47,7 @@ baseline, *descent*, is not measured yet.
 
 1. Register the scheme as a [plug-in](extending.md), or your decoder as a [detector](configuration.md#detectors).
 2. Write a [configuration](configuration.md) with your scheme and its pairs, and run `gspure audit CONFIG.yaml`.
-3. Wrap [`results/radius.json`](formats.md#results) as `docs/leaderboard/NAME.json`:
-   `{{"gspure": VERSION, "suite": NAME, "date": "2026-11-29", "scenes": 6, "size": "400x300", "conditions": [...],
-   "models": [...]}}`.
+3. Write its record with `gspure submit results --out docs/leaderboard/NAME.json`.
 4. `make docs`, look at this page, and open a pull request.
 """
 
