@@ -42,9 +42,7 @@ _MEASUREMENTS = {
 
 
 def add_arguments(parser: Parser) -> None:
-    parser.text(
-        "name", "NAME", "one of the attacks below, or of a plug-in; those on renders (jpeg ...) run in configurations"
-    )
+    parser.text("name", "NAME", "one of the attacks below, or of a plug-in; those on renders need a configuration")
     options.list_choices(parser, "attacks", (attack for attack in BUILT_IN if not attack.of_renders))
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
     measurements = parser.add_argument_group("measurements, for attacks that need them")
