@@ -66,7 +66,7 @@ def radius_section() -> str:
     rows = read_results(RADII)
     of_models = model_radii(rows)
     known = radii(of_models, {row.model: row.condition for row in rows})
-    columns = [Column("condition"), Column("scenes"), Column("message, adaptive"), Column("message, as published")]
+    columns = [Column("condition"), Column("message, adaptive"), Column("message, as published")]
     columns += [Column("readable"), Column("killer", text=True)]
     lines = [TableRow(cells) for cells in _radius_cells(known)]
     return (
@@ -90,8 +90,7 @@ def _radius_cells(known: Sequence[Radius]) -> Iterator[list[Cell]]:
         adaptive = known_radii.get(("message", ADAPTS), published)
         readable = known_radii.get(("readable", ADAPTS), known_radii.get(("readable", PUBLISHED)))
         texts = [str(one) if one else "–" for one in (adaptive, published, readable)]
-        scenes = str(max(one.scenes for one in alike))
-        yield [*map(Cell, [condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else "–"])]
+        yield [*map(Cell, [condition.title, *texts, display_name(adaptive.killer) if adaptive else "–"])]
 
 
 def comparisons(rows: Sequence[Result]) -> list[Compared]:
