@@ -31,7 +31,7 @@ class OpacityKey(Key):
         """Return the index of the bit that each row holds, and whether it is inverted."""
         positions = np.ascontiguousarray(model.means).view(np.uint32).astype(np.uint64)
         hashes = (positions * self.multipliers).sum(axis=1) >> np.uint64(33)
-        return hashes // 2 % len(self.bits), hashes % 2 == 1
+        return (hashes // 2 % len(self.bits)).astype(np.int64), hashes % 2 == 1
 
     def marked(self, model):
         """Return a model with the message in its opacities."""

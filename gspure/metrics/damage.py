@@ -85,7 +85,7 @@ def recoloured(unattacked: Shown, attacked: Shown) -> list[Float64]:
         colours = _with_one(image[mask])
         products += colours.T @ colours
         moments += colours.T @ np.asarray(reference[mask], np.float64)
-    colour_map = np.linalg.lstsq(products, moments)[0]
+    colour_map = np.linalg.lstsq(products, moments, rcond=None)[0]
     return [np.clip(_with_one(image) @ colour_map, 0, 1) for image in attacked.images]
 
 
