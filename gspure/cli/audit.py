@@ -148,6 +148,7 @@ def run(args: Arguments) -> int:
             return audited(run_options, _written(wanted, _CONFIGURATION, draws=True))
     wanted = wanted.resolved()
     place.mkdir(parents=True, exist_ok=True)
+    say(f"all files go to {place}")
     with chdir(place), alone_in(Path()):
         return audited(run_options, _written(wanted, _CONFIGURATION, draws=True), place)
 
