@@ -150,7 +150,8 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
     scenes = {row.scene for row in judged if row.variant == UNATTACKED}
     wrong_key = [row for row in judged if row.variant == WRONG_KEY and row.word in (READABLE, TRACES)]
     attacked = [row for row in judged if row.is_attack]
-    unaffected = {row.title: None for row in attacked if row.reached is False}
+    reached = {row.title for row in attacked if row.reached is not False}
+    unaffected = dict.fromkeys(row.title for row in attacked if row.title not in reached)
     nulls = {(row.candidates, row.clean_models, row.twins, row.level) for row in attacked if row.candidates}
     remarks = []
     for candidates, clean_models, twins, level in sorted(nulls)[:1]:
