@@ -103,7 +103,7 @@ def comparisons(rows: Sequence[Result]) -> list[Compared]:
             for other in OTHERS:
                 cells = differences(ours, _message_drops(alike, other, damage))
                 if cells:
-                    p = paired_test(by_scene(cells)).p
+                    p = paired_test(by_scene(cells))
                     family.append(Compared(condition, damage, other, mean_interval(by_scene(cells)), p, p))
         corrected = holm([one.p for one in family])
         compared += [one._replace(corrected=float(p)) for one, p in zip(family, corrected, strict=True)]

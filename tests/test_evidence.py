@@ -10,7 +10,6 @@ from scipy.stats import binom
 
 from gspure.metrics.bit_evidence import bit_evidence
 from gspure.metrics.evidence import Traces, models_p, prove, rank_p, trace, traces
-from gspure.metrics.image_metrics import gradient_correlation, halved
 from gspure.metrics.legibility import READABLE, TRACES, legibility
 from gspure.metrics.readings import Reading
 from gspure.scenes.candidates import Kind, candidate_cameras, candidates, kind_of
@@ -72,10 +71,25 @@ def test_wrong_messages_are_not_legible(pictures: NDArray[np.uint8], message: Ar
 
 def test_traces_are_those_of_a_loop(pictures: NDArray[np.uint8], message: Array) -> None:
     extraction = noisy(message, 0.2)
-    views = [halved(view) for view in extraction]
-    loop = [np.mean([gradient_correlation(*pair) for pair in zip(views, room / 255, strict=True)]) for room in pictures]
+    loop = [trace(extraction, full_size(room)) for room in pictures]
     assert traces(extraction, pictures) == pytest.approx(loop, abs=1e-6)
-    assert traces(extraction, pictures)[0] == pytest.approx(trace(extraction, message), abs=1e-6)
+
+
+def test_the_trace_is_the_correlation_of_gradients_at_half_size() -> None:
+    a, b = np.random.default_rng(0).random((2, 4, 5, 3))
+    steps = [
+        [
+            image[y + dy, x + dx] - image[y, x]
+            for y, x in np.ndindex(4, 5)
+            for dy, dx in ((0, 1), (1, 0))
+            if y + dy < 4 and x + dx < 5
+        ]
+        for image in (a, b)
+    ]
+    first, second = (np.ravel(step) for step in steps)
+    expected = first @ second / np.sqrt((first @ first) * (second @ second))
+    doubled = [np.kron(image, np.ones((2, 2, 1)))[None] for image in (a, b)]
+    assert trace(*doubled) == pytest.approx(expected, abs=1e-6)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3])

@@ -12,7 +12,7 @@ from gspure.errors import InputError
 from gspure.images import read_image, write_image
 from gspure.metrics import image_metrics as metrics
 from gspure.metrics.comparison import as_text, compare, means, pair_images, read_metrics
-from gspure.metrics.image_metrics import METRICS, gradient_correlation, ms_ssim, psnr, ssim
+from gspure.metrics.image_metrics import METRICS, ms_ssim, psnr, ssim
 from tests.outcome_cases import measured
 
 SCIKIT_IMAGE = {"gaussian_weights": True, "sigma": 1.5, "use_sample_covariance": False}
@@ -44,7 +44,7 @@ def test_tables_print_decibels_with_two_decimals_and_correlations_with_three() -
     assert texts == dict.fromkeys(METRICS, "0.988") | {"psnr": "0.99"}
 
 
-@pytest.mark.parametrize("metric", [psnr, ssim, ms_ssim, gradient_correlation])
+@pytest.mark.parametrize("metric", [psnr, ssim, ms_ssim])
 def test_images_that_numpy_would_broadcast_are_refused(metric) -> None:
     with pytest.raises(InputError, match=r"images: shape: expected \[20, 20, 3\], found \[20, 20, 1\]"):
         metric(np.eye(20)[..., None].repeat(3, axis=2), np.zeros((20, 20, 1)))
@@ -82,29 +82,6 @@ def test_ms_ssim_of_any_size_is_one_for_equal_images_only(side: int) -> None:
     assert ms_ssim(a, a) == pytest.approx(1.0)
     assert ms_ssim(a, 0.8 * a) < 1.0
     assert ms_ssim(a, 1 - a) < ms_ssim(a, 0.8 * a)
-
-
-def test_equation_of_gradient_correlation_by_a_loop_over_neighbours() -> None:
-    a, b = np.random.default_rng(0).random((2, 4, 5, 3))
-    steps = [
-        [
-            image[y + dy, x + dx] - image[y, x]
-            for y, x in np.ndindex(4, 5)
-            for dy, dx in ((0, 1), (1, 0))
-            if y + dy < 4 and x + dx < 5
-        ]
-        for image in (a, b)
-    ]
-    first, second = (np.ravel(step) for step in steps)
-    expected = first @ second / np.sqrt((first @ first) * (second @ second))
-    assert gradient_correlation(a, b) == pytest.approx(expected)
-
-
-def test_gradient_correlation_sees_neither_brightness_nor_contrast() -> None:
-    image = np.random.default_rng(0).random((4, 5, 3))
-    assert gradient_correlation(image, 0.3 * image + 0.2) == pytest.approx(1.0)
-    assert gradient_correlation(image, 1.0 - image) == pytest.approx(-1.0)
-    assert gradient_correlation(image, np.ones_like(image)) == 0.0
 
 
 def folders(tmp_path: Path, *targets: str) -> tuple[Path, Path]:

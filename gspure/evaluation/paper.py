@@ -66,11 +66,6 @@ def mean_psnr(rows: Sequence[PrintedRow]) -> dict[tuple[str, str, str], float]:
     return {(r.scheme, r.variant, r.target): float(np.mean([*r.values.values()])) for r in psnr}
 
 
-def printed_scores(rows: Sequence[PrintedRow]) -> dict[tuple[str, str], float]:
-    """Return the last column of Table 1, by scheme and variant."""
-    return {(r.scheme, r.variant): r.values["mean"] for r in rows if r.metric == SCORE}
-
-
 def drop(means: Means, scheme: str, variant: str, target: str) -> float:
     """Return the drop of a mean PSNR from that of the unattacked model, dB."""
     return means[scheme, UNATTACKED, target] - means[scheme, variant, target]

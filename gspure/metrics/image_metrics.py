@@ -4,7 +4,7 @@ To add a metric: a function, and a line in `METRICS`, from which tables get thei
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -73,17 +73,6 @@ def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
         similarity = whole if scale == len(weights) else contrast
         index *= np.maximum(0.0, similarity) ** (weight / sum(weights))
     return single, float(np.mean(index))
-
-
-def gradient_correlation(a: NDArray[Any], b: NDArray[Any]) -> float:
-    r"""Return the normalized correlation of two images' gradients, -1 to 1.
-
-    .. math:: \frac{\sum \nabla a \cdot \nabla b}{\sqrt{\sum |\nabla a|^2 \sum |\nabla b|^2}}
-
-    over pixels, channels and both directions (forward differences); 0 if either image is flat.
-    """
-    _check_same_shape(a, b)
-    return _correlation(zip(_gradients(a), _gradients(b), strict=True))
 
 
 def _decibels(squares: float, count: int) -> float:
@@ -174,23 +163,6 @@ def halved(image: NDArray[Any]) -> Float64:
     height, width = (side // 2 for side in image.shape[:2])
     squares = image[: 2 * height, : 2 * width].reshape(height, 2, width, 2, -1)
     return np.asarray(squares.mean(axis=(1, 3), dtype=np.float64))
-
-
-def _correlation(strips: Iterable[tuple[Float64, Float64]]) -> float:
-    """Return the correlation of two arrays of mean 0, from their strips."""
-    total = np.zeros(3)
-    for a, b in strips:
-        total += [np.sum(a**2), np.sum(b**2), np.sum(a * b)]
-    norm = float(np.sqrt(total[0] * total[1]))
-    return float(total[2]) / norm if norm else 0.0
-
-
-def _gradients(image: NDArray[Any]) -> Iterator[Float64]:
-    """Yield the forward differences of an image [H,W,C], down and across, of each strip."""
-    for rows in _rows_of_strips(image):
-        down = np.diff(np.asarray(image[rows.start : rows.stop + 1], np.float64), axis=0)
-        across = np.diff(np.asarray(image[rows], np.float64), axis=1)
-        yield np.concatenate([down.ravel(), across.ravel()])
 
 
 def _check_same_shape(a: NDArray[Any], b: NDArray[Any]) -> None:

@@ -128,32 +128,25 @@ def _tails(scenes: int) -> tuple[float, float]:
     return tail, 1 - tail
 
 
-class PairedTest(NamedTuple):
-    """The outcome of a paired comparison."""
+def paired_test(differences: Sequence[ArrayLike]) -> float:
+    """Return the p-value of a sign-flip test: whether the differences of the seeds of every scene are centred at 0.
 
-    p: float  # two-sided: share of random signs whose mean is at least as far from 0
-    smallest_p: float  # the smallest possible `p`: with few scenes, even a large difference is not significant
-
-
-def paired_test(differences: Sequence[ArrayLike]) -> PairedTest:
-    """Test whether the differences of the seeds of every scene are centred at 0, by flipping the signs of scenes.
-
-    `p` is exact up to 16 scenes. For more it is estimated; the observed signs count as one of the draws, so `p` is
-    never 0 (Phipson and Smyth 2010).
+    It is two-sided: the share of random signs of scenes whose mean is at least as far from 0. It is exact up to 16
+    scenes. For more it is estimated; the observed signs count as one of the draws, so it is never 0 (Phipson and Smyth
+    2010).
     """
     from scipy.stats import permutation_test
 
     means = means_of(in_order(differences))
-    smallest = max(2.0 ** (1 - len(means)), 2 / (DRAWS + 1))
     if len(means) == 1 or not means.any():  # scipy requires two means; one is as far from 0 with either sign
-        return PairedTest(1.0, smallest)
+        return 1.0
     # Whole numbers of DIGITS decimal digits have exact sums, so means that tie on a decimal grid tie here, too.
     exponent = max(math.floor(math.log10(np.abs(means).max())), -200)
     whole = np.rint(means * 10.0 ** (DIGITS - 1 - exponent))
     rng = np.random.default_rng(SEED)
     settings = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": rng}
     test = permutation_test((whole,), np.mean, vectorized=True, batch=4096, **settings)
-    return PairedTest(float(test.pvalue), smallest)
+    return float(test.pvalue)
 
 
 def holm(p: ArrayLike) -> Float64:

@@ -154,7 +154,8 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
     unaffected = dict.fromkeys(row.title for row in attacked if row.title not in reached)
     nulls = {(row.candidates, row.clean_models, row.twins, row.level) for row in attacked if row.candidates}
     remarks = []
-    for candidates, clean_models, twins, level in sorted(nulls)[:1]:
+    if nulls:
+        candidates, clean_models, twins, level = min(nulls)
         models = f"{clean_models} clean models" if clean_models else "no test against clean models, which takes eight"
         remarks.append(
             f"Proven means p ≤ {decimal(level, 3)}: {candidates} candidates, {twins} redrawn twins, {models}."

@@ -1,16 +1,11 @@
-"""A table as data, rendered as Markdown or LaTeX."""
+"""A table as data, rendered as Markdown."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from gspure.metrics.statistics import LEVEL, Interval
 from gspure.text import UNKNOWN, decimal
-
-_LATEX: Final = {ord(character): f"\\{character}" for character in "&%$#_{}"} | str.maketrans(
-    {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}"}
-    | {">": r"\textgreater{}", "−": "$-$", "–": "--", "∞": r"$\infty$", "≤": r"$\le$", "≥": r"$\ge$", "†": r"\dag{}"}
-)
 
 
 class Cell(NamedTuple):
@@ -75,26 +70,10 @@ class Table:
         padded = [map(format, line, signs) for line in (lines[0], rule, *lines[1:])]
         return "\n".join(f"| {' | '.join(line)} |" for line in padded)
 
-    def latex(self) -> str:
-        """Return a booktabs ``tabular``, below its note as a comment."""
-        alignments = "".join("l" if is_left else "r" for is_left in self._are_left)
-        lines = ["% Needs \\usepackage{booktabs}.", *(f"% {line}" for line in self.note.splitlines())]
-        lines += [rf"\begin{{tabular}}{{{alignments}}}", r"\toprule"]
-        lines.append(_latex_line(column.full_title for column in self.columns))
-        for i, row in enumerate(self.rows):
-            if row.begins or i == 0:
-                lines.append(r"\midrule")
-            lines.append(_latex_line(map(str, row.cells)))
-        return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
-
     @property
     def _are_left(self) -> list[bool]:
         """Whether each column is aligned left: the first column, and columns of words."""
         return [column.text or i == 0 for i, column in enumerate(self.columns)]
-
-
-def _latex_line(texts: Iterable[str]) -> str:
-    return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"
 
 
 def markdown_document(sections: Mapping[str, Sequence[Table]]) -> str:
