@@ -1,7 +1,7 @@
 # Variants of a model: attacked, rendered, and compared with photographs or renders of the unattacked model.
 
 
-# An attack that cannot apply is an outcome, which the verdict tells; it leaves no model.
+# An attack that cannot apply is an outcome, which its record tells; it leaves no model.
 use rule base_step as evaluate_variant with:
     input:
         get_inputs(get_job),
@@ -9,7 +9,7 @@ use rule base_step as evaluate_variant with:
         directory(expand("results/{{scheme}}/{{scene}}/{{variant}}/{part}", part=["public", "renders", "detections"])),
         expand(
             "results/{{scheme}}/{{scene}}/{{variant}}/{file}",
-            file=["verdict.json", "prune_mask.npy", "metrics.csv", "evidence.json"],
+            file=["attack.json", "prune_mask.npy", "metrics.csv", "evidence.json"],
         ),
     log:
         "results/logs/{scheme}/{scene}/{variant}/evaluate.log",

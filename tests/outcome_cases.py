@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.codec import plain
+from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, StrengthValue
 from gspure.evaluation.evidence import EVIDENCE, Evidence, JobEvidence, SceneChange, evidence_of
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import Outcome
 from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
-from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, StrengthValue
 from gspure.files import write_json
 from gspure.images import read_image, write_image
 from gspure.metrics.bit_evidence import BitEvidence
@@ -133,7 +133,7 @@ def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, flo
         write_json(folder / EVIDENCE, plain(evidence))
         if variant in attacks:
             attack = Applied(StrengthValue("sigma", 0.1), affects={"message": of_targets[1] > 0.02})
-            write_json(folder / VERDICT, plain(AttackRecord(attack)))
+            write_json(folder / ATTACK_RECORD, plain(AttackRecord(attack)))
     return model_plan(name, ("unattacked", *attacks), ("clean",))
 
 

@@ -14,19 +14,19 @@ import pytest
 from gspure.arrays import Bools, Float32, load_array, save_array
 from gspure.codec import read
 from gspure.errors import InputError
+from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, Refused, StrengthValue
 from gspure.evaluation.attacking import AttackResult, Context, attacked
 from gspure.evaluation.evaluate import evaluate
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
-from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused, StrengthValue
 from gspure.files import read_json
 from gspure.images import read_image, write_image
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.comparison import ViewMetrics, read_metrics
 from gspure.metrics.csv_tables import read_table, write_table
-from gspure.metrics.evidence import trace, traces
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
 from gspure.metrics.legibility import legibility
+from gspure.metrics.proof import trace, traces
 from gspure.metrics.readings import Reading
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, MODEL_BITS, SCENE
 from gspure.model import Gaussians, read_model
@@ -51,7 +51,7 @@ def in_project(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def verdict(planned: Job) -> Applied | Refused:
-    content: AttackRecord = read(AttackRecord, read_json(planned.folder / VERDICT), "verdict")
+    content: AttackRecord = read(AttackRecord, read_json(planned.folder / ATTACK_RECORD), "attack record")
     return content.attack
 
 
@@ -197,7 +197,7 @@ def test_of_a_removed_format_only_the_scene_is_shown() -> None:
 @pytest.mark.parametrize(("published", "is_moved_back"), [(cases.PUBLIC, True), (None, False)])
 def test_views_move_with_the_model_and_an_owner_who_adapts_moves_it_back(published, is_moved_back) -> None:
     turn = {"angle": 40.0, "translation": "1,0,0"}
-    owner = cases.owner(published=published)
+    owner = cases.owner(published_model=published)
     planned = attack_job("turned", "rigid_transform", attack=turn, targets=(SCENE, MESSAGE, ADAPTIVE), owner=owner)
     run(planned)
     assert differ(drawn(attacked_model(planned)), unattacked(SCENE))
@@ -207,7 +207,7 @@ def test_views_move_with_the_model_and_an_owner_who_adapts_moves_it_back(publish
 
 
 def test_an_owner_who_adapts_learns_from_photographs_of_the_message() -> None:
-    learner = cases.owner(published=cases.PUBLIC, photographs=cases.MESSAGE_CAMERAS.parent)
+    learner = cases.owner(published_model=cases.PUBLIC, photographs=cases.MESSAGE_CAMERAS.parent)
     planned = attack_job("learned", "reorder", targets=(MESSAGE, ADAPTIVE), owner=learner)
     evidence = run(planned).evidence.pictures
     assert {name: known.is_fitted for name, known in evidence.items()} == {MESSAGE: False, ADAPTIVE: True}
@@ -239,7 +239,7 @@ def test_a_wrong_key_shows_other_pictures_the_same_in_every_run_and_other_contro
     assert differ(shown, unattacked(MESSAGE))
     assert max(row.psnr for row in evaluation.metrics) < inf
     assert evaluation.attack is None
-    assert not (planned.folder / VERDICT).exists()
+    assert not (planned.folder / ATTACK_RECORD).exists()
     run(planned)
     assert_same(renders(planned, MESSAGE), shown)
     other = job("other_scene", Control("other_scene"), targets=(MESSAGE,))
@@ -277,7 +277,7 @@ def test_a_users_detector_reads_the_renders_of_the_scene() -> None:
 def test_bits_are_read_with_the_key_and_a_detector_gets_the_embedded_ones(case, levels, evidence) -> None:
     Path("bits.py").write_text('import json; print(json.dumps({"view_0": "10", "view_8": "01"}))')
     detectors = {"bits_of_two": Detector(f"{sys.executable} bits.py", message="10")}
-    planned = job("bits", case, owner=BLINKER, rendered=(SCENE,), compared=(), bits=(BITS,), detectors=detectors)
+    planned = job("bits", case, owner=BLINKER, rendered=(SCENE,), compared=(), bit_targets=(BITS,), detectors=detectors)
     evaluation = run(planned)
     read_levels = {name: [row.level for row in rows] for name, rows in evaluation.readings.items()}
     assert read_levels == {"bits_of_two": [100.0, 0.0], "bits": levels}
@@ -304,7 +304,9 @@ def test_bits_of_the_file_and_a_detector_of_files_read_the_attacked_one(case, le
     Path("size.py").write_text("import json, os, sys; print(json.dumps({'model': os.path.getsize(sys.argv[1])}))")
     detectors = {"size": Detector(f"{sys.executable} size.py", reads="model")}
     owner = cases.owner("etched")
-    planned = job("etched", case, owner=owner, rendered=(SCENE,), compared=(), bits=(MODEL_BITS,), detectors=detectors)
+    planned = job(
+        "etched", case, owner=owner, rendered=(SCENE,), compared=(), bit_targets=(MODEL_BITS,), detectors=detectors
+    )
     evaluation = run(planned)
     file = cases.PUBLIC if isinstance(case, Control) else planned.folder / "public" / "point_cloud.ply"
     decoded = "0100" if affects else "1011"

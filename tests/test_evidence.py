@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from gspure.metrics.bit_evidence import bit_evidence
-from gspure.metrics.evidence import Traces, models_p, prove, rank_p, trace, traces
 from gspure.metrics.legibility import READABLE, TRACES, legibility
+from gspure.metrics.proof import Traces, models_p, prove, rank_p, trace, traces
 from gspure.metrics.readings import Reading
 from gspure.scenes.candidates import Kind, candidate_cameras, candidates, kind_of
 

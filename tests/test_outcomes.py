@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from gspure.codec import plain
+from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence, SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
 from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
 from gspure.evaluation.plan import ModelPlan
-from gspure.evaluation.verdict import StrengthValue
 from gspure.files import write_json, write_text
 from gspure.metrics.bit_evidence import bit_evidence
 from gspure.metrics.csv_tables import write_table
@@ -139,7 +139,7 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
 
 
 def test_the_bits_of_a_control_without_metrics_are_read(tmp_path, plan) -> None:
-    wrong_key = replace(plan.controls[0], variant="wrong_key", compared=(), bits=(BITS,))
+    wrong_key = replace(plan.controls[0], variant="wrong_key", compared=(), bit_targets=(BITS,))
     folder = tmp_path / MODEL / "wrong_key"
     write_table(folder / "detections" / "bits.csv", Reading, [Reading("view_0", 50.0, 2, "01")])
     bits = {"bits": bit_evidence([Reading("view_0", 50.0, 2, "01")], "00")}

@@ -265,7 +265,7 @@ def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked: dict[str, 
     assert model.id.scheme == "planted"
     assert model.folder / "message_cameras.json" in model.by_variant["gspure"].inputs
     owner = owner_of(model)
-    assert (owner.bits, owner.reveals, owner.photographs) == ((), True, None)
+    assert (owner.bit_targets, owner.reveals, owner.photographs) == ((), True, None)
 
 
 def test_a_model_is_compared_with_the_photographs_of_its_views(marked: dict[str, Any]) -> None:
@@ -322,11 +322,11 @@ def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_control
 
 def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared() -> None:
     model = model_of(pairs=CONFIG["pairs"], schemes={"marked_clones": {}})
-    jobs = {job.variant: (job.compared, job.bits) for job in (model.by_variant["gspure"], *model.controls)}
+    jobs = {job.variant: (job.compared, job.bit_targets) for job in (model.by_variant["gspure"], *model.controls)}
     expected = {"gspure": ((SCENE,), (BITS,)), CLEAN: ((SCENE,), (BITS,))}
     assert jobs == {**expected, WRONG_KEY: ((), (BITS,)), OTHER_SCENE: ((), (BITS,))}
     owner = owner_of(model)
-    assert (owner.bits, owner.reveals, owner.candidates) == ((BITS,), False, None)
+    assert (owner.bit_targets, owner.reveals, owner.candidates) == ((BITS,), False, None)
 
 
 @pytest.mark.parametrize(
@@ -392,19 +392,19 @@ def test_a_model_of_a_pair_is_compared_with_photographs() -> None:
     assert {model.folder / "cameras.json", Path("results/pairs/raised/scene"), model.public} <= {*job.inputs}
     assert job.views.unattacked not in job.inputs
     assert job.modules == ("planted", "gspure.attacks.pruning")
-    assert (job.rendered, job.compared, job.bits) == (model.targets, model.targets, ())
+    assert (job.rendered, job.compared, job.bit_targets) == (model.targets, model.targets, ())
 
 
 def test_chosen_extractions_are_compared_and_an_adaptive_owner_has_what_the_scheme_uses() -> None:
     schemes: dict[str, Any] = {"splats_in_splats": {}, "gs_hider": {}}
     fixed, fitted = planned(schemes=schemes).models
     assert fixed.targets == (SCENE, MESSAGE, ADAPTIVE)
-    assert owner_of(fixed).published == fixed.public
+    assert owner_of(fixed).published_model == fixed.public
     photographs = [owner_of(model).photographs for model in (fixed, fitted)]
     assert photographs == [None, Path("results/pairs/raised/message")]
     fixed, fitted = planned(schemes=schemes, extractions=[MESSAGE]).models
     assert fixed.targets == (SCENE, MESSAGE)
-    assert owner_of(fixed).published is owner_of(fitted).published is owner_of(fitted).photographs is None
+    assert owner_of(fixed).published_model is owner_of(fitted).published_model is owner_of(fitted).photographs is None
 
 
 def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again: ModelPlan) -> None:

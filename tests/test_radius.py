@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from gspure.codec import plain
+from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.evidence import Evidence, SceneChange
 from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.judging import LEAST_CLEAN, judged
 from gspure.evaluation.outcomes import Outcome, with_references
 from gspure.evaluation.radius import ModelRadius, Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, write_results
-from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.detection import Detection
-from gspure.metrics.evidence import compared_views
+from gspure.metrics.proof import compared_views
 from tests.outcome_cases import NOTHING, PLAIN, PROTOCOL, outcome, read, shown
 from tests.outcome_cases import with_evidence as attacked
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gspure.errors import InputError
-from gspure.metrics.evidence import trace
 from gspure.metrics.image_metrics import psnr
+from gspure.metrics.proof import trace
 from gspure.metrics.targets import is_picture
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel

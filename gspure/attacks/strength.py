@@ -92,7 +92,7 @@ def search(strength: Strength, damage_at: Callable[[float], float], wanted: floa
     return min(matches, key=lambda match: (match.damage > wanted + DAMAGE_TOLERANCE, abs(match.damage - wanted)))
 
 
-def shown(
+def scene_renders(
     public: PublicModel, views: Sequence[Camera], device: Device | None = None, retouched: Retouch | None = None
 ) -> Shown:
     """Return the renders of a model as 8-bit images show them, and the pixels that it covers."""
@@ -115,12 +115,12 @@ def scene_damage(
     Views move with the model, by the transform of the attack. Raise `InputError` if every photograph equals the
     unattacked render, so that no PSNR can drop.
     """
-    before = shown(public, views, device)
+    before = scene_renders(public, views, device)
     if not np.isfinite(list(map(psnr, photographs, before.images))).any():
         raise InputError("attack", "photographs", expected="images that are no renders of it", found="its renders")
 
     def damage_of(model: PublicModel, transform: Float64 | None = None, retouched: Retouch | None = None) -> float:
         moved = views if transform is None else [view.moved(transform) for view in views]
-        return damage(photographs, before, shown(model, moved, device, retouched))
+        return damage(photographs, before, scene_renders(model, moved, device, retouched))
 
     return damage_of

@@ -10,8 +10,8 @@ from gspure.arrays import Float64
 from gspure.attacks import Attack, Attacked, Measurements, NotApplicable, affected, find_attack
 from gspure.attacks.strength import Damage, Match
 from gspure.cameras import Camera
+from gspure.evaluation.attack_record import Applied, StrengthValue
 from gspure.evaluation.plan import AttackSpec
-from gspure.evaluation.verdict import Applied, StrengthValue
 from gspure.metrics.targets import BITS
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel

@@ -13,10 +13,10 @@ import numpy as np
 from gspure.arrays import load_array
 from gspure.codec import read
 from gspure.errors import InputError, printable
+from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, Refused
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.outcomes import Outcome, by_model, with_references
 from gspure.evaluation.plan import AttackSpec, Job, ModelPlan
-from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import read_json
 from gspure.grouping import grouped
 from gspure.metrics.comparison import TRUTH, ViewMetrics, identical, means, read_metrics
@@ -62,7 +62,7 @@ class _Files:
 
 def expected_files(job: Job) -> list[str]:
     """Return the files of a job that its outcome needs."""
-    files = [f"{DETECTIONS}/{name}.csv" for name in (*job.detectors, *job.bits)]
+    files = [f"{DETECTIONS}/{name}.csv" for name in (*job.detectors, *job.bit_targets)]
     if job.control is None or job.compared:
         files.insert(0, "metrics.csv")
     return files
@@ -87,9 +87,9 @@ def _of_model(results: Path, model: ModelPlan) -> Iterator[Outcome]:
 def _files(results: Path, folder: Path, job: Job) -> _Files:
     """Return the state of a job's files; an attack that cannot apply has none."""
     attack = None
-    if (folder / VERDICT).is_file():
-        verdict: AttackRecord = read(AttackRecord, read_json(folder / VERDICT), folder / VERDICT)
-        attack = verdict.attack
+    if (folder / ATTACK_RECORD).is_file():
+        record: AttackRecord = read(AttackRecord, read_json(folder / ATTACK_RECORD), folder / ATTACK_RECORD)
+        attack = record.attack
     if isinstance(attack, Refused):
         return _Files(folder, attack, dict.fromkeys(expected_files(job), f"not applicable: {attack.reason}"))
     absent = [file for file in expected_files(job) if not (folder / file).is_file()]
@@ -118,7 +118,7 @@ def _unmeasured_outcome(model: ModelPlan, job: Job, files: _Files, detections: M
     attack = files.attack
     if not isinstance(attack, Applied) or not files.is_measured:
         return outcome
-    extracted = filter(needs_rows, (*model.targets, *job.bits))
+    extracted = filter(needs_rows, (*model.targets, *job.bit_targets))
     unreadable = dict.fromkeys(extracted, f"{REMOVED}: {attack.removed}") if attack.removed else {}
     return replace(
         outcome,

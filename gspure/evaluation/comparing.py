@@ -6,7 +6,7 @@ from math import isfinite, nan
 import numpy as np
 
 from gspure.arrays import Float32, load_array
-from gspure.attacks.strength import shown
+from gspure.attacks.strength import scene_renders
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
 from gspure.evaluation.evidence import Evidence, SceneChange, evidence_of
@@ -16,7 +16,7 @@ from gspure.images import read_back, read_image
 from gspure.metrics.bit_evidence import BitEvidence, bit_evidence
 from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare
 from gspure.metrics.damage import coverage_lost, damage, fidelity
-from gspure.metrics.evidence import compared_views, trace
+from gspure.metrics.proof import compared_views, trace
 from gspure.metrics.readings import Reading, as_digits
 from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE, is_picture
 from gspure.opencl.device import choose_device
@@ -101,9 +101,9 @@ def scene_change(job: Job, exhibit: Exhibit, views: Sequence[Camera]) -> SceneCh
         return None
     device = choose_device()
     public = read_public_model(job.public, job.owner.scheme if job.owner else None).drawable(job.public)
-    before = shown(public, views, device)
+    before = scene_renders(public, views, device)
     moved = [view.moved(exhibit.transform) for view in views]
-    after = shown(exhibit.public.drawable(exhibit.source), moved, device, exhibit.retouched)
+    after = scene_renders(exhibit.public.drawable(exhibit.source), moved, device, exhibit.retouched)
     drop = nan
     if SCENE in job.views.photographed:
         drop = damage(read_photographs(views, public.model.background), before, after)
@@ -119,5 +119,5 @@ def bits_evidence(job: Job, key: Key | None, marks: Mapping[str, Sequence[Readin
     """Return what the majority of the views shows of the bits of each detector, and of the key."""
     messages = {name: detector.message for name, detector in job.detectors.items()}
     if key is not None:
-        messages |= dict.fromkeys(job.bits, as_digits(key.bits))
+        messages |= dict.fromkeys(job.bit_targets, as_digits(key.bits))
     return {name: bit_evidence(rows, messages[name]) for name, rows in marks.items() if messages.get(name)}

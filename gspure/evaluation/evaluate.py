@@ -14,12 +14,12 @@ from gspure.attacks.strength import Damage, scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.splits import read_split
 from gspure.codec import plain
+from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, Refused
 from gspure.evaluation.attacking import Context, attacked
 from gspure.evaluation.comparing import bits_evidence, compared, image_pairs, picture_evidence, scene_change
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Detector, Job
 from gspure.evaluation.showing import Exhibit, attacked_exhibit, control_exhibit, render
-from gspure.evaluation.verdict import VERDICT, Applied, AttackRecord, Refused
 from gspure.files import write_json
 from gspure.metrics.comparison import ViewMetrics, write_metrics
 from gspure.metrics.csv_tables import write_table
@@ -81,7 +81,7 @@ def write(job: Job, evaluation: Evaluation) -> None:
     """Write the tables of an evaluation beside the images of its job."""
     folder = job.folder
     if evaluation.attack is not None:
-        write_json(folder / VERDICT, plain(AttackRecord(evaluation.attack)))
+        write_json(folder / ATTACK_RECORD, plain(AttackRecord(evaluation.attack)))
     is_empty = isinstance(evaluation.attack, Refused)
     if evaluation.metrics or is_empty:
         write_metrics(folder / "metrics.csv", evaluation.metrics)
@@ -161,9 +161,9 @@ def readings(job: Job, exhibit: Exhibit, key: Key | None) -> dict[str, tuple[Rea
     marks = {
         name: tuple(command_readings(detector, sources[detector.reads])) for name, detector in job.detectors.items()
     }
-    if key is not None and BITS in job.bits:
+    if key is not None and BITS in job.bit_targets:
         marks[BITS] = tuple(key.readings(images))
-    if key is not None and MODEL_BITS in job.bits and exhibit.has_rows:
+    if key is not None and MODEL_BITS in job.bit_targets and exhibit.has_rows:
         marks[MODEL_BITS] = tuple(key.model_readings(exhibit.public))
     return marks
 

@@ -7,8 +7,8 @@ from typing import Final
 from gspure.arrays import Float32, UInt8
 from gspure.images import is_blank
 from gspure.metrics.bit_evidence import BitEvidence
-from gspure.metrics.evidence import compared_views, trace, traces
 from gspure.metrics.legibility import legibility
+from gspure.metrics.proof import compared_views, trace, traces
 
 EVIDENCE: Final = "evidence.json"  # file of a variant or control
 
@@ -17,7 +17,7 @@ EVIDENCE: Final = "evidence.json"  # file of a variant or control
 class Evidence:
     """One extraction of one model.
 
-    Traces are correlations with the message, -1 to 1 (`gspure.metrics.evidence.trace`); those of `candidates` are the
+    Traces are correlations with the message, -1 to 1 (`gspure.metrics.proof.trace`); those of `candidates` are the
     extraction's with pictures of the message's kind, those of `twins` are of models whose carriers were drawn again.
     """
 

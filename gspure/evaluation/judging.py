@@ -23,8 +23,8 @@ from gspure.evaluation.results import (
 from gspure.metrics import legibility
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
-from gspure.metrics.evidence import COARSEST, SIGNIFICANCE, Proof, Traces, prove, rank_p
 from gspure.metrics.names import MESSAGE_FREE
+from gspure.metrics.proof import COARSEST, SIGNIFICANCE, Proof, Traces, prove, rank_p
 from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
 
 LEAST_CLEAN: Final = 8  # clean models of a t-test; with fewer, almost nothing passes it, and they only can refute

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.evidence import Evidence, SceneChange
 from gspure.evaluation.identity import Condition, ModelId
-from gspure.evaluation.verdict import StrengthValue
 from gspure.grouping import grouped
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.comparison import ViewMetrics

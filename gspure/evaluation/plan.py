@@ -75,7 +75,7 @@ class Views:
 class Owner:
     """What only the owner of a message has.
 
-    The adaptive extraction matches rows with the `published` model, and learns from `photographs` of the message. Where
+    The adaptive extraction matches rows with the `published_model`, and learns from `photographs` of the message. Where
     these are None, it is not evaluated, or does not learn. `candidates` are pictures of the message's kind
     (`gspure.scenes.candidates`), and `twins` the number of models whose carriers are drawn again.
     """
@@ -83,9 +83,9 @@ class Owner:
     scheme: str
     key: Path
     message_cameras: Path
-    bits: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the key reads; empty if the message is a picture
+    bit_targets: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the key reads; empty if the message is a picture
     reveals: bool = False  # whether the key tells which rows show the message
-    published: Path | None = None
+    published_model: Path | None = None
     photographs: Path | None = None
     candidates: Path | None = None
     twins: int = 0
@@ -104,7 +104,7 @@ class Job:
     rendered: tuple[str, ...] = (SCENE,)
     compared: tuple[str, ...] = (SCENE,)
     detectors: Mapping[str, Detector] = field(default_factory=dict)
-    bits: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the owner's key reads
+    bit_targets: tuple[str, ...] = ()  # of `HIDDEN_BITS`, what the key reads in this job
     inputs: tuple[Path, ...] = ()  # files that other jobs make
     users_files: tuple[Path, ...] = ()
     modules: tuple[str, ...] = ()  # whose code its results depend on, beside that of the evaluation

@@ -6,11 +6,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Final, Literal, NamedTuple
 
+from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.identity import ModelId, OfCondition
-from gspure.evaluation.verdict import StrengthValue
 from gspure.metrics.csv_tables import read_table, write_table
-from gspure.metrics.evidence import COARSEST
 from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
+from gspure.metrics.proof import COARSEST
 
 PUBLISHED: Final = "published"  # the owner who extracts exactly as the scheme's authors do
 ADAPTS: Final = "adaptive"  # the owner who adapts to the attack, and is never worse than as published

@@ -77,8 +77,8 @@ def render(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]], ke
 def extraction(job: Job, public: PublicModel, key: Key, target: str, views: list[Camera]) -> Iterator[Float32]:
     """Yield what an extraction shows in views; an owner who adapts has the published model, perhaps photographs."""
     if target == ADAPTIVE and job.owner:
-        if job.owner.published:
-            public = registered(public, published_rows(job.owner.published, job.owner.scheme))
+        if job.owner.published_model:
+            public = registered(public, published_rows(job.owner.published_model, job.owner.scheme))
         if job.owner.photographs:
             key = fitted_key(key, public, job.owner.photographs)
     return key.images(public, target, views, choose_device())

@@ -14,10 +14,10 @@ from gspure.evaluation.plan import CONFIGURATION, ModelPlan, Plan
 from gspure.evaluation.radius import RADIUS, RadiusRecord, model_radii, radii
 from gspure.evaluation.results import GONE, Result, write_results
 from gspure.figures.charts import draw_factors
-from gspure.figures.evidence import draw_evidence
 from gspure.figures.gallery import CAPTIONS, PLATES
 from gspure.figures.panels import draw_attacks
 from gspure.figures.plates import stack_plates
+from gspure.figures.radius_chart import draw_evidence
 from gspure.files import Json, read_json, write_json, write_text
 from gspure.grouping import grouped
 from gspure.metrics.names import UNATTACKED, extraction_name

@@ -1,6 +1,6 @@
 """Candidates of a ray-traced message: random scenes of its kind, photographed from its compared views at half size.
 
-A message is proven by its rank among candidates (`gspure.metrics.evidence`), so they must be drawn like the message:
+A message is proven by its rank among candidates (`gspure.metrics.proof`), so they must be drawn like the message:
 scenes of one builder at one placement, each once, in the right views. Pictures of other kinds, or of other views,
 correlate less with any extraction than a wrong message does.
 """
@@ -14,7 +14,7 @@ from gspure.arrays import UInt8
 from gspure.cameras import Camera
 from gspure.cameras.splits import views_of_split
 from gspure.images import levels
-from gspure.metrics.evidence import compared_views
+from gspure.metrics.proof import compared_views
 from gspure.progress import track
 from gspure.scenes.lighting import bake
 from gspure.scenes.photography import path_cameras, trace

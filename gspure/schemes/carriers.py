@@ -1,7 +1,7 @@
 """Redrawn twins: a public model whose carrier columns, which carry the message, are drawn again.
 
 What a key still extracts from a twin comes from everything in the file but the message: it shows that the model
-descends from the owner's, not that it holds the message (`gspure.metrics.evidence`).
+descends from the owner's, not that it holds the message (`gspure.metrics.proof`).
 """
 
 from collections.abc import Sequence

@@ -14,9 +14,9 @@ from gspure.cameras.camera import Camera
 from gspure.images import write_image
 from gspure.metrics import legibility
 from gspure.metrics.detection import FALSE_POSITIVES, Threshold
-from gspure.metrics.evidence import trace
 from gspure.metrics.image_metrics import psnr
 from gspure.metrics.names import WRONG_KEY, display_name
+from gspure.metrics.proof import trace
 from gspure.metrics.readings import Reading
 from gspure.metrics.targets import MESSAGE
 from gspure.opencl.device import Device

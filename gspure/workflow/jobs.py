@@ -34,14 +34,14 @@ class Subject:
     compares_with_renders: bool = False  # rather than with photographs
 
     @property
-    def bits(self) -> tuple[str, ...]:
+    def bit_targets(self) -> tuple[str, ...]:
         """What the owner's key reads, of `HIDDEN_BITS`."""
-        return self.owner.bits if self.owner else ()
+        return self.owner.bit_targets if self.owner else ()
 
     @property
     def hides_picture(self) -> bool:
         """Whether its message is a picture."""
-        return self.owner is not None and not self.bits
+        return self.owner is not None and not self.bit_targets
 
     @property
     def renders(self) -> Path:
@@ -72,7 +72,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
         rendered=subject.targets,
         compared=subject.targets,
         detectors={} if subject.is_clean else subject.detectors,
-        bits=() if subject.is_clean else subject.bits,
+        bit_targets=() if subject.is_clean else subject.bit_targets,
         inputs=distinct((*inputs, subject.renders) if needs_renders else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject))),
         modules=(subject.module, attack.function.__module__),
@@ -86,7 +86,7 @@ def control_job(subject: Subject, name: str) -> Job:
     """
     shows_mark = name in (WRONG_KEY, OTHER_SCENE)
     rendered = subject.targets[1:] if shows_mark and subject.hides_picture else subject.targets
-    compared = () if shows_mark and subject.bits else rendered
+    compared = () if shows_mark and subject.bit_targets else rendered
     is_read = not subject.is_clean
     public = {CLEAN: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
     is_made = public is not None and not (public == subject.clean and subject.clean_files)
@@ -101,7 +101,7 @@ def control_job(subject: Subject, name: str) -> Job:
         rendered=rendered,
         compared=compared,
         detectors=subject.detectors if is_read and name == CLEAN else {},
-        bits=subject.bits if is_read else (),
+        bit_targets=subject.bit_targets if is_read else (),
         inputs=distinct((*inputs, public) if public and is_made else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject), *subject.clean_files)),
         modules=(subject.module,),

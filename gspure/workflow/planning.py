@@ -159,7 +159,7 @@ class _Planner:
             message = Path(asset.config.message) if asset.config.message else None
             owner = owner_of(scheme, identity, Path(asset.config.key), public, targets, message)
             owner = replace(owner, twins=self.config.proof.twins)
-            candidates = self.candidates_of(message) if message and not owner.bits else None
+            candidates = self.candidates_of(message) if message and not owner.bit_targets else None
             if candidates:
                 owner = replace(owner, candidates=candidates.file)
         model = ModelPlan(
@@ -199,7 +199,7 @@ class _Planner:
         targets = self._targets(scheme)
         owner = owner_of(scheme, identity, identity.folder / "key", public, targets, pair.folder / "message")
         candidates = self.candidates(pair)
-        if candidates and not owner.bits:
+        if candidates and not owner.bit_targets:
             owner = replace(owner, candidates=candidates.file)
         owner = replace(owner, twins=self.config.proof.twins)
         entry = self.config.schemes[scheme.name]
@@ -266,15 +266,15 @@ def owner_of(
     scheme: Scheme, identity: ModelId, key: Path, public: Path, targets: tuple[str, ...], message: Path | None
 ) -> Owner:
     """Return what the owner of a model has; `message` are photographs of the message, if there are any."""
-    bits = tuple(name for name in HIDDEN_BITS if name in scheme.extractions)
+    bit_targets = tuple(name for name in HIDDEN_BITS if name in scheme.extractions)
     adapts = ADAPTIVE in targets
     return Owner(
         scheme=scheme.name,
         key=key,
         message_cameras=identity.folder / "message_cameras.json",
-        bits=bits,
-        reveals=scheme.reveals and not bits,
-        published=public if adapts else None,
+        bit_targets=bit_targets,
+        reveals=scheme.reveals and not bit_targets,
+        published_model=public if adapts else None,
         photographs=message if adapts and scheme.fits else None,
     )
 

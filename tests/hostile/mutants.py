@@ -59,7 +59,7 @@ CORE = {
     "gspure.method.features": ("test_features.py",),
     "gspure.method.pruning": ("test_pruning.py",),
     "gspure.metrics.bit_evidence": ("test_evidence.py",),
-    "gspure.metrics.evidence": ("test_evidence.py",),
+    "gspure.metrics.proof": ("test_evidence.py",),
     "gspure.metrics.image_metrics": ("test_metrics.py",),
     "gspure.metrics.legibility": ("test_evidence.py",),
     "gspure.schemes.splats_in_splats.bits": (
@@ -123,7 +123,7 @@ JOBS = {
     "gspure.evaluation.results": _RESULTS,
     "gspure.evaluation.revealing": ("test_step.py",),
     "gspure.evaluation.showing": ("test_evaluate.py",),
-    "gspure.evaluation.verdict": ("test_evaluate.py", "test_outcomes.py"),
+    "gspure.evaluation.attack_record": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.assets": _PLANS,
     "gspure.workflow.config": ("test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_configuration.py",),

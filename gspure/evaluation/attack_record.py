@@ -1,10 +1,10 @@
-"""The verdict of an attack on a model: what it changed, or why it cannot apply."""
+"""The record of an attack on a model: what it changed, or why it cannot apply."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-VERDICT: Final = "verdict.json"  # file of a variant
+ATTACK_RECORD: Final = "attack.json"  # file of a variant
 
 
 class StrengthValue(NamedTuple):
@@ -41,6 +41,6 @@ class Refused:
 
 @dataclass(frozen=True)
 class AttackRecord:
-    """The content of `VERDICT`."""
+    """The content of `ATTACK_RECORD`."""
 
     attack: Applied | Refused
