@@ -131,11 +131,13 @@ def compared_table(compared: Sequence[Compared]) -> str:
     columns = [Column("condition"), Column("GSPure minus", text=True), Column("pairs")]
     columns += [Column(f"at {damage:g} dB") for damage in DAMAGES]
     lines = []
-    for (condition, other), alike in grouped(compared, lambda one: (one.condition, one.other)).items():
-        pairs = max(one.difference.scenes for one in alike)
-        at_damage = {one.damage: interval(one.difference, pairs) for one in alike}
-        cells = [Cell(condition.title), Cell(display_name(other.removesuffix("_equal"))), Cell(str(pairs))]
-        lines.append(TableRow([*cells, *(at_damage.get(damage, Cell()) for damage in DAMAGES)]))
+    for condition, alike in grouped(compared, lambda one: one.condition).items():
+        for i, (other, against) in enumerate(grouped(alike, lambda one: one.other).items()):
+            pairs = max(one.difference.scenes for one in against)
+            at_damage = {one.damage: interval(one.difference, pairs) for one in against}
+            cells = [Cell("" if i else condition.title), Cell(display_name(other.removesuffix("_equal")))]
+            cells += [Cell(str(pairs)), *(at_damage.get(damage, Cell()) for damage in DAMAGES)]
+            lines.append(TableRow(cells))
     return Table("", columns, lines).markdown()
 
 
