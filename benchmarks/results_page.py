@@ -142,14 +142,8 @@ def compared_table(compared: Sequence[Compared]) -> str:
 
 
 def paper_table(rows: Sequence[Result]) -> str:
-    """Return the attacks of the paper's Table 1 that we ran, beside its numbers.
-
-    GOF is another attack here, and a Score is the difference of two drops: both are left out.
-    """
-    beside = paper.beside(paper.read_rows(), rows)
-    table = beside_table([row for row in beside if row.scenes and row.variant != "gof"])
-    columns = [column for column in table.columns if column.group != "Score"]
-    return Table("", columns, [TableRow(row.cells[: len(columns)]) for row in table.rows]).markdown()
+    """Return the attacks of the paper's Table 1 that we ran, beside its numbers."""
+    return beside_table([row for row in paper.beside(paper.read_rows(), rows) if row.scenes]).markdown()
 
 
 def networks_table(rows: Sequence[Result]) -> str:
