@@ -1,7 +1,9 @@
 """Evidence of a message: its trace, its legibility, its bits; and how often wrong claims pass."""
 
+import csv
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,6 +69,15 @@ def test_wrong_messages_are_not_legible(pictures: NDArray[np.uint8], message: Ar
     corner = np.zeros_like(message)
     corner[:, :20, :30] = message[:, :20, :30]
     assert legibility(corner, corner) == 1
+
+
+def test_a_readable_message_is_one_that_two_viewers_can_read() -> None:
+    table = Path(__file__).parents[1] / "docs" / "tables" / "legibility.csv"
+    with table.open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    for viewer in ("viewer_1", "viewer_2"):
+        alike = [(float(row["legibility"]) >= READABLE) == (row[viewer] == "readable") for row in rows]
+        assert (sum(alike), len(alike)) == (35, 40)
 
 
 def test_traces_are_those_of_a_loop(pictures: NDArray[np.uint8], message: Array) -> None:
