@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from decimal import ROUND_CEILING, Context
 from html import escape
 from math import isinf, isnan
 from typing import Final
 
 UNKNOWN: Final = "–"
 _LONG: Final = 1e6  # numbers from here on have an exponent
+_ROUNDED_UP: Final = Context(prec=2, rounding=ROUND_CEILING)
 
 
 def decimal(value: float, decimals: int = 2) -> str:
@@ -31,6 +33,11 @@ def signed(value: float) -> str:
 def significant(value: float, digits: int = 3) -> str:
     """Return a number of any magnitude with its first digits."""
     return UNKNOWN if isnan(value) else f"{value + 0.0:.{digits}g}".replace("-", "−").replace("inf", "∞")
+
+
+def p_value(p: float) -> str:
+    """Return a p-value with two digits, rounded up: it exceeds a level in print if it does."""
+    return significant(float(_ROUNDED_UP.create_decimal(str(p))), 2)
 
 
 def percent(share: float, decimals: int = 1) -> str:

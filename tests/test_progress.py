@@ -17,7 +17,7 @@ from gspure.attacks import find_attack
 from gspure.method.diagnosis import diagnose
 from gspure.method.purify import Purification
 from gspure.progress import EVENTS, JOB, reported, track
-from gspure.text import decimal, percent, signed, significant
+from gspure.text import decimal, p_value, percent, signed, significant
 from gspure.training.trainer import watched
 from tests.models import blobs, camera
 
@@ -70,6 +70,7 @@ def test_a_share_rounds_to_none_or_all_only_if_it_is(share, decimals):
         (percent, (0.0004, 0.9996, 1.03, math.nan), "<0.1% >99.9% 103.0% –"),
         (decimal, (1.001, -2.25, -0.001, -math.inf, 1e9), "1.00 −2.25 0.00 −∞ 1.00e+09"),
         (signed, (1.001, -2.25, -0.001, math.inf), "+1.00 −2.25 +0.00 –"),
+        (p_value, (0.005, 0.00501, 0.0054, 1 / 3, 1.0, math.nan), "0.005 0.0051 0.0054 0.34 1 –"),
         (significant, (0.00431, 53.125, -4e-5), "0.00431 53.1 −4e−05"),
     ],
 )

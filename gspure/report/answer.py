@@ -19,7 +19,7 @@ from gspure.metrics.statistics import scene_means
 from gspure.metrics.targets import SCENE, is_picture
 from gspure.report.audit import Audit, audits
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
-from gspure.text import UNKNOWN, decimal, percent, significant
+from gspure.text import UNKNOWN, decimal, p_value, percent, significant
 
 _DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
 
@@ -153,7 +153,7 @@ class Answer:
         for row in self.attacks:
             cells = [row.attack, decimal(self.axis(row), 1), self.level(row.level)]
             if self.has_message:
-                cells += [percent(row.legibility, 0), significant(row.p, 1), row.published or UNKNOWN]
+                cells += [percent(row.legibility, 0), p_value(row.p), row.published or UNKNOWN]
             if adapts:
                 cells.append(row.adaptive or UNKNOWN)
             table.append(cells)

@@ -11,7 +11,7 @@ from gspure.metrics.names import CONTROLS, UNATTACKED, display_name, extraction_
 from gspure.metrics.statistics import Interval, known_interval, scene_means
 from gspure.metrics.targets import is_picture
 from gspure.report.table import Cell, Column, Table, TableRow, interval
-from gspure.text import UNKNOWN, decimal, percent, significant
+from gspure.text import UNKNOWN, decimal, p_value, percent, significant
 
 _NOTE: Final = (
     "Means over scenes; in parentheses the smallest and largest value of a scene, in brackets, from six scenes on, the "
@@ -73,7 +73,7 @@ def _cells(alike: Sequence[Result], scenes: int) -> dict[str, Cell]:
         "legibility": number("legibility", text=lambda value: percent(value, 0)),
         "bits": Cell(", ".join(dict.fromkeys(bits)) or UNKNOWN),
         "reading": number("reading", text=significant),
-        "p": Cell(significant(max(ps), 2) if ps else UNKNOWN),
+        "p": Cell(p_value(max(ps)) if ps else UNKNOWN),
         "word": Cell(", ".join(words) or UNKNOWN),
     }
 

@@ -20,7 +20,7 @@ from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.report.answer import Answer
 from gspure.report.audit import BROKEN, WEAK
 from gspure.report.table import Table
-from gspure.text import decimal, significant
+from gspure.text import decimal, p_value
 from gspure.viewer.page import template_environment
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def environment() -> Environment:
         "name": display_name,
         "extraction_name": extraction_name,
         "decimal": partial(decimal, decimals=1),
-        "significant": significant,
+        "p_value": p_value,
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }
     return templates
