@@ -25,6 +25,15 @@ if _WORKER:
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
 
 
+SNAKEMAKE = """
+import json, os, pathlib, signal, subprocess, sys, time
+pipe = os.open(os.environ["GSPURE_EVENTS"], os.O_WRONLY)
+def send(**event):
+    os.write(pipe, (json.dumps(event) + "\\n").encode())
+"""
+"""The beginning of a program that takes the place of Snakemake."""
+
+
 def pytest_generate_tests(metafunc):
     """Run a test with the argument `device` on each of them; none are looked for when no test asks."""
     if "device" in metafunc.fixturenames:
@@ -68,6 +77,19 @@ def asset(tmp_path, monkeypatch):
     write_cameras(tmp_path / "cameras.json", [camera(40, 30, name=f"view_{i}") for i in range(9)])
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def snakemake(tmp_path, monkeypatch):
+    """Return a function that writes the program which takes the place of Snakemake; its folder is the current one."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    package = tmp_path / "fake" / "snakemake"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    monkeypatch.setenv("PYTHONPATH", str(package.parent), prepend=os.pathsep)
+    return lambda program: (package / "__main__.py").write_text(SNAKEMAKE + program)
 
 
 @pytest.fixture(scope="session")

@@ -45,9 +45,9 @@ def part(share: float, left: float) -> dict[str, object]:
     return {"event": "part", "log": "a.log", "part": "train", "share": share, "left": left}
 
 
-PLANNED = {"event": "planned", "jobs": 9}
+PLANNED = {"event": "planned", "jobs": {"embed": 4, "draw": 5}}
 STARTED = {"event": "started", "job": 4, "text": "Embedding", "log": "a.log"}
-LATER = {"event": "started", "job": 5, "text": "Drawing", "log": "b.log"}
+LATER = {"event": "started", "job": 5, "text": "Drawing vanilla/bot", "log": "b.log"}
 WHOLE = {"event": "started", "job": 6, "text": "All", "log": ""}
 FAILED = {"event": "failed", "job": 4}
 
@@ -71,9 +71,9 @@ def test_a_terminal_has_one_live_line(now, monkeypatch):
         "[0/9] Embedding: train 41%, 0:48 left",
         "[0/9] Embedding: train 41%, 0:08 left",
         "a warning\n[0/9] Embedding: 0:40 so far",
-        "[1/9] Drawing: 0:40 so far",
-        "[3/9] Drawing: 0:40 so far",
-        "3 jobs done in 0:40\n",
+        "[1/9] Drawing bot: 0:40 so far",
+        "[2/9] Drawing bot: 0:40 so far",
+        "2 jobs done in 0:40\n",
     ]
 
 

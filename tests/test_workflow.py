@@ -78,7 +78,7 @@ def test_a_failed_variant_fails_alone_and_is_named_with_its_reason(finished, row
     assert "attributes" in reasons["vanilla", "broken"]
     assert "attributes" in (finished.folder / "results/report.html").read_text()
     log = (finished.folder / "again.log").read_text()
-    assert re.search("^Evaluating broken of vanilla/bot failed: gspure evaluate: .*attributes", log, re.MULTILINE)
+    assert re.search("^Evaluating broken of bot failed: gspure evaluate: .*attributes", log, re.MULTILINE)
     assert "demo] Error 2\n" in log  # not the status of a lost message; an outer make prints a line after it
 
 

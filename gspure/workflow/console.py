@@ -16,6 +16,7 @@ from gspure.text import percent
 _SILENCE: Final = 8.0  # seconds, the longest without a line where there is no terminal
 _LITTLE: Final = 2**20  # bytes of free space on a disk that is full
 _WARNING: Final = "warning: "
+_OWN_MODEL: Final = " vanilla/"  # before the name of a model of the user's, which needs no other
 _OURS: Final = "gspure"  # how our programs begin the lines that say why they fail
 
 
@@ -72,16 +73,15 @@ class Console:
 
     def _apply(self, event: Mapping[str, Any], now: float) -> None:
         match event:
-            case {"event": "planned", "jobs": planned}:
-                self._planned = planned
+            case {"event": "planned", "jobs": jobs}:
+                self._planned = sum(jobs.values())
             case {"event": "started", "job": number, "text": text, "log": log} if log:  # without one, it does nothing
-                self._running[number] = Job(printable(text), log, now)
+                self._running[number] = Job(printable(text).replace(_OWN_MODEL, " "), log, now)
                 if not shows_bars():
                     self._say(self._running[number], now)
-            case {"event": "finished", "job": number}:
+            case {"event": "finished", "job": number} if number in self._running:
                 self._done += 1
-                job = self._running.pop(number, None)
-                for text in job.lines() if job else []:
+                for text in self._running.pop(number).lines():
                     if text.startswith(_WARNING):
                         warn(printable(text.removeprefix(_WARNING)))
             case {"event": "failed", "job": number} if number in self._running:

@@ -11,7 +11,6 @@ from gspure.grouping import grouped
 from gspure.workflow.console import Console
 
 _RECORDS: Final = Path(".snakemake", "metadata")  # one file of JSON per output of a job
-_TARGET: Final = "all"  # the rule that makes nothing itself
 
 
 class Forecast(Console):
@@ -23,8 +22,8 @@ class Forecast(Console):
 
     def _apply(self, event: Mapping[str, Any], now: float) -> None:
         match event:
-            case {"event": "planned", "rules": rules}:
-                self.jobs = {rule: count for rule, count in rules.items() if rule != _TARGET}
+            case {"event": "planned", "jobs": jobs}:
+                self.jobs = jobs
             case {"event": "error"}:
                 super()._apply(event, now)
 

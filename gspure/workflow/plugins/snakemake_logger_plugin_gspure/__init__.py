@@ -17,6 +17,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.settings import LogHandlerSettingsBase
 
 _LONGEST: Final = 300  # characters of a text: the pipe takes a line of up to 4096 bytes as a whole
+_UNCOUNTED: Final = ("all", "total")  # the rule that makes nothing itself, and the sum
 _GRACE: Final = 0.5  # seconds in which jobs end the programs that they started
 
 
@@ -67,8 +68,8 @@ def _event(record: LogRecord) -> dict[str, Any] | None:
     fields = record.__dict__
     match fields.get("event"):
         case LogEvent.RUN_INFO:
-            rules = dict(fields["stats"])
-            return {"event": "planned", "jobs": rules.pop("total"), "rules": rules}
+            jobs = {rule: count for rule, count in fields["stats"].items() if rule not in _UNCOUNTED}
+            return {"event": "planned", "jobs": jobs}
         case LogEvent.JOB_INFO:
             text = fields["rule_msg"] or fields["rule_name"]
             return {
