@@ -41,6 +41,7 @@ def test_the_program_runs(folder):
     assert read_model(Path("purified.ply")).table.tobytes() == model().table[kept].tobytes()
     assert main(["purify", "point_cloud.ply", "--cameras", "cameras.json", "--out", "purified"]) == 0
     np.testing.assert_array_equal(np.load("purified/weights.npy"), names["purified"].weights)
+    assert len(read_model(Path("purified"))) == np.count_nonzero(kept)
 
 
 def test_tensors_of_gsplat_go_in_and_out(folder):

@@ -35,6 +35,7 @@ from gspure.method.weights import REDUCTIONS
 from gspure.metrics import comparison
 from gspure.metrics.comparison import ViewMetrics
 from gspure.model import Gaussians
+from gspure.model.inria import PURIFIED
 from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
@@ -115,7 +116,7 @@ def run(args: Arguments) -> None:
     with filling_alone(args.out) as folder:
         purification = purify(public, train, device=device, **settings.of_purify)
         models = _models(public, purification, train, args.repair, device)
-        models["purified"].write(folder / "purified.ply")
+        models["purified"].write(folder / PURIFIED)
         options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))

@@ -17,6 +17,7 @@ from gspure.errors import InputError, reading
 Argument = str | float | bool | int | None
 
 POINT_CLOUD = "point_cloud.ply"
+PURIFIED: Final = "purified.ply"  # in a folder that `gspure purify` wrote
 UNPACKED_SOG = "meta.json"
 STREAMED = "lod-meta.json"  # the index of a streamed model: one model per level of detail
 
@@ -27,7 +28,7 @@ _LEVEL: Final = re.compile(r"lod_?(\d+).*|(\d+)_\d+")  # names of chunks of a le
 
 
 def point_cloud(folder: Path) -> Path:
-    """Return the model file of the newest iteration in an INRIA output folder, or of an unpacked SOG model.
+    """Return the model file of the newest iteration in an INRIA output folder, of `gspure purify`, or an unpacked SOG.
 
     A folder of SOG chunks without an index stands for itself.
 
@@ -36,7 +37,7 @@ def point_cloud(folder: Path) -> Path:
     saved = saved_iterations(folder)
     if saved:
         return saved[max(saved)]
-    for name in (POINT_CLOUD, UNPACKED_SOG, STREAMED):
+    for name in (POINT_CLOUD, PURIFIED, UNPACKED_SOG, STREAMED):
         if (folder / name).is_file():
             return folder / name
     models = sorted(file.name for suffix in ("ply", "sog", "splat", "spz") for file in folder.glob(f"*.{suffix}"))
