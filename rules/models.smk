@@ -20,6 +20,7 @@ use rule base_command as make_pair with:
         command=lambda wildcards: command(
             "pair",
             *PLAN.pairs[wildcards.scene].sources,
+            "--force",
             out=f"results/pairs/{wildcards.scene}",
             **PLAN.pairs[wildcards.scene].options,
         ),

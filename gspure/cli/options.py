@@ -27,7 +27,7 @@ SPLITS = ("train", "test", "all")
 
 
 QUIET = ("-q", "--quiet", "print no progress, only results and warnings")
-FORCE = ("--force", "write to a folder that holds other files")  # for `require_own_folder`
+FORCE = ("--force", "write to a folder that holds other files")  # for `require_own_folder` and `require_empty_folder`
 PER_VIEW = ("--per-view", "print the metrics of every view, not only their mean and the worst")
 SCHEME = ("--scheme", "NAME", "the model's watermarking scheme (default: recognized from the model's columns)")
 
@@ -126,7 +126,7 @@ def add_cameras(parser: Parser, purpose: str = "views", *, more: str = "", requi
 
 def add_up(parser: Parser, **group: Any) -> None:
     """Add ``--up``, a setting of generated views."""
-    meaning = "up direction of generated views (default: guessed from the model's shape)"
+    meaning = "up direction of generated views, such as 0 0 1 (default: guessed from the model's shape)"
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
 
 
@@ -221,16 +221,19 @@ def require_own_folder(args: Arguments) -> None:
     from gspure.files import read_json
     from gspure.provenance import PROVENANCE
 
+    provenance = args.out / PROVENANCE
+    record = read_json(provenance) if provenance.is_file() and not args.force else None
+    if not (isinstance(record, dict) and record.get("command") == args.verb):
+        require_empty_folder(args, f"an empty folder or results of `gspure {args.verb}`", "other files")
+
+
+def require_empty_folder(args: Arguments, expected: str = "an empty folder", found: str = "files") -> None:
+    """Refuse an output folder with files, unless ``--force`` is set."""
     visible = args.out.glob("[!.]*")
     has_files = any(file.is_file() for path in visible for file in (path, *path.rglob("*")))
-    if args.force or not has_files:
-        return
-    provenance = args.out / PROVENANCE
-    record = read_json(provenance) if provenance.is_file() else None
-    if not (isinstance(record, dict) and record.get("command") == args.verb):
-        expected = f"an empty folder or results of `gspure {args.verb}`"
+    if has_files and not args.force:
         hint = "name another folder, or use --force"
-        raise InputError(args.out, "--out", expected=expected, found="other files", hint=hint)
+        raise InputError(args.out, "--out", expected=expected, found=found, hint=hint)
 
 
 def remove_older(folder: Path, *patterns: str) -> None:

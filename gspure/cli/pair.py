@@ -8,7 +8,7 @@ import numpy as np
 
 from gspure.arrays import Float64, UInt8
 from gspure.cameras import Camera, read_cameras, write_cameras
-from gspure.cli.options import add_device, selected_device
+from gspure.cli.options import FORCE, add_device, require_empty_folder, selected_device
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import SH_DC
 from gspure.errors import InputError
@@ -76,11 +76,13 @@ def add_arguments(parser: Parser) -> None:
     parser.number("--width", "PX", "ray-traced only: image width", TRACED_SIDE, PairSettings.width)
     parser.number("--height", "PX", "ray-traced only: image height", TRACED_SIDE, PairSettings.height)
     parser.number("--seed", "N", "random seed", SEED, PairSettings.seed)
+    parser.flag(*FORCE)
     add_device(parser)
 
 
 def run(args: Arguments) -> None:
-    """Write the pair."""
+    """Write the pair; do not replace another, which the keys of models may name."""
+    require_empty_folder(args)
     settings = {field.name: getattr(args, field.name) for field in fields(PairSettings)}
     make_pair(PairSettings(**settings), args.out)
 

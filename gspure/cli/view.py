@@ -16,7 +16,7 @@ def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "file of a 3DGS model, or folder of a training run, with its cameras")
     parser.reads("other", "OTHER", "another model, in the same world: a draggable divider separates both", nargs="?")
     add_cameras(parser, "views to begin from", more=" (default: those beside MODEL)", required=False)
-    parser.writes("--out", "HTML", "page to write", default=Path("view.html"))
+    parser.writes("--out", "HTML", "page to write, or to replace", default=Path("view.html"))
 
 
 def run(args: Arguments) -> None:
