@@ -1,6 +1,5 @@
 """``gspure audit``: the workflow on a model or a configuration, in the current folder."""
 
-import os
 import re
 from math import inf
 from pathlib import Path
@@ -10,13 +9,9 @@ import yaml
 
 from gspure.cameras import write_cameras
 from gspure.cli import audit, main
-from gspure.evaluation.collecting import collect
-from gspure.evaluation.judging import judged
-from gspure.evaluation.results import write_results as write_table
 from gspure.files import alone_in, write_json
 from gspure.model import write_model
 from tests.models import blobs, tilted_camera
-from tests.outcome_cases import write_model as write_results
 from tests.workflow_cases import ROOT, configuration
 
 
@@ -107,49 +102,9 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
     assert re.findall("views (.+)", capsys.readouterr().err) == ["orbit", "."]
 
 
-@pytest.mark.parametrize(("limit", "status"), [("0.7dB", 0), ("0.9", 3)])
-def test_the_answer_is_a_table_and_a_sentence_and_its_status_a_limit(folder, monkeypatch, capsys, limit, status):
-    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    model = write_results(Path("results"), "sis/room", {"gof": (0.055, 1.0)})
-    write_table(Path("results/tables/results.csv"), judged(collect(Path("results"), [model]), {}))
-    Path("mine.yaml").write_text("{}")
-    assert main(["audit", "mine.yaml", "--fail-under", limit]) == status
-    assert "BROKEN: the message is gone at 0.82 dB of damage (GOF)" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("is_lost", [False, True])
-def test_failed_jobs_leave_the_answer_but_an_older_report_does_not(folder, monkeypatch, is_lost):
-    answered = []
-    monkeypatch.setattr(audit, "_answer", lambda *_, **__: answered.append(True) or [0.1 if is_lost else inf])
-    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: False)
-    write_json(Path("results/report.html"), "of an earlier run")
-    os.utime("results/report.html", (0, 0))
-    Path("mine.yaml").write_text("{}")
-    command = ["audit", "mine.yaml", "--fail-under", "1dB"]
-    assert (main(command), answered) == (2, [])
-    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: Path("results/report.html").touch())
-    assert (main(command), answered) == (2, [True])
-
-
-def test_without_a_limit_a_lost_message_is_no_failure(folder, monkeypatch):
-    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    monkeypatch.setattr(audit, "_answer", lambda *_, **__: [0.1])
-    assert main(["audit", "my model.ply"]) == 0
-
-
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):
     Path("mine.yaml").write_text("{}")
     assert main(["audit", "mine.yaml", "--cameras", "orbit"]) == 2
     assert "mine.yaml: --cameras: expected nothing beside a configuration" in capsys.readouterr().err
     assert main(["audit", "mine.yaml", "--", "--forcerun", "all"]) == 0
     assert words[words.index("--configfile") + 1 :] == ["mine.yaml", "--forcerun", "all"]
-
-
-def test_a_limit_needs_a_key_and_a_radius(folder, words, capsys, monkeypatch):
-    assert main(["audit", "my model.ply", "--fail-under", "1"]) == 2
-    assert "audit: --key: expected one beside --fail-under, found none" in capsys.readouterr().err
-    Path("mine.yaml").write_text("{}")
-    monkeypatch.setattr(audit, "run_workflow", lambda *_, **__: True)
-    monkeypatch.setattr(audit, "_answer", lambda *_, **__: [])
-    assert main(["audit", "mine.yaml", "--fail-under", "1"]) == 2
-    assert "expected a message with a robust radius" in capsys.readouterr().err

@@ -1,10 +1,6 @@
 """Bad input: one line that names file and field, exit status 2, nothing half-written, before any work on a device."""
 
 import json
-import os
-import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -173,14 +169,3 @@ def test_an_option_that_does_not_fit_is_refused(folder, capsys, options, line):
 def test_an_output_that_cannot_be_written_is_named(folder, capsys, command):
     Path("file").touch()
     assert refusal(folder, capsys, COMMANDS[command].replace("out/", "file/")).startswith("file")
-
-
-def test_a_machine_without_devices_is_told_the_remedy(folder):
-    command = [sys.executable, "-m", "gspure", *COMMANDS["purify"].split()]
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "OCL_ICD_VENDORS": "/nonexistent"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert re.fullmatch(
-        r"gspure purify: OpenCL: device: expected .*found no device \(see `gspure doctor`.*\n", done.stderr
-    )
-    assert not Path("out").exists()

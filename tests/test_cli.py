@@ -104,26 +104,9 @@ def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
     assert len(capsys.readouterr().err.splitlines()) > 1
 
 
-def test_results_are_written_before_anything_is_printed(asset):
-    command = [sys.executable, "-m", "gspure", "attack", "random_pruning", "--model", "model.ply", "--out", "out.ply"]
-    with Path("/dev/full").open("w") as full:
-        run = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (run.returncode, run.stderr) == (2, "gspure attack: standard output: No space left on device\n")
-    assert Path("out.ply").is_file()
-
-
-def test_a_closed_output_is_refused_in_one_line_and_closed_errors_are_discarded(asset):
-    def closed(number):
-        command = f"{sys.executable} -m gspure info model.ply {number}>&-"
-        return subprocess.run(command, shell=True, capture_output=True, text=True, check=False)  # noqa: S602
-
-    refused = closed(1)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert "standard output is closed" in refused.stderr
-    accepted = closed(2)
-    assert accepted.returncode == 0
-    assert "30" in accepted.stdout
+def test_closed_errors_are_discarded(asset):
+    command = f"{sys.executable} -m gspure info model.ply 2>&-"
+    assert b"30" in subprocess.run(command, shell=True, capture_output=True, check=True).stdout  # noqa: S602
 
 
 def test_a_shell_completes_commands_options_and_files(asset, capsys):

@@ -36,12 +36,8 @@ SUCCESS: Final = 0
 FAILED: Final = 2
 LOST: Final = 3
 _STATUSES = """
-exit status:
-  0      success
-  1      broken pipe: the reader of the output closed it
-  2      bad input, or failed jobs (the verdict then covers the attacks that succeeded)
-  3      the robust radius is smaller than --fail-under
-  130    interrupted, by Ctrl-C or SIGINT; 143 by SIGTERM, 129 by SIGHUP; the next run goes on from there
+exit status: 0, even if the message is gone; 2 after bad input or failed jobs; 3 if the robust radius is smaller than
+--fail-under; 130 after Ctrl-C, from where the next run goes on. docs/troubleshooting.md lists all.
 """
 _RESULTS = Path("results")
 _CONFIGURATION = _RESULTS / "audit.yaml"
