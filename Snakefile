@@ -17,6 +17,8 @@ if not (workflow.configfiles or {"assets", "pairs"} & config.keys()):
 report: "report/workflow.rst"
 
 
+# Reads the configuration and makes the plan; the rules name jobs of it. Their functions of wildcards are called later, when
+# Snakemake builds the graph of jobs.
 include: "rules/common.smk"
 include: "rules/base.smk"
 include: "rules/models.smk"
