@@ -105,29 +105,38 @@ def candidates(count: int) -> NDArray[np.uint8]:
     return (255 * np.array(pictures)).astype(np.uint8)
 
 
-def write_model(results: Path, name: str, attacks: Mapping[str, tuple[float, float]]) -> ModelPlan:
+def write_model(
+    results: Path, name: str, attacks: Mapping[str, tuple[float, float]], *, adapts: bool = False
+) -> ModelPlan:
     """Write renders, metrics, evidence and verdicts of a model whose attacks add these errors to scene and message.
 
-    Its control is a clean model without the message.
+    An owner who adapts halves the error of the message. Its control is a clean model without the message.
     """
     truth = results / "pairs" / name.rpartition("/")[2]
     errors = {"unattacked": (0.05, 0.02), **attacks, "clean": (0.05, 1.0)}
     before = nan
     for variant, of_targets in errors.items():
         folder = results / name / variant
-        for target, error in zip(("scene", "message"), of_targets, strict=True):
+        by_target = dict(zip(TARGETS, of_targets, strict=True))
+        if adapts:
+            by_target["message_adaptive"] = by_target["message"] / 2
+        for target, error in by_target.items():
+            kind = target.partition("_")[0]
             for i, view in enumerate(VIEWS):
-                image = photograph(i, target)
-                write_image(truth / target / f"{view}.png", image)
+                image = photograph(i, kind)
+                write_image(truth / kind / f"{view}.png", image)
                 noise = np.random.default_rng(i).random(image.shape, np.float32)
                 write_image(folder / "renders" / target / f"{view}.png", (1 - error) * image + error * noise)
-        rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders")[0]]
+        against = {target: "message" for target in by_target if target not in TARGETS}
+        rows = [compare(pair, TRUTH) for pair in pair_images(truth, folder / "renders", against)[0]]
         write_metrics(folder / "metrics.csv", rows)
         psnr = float(np.mean([row.psnr for row in rows if row.target == "scene"]))
         before = psnr if variant == "unattacked" else before
         messages = [photograph(i, "message") for i in range(len(VIEWS))]
-        extractions = [read_image(folder / "renders" / "message" / f"{view}.png") for view in VIEWS]
-        of_message = {"message": evidence_of(extractions, messages, candidates(19))}
+        of_message = {}
+        for target in [*by_target][1:]:
+            extractions = [read_image(folder / "renders" / target / f"{view}.png") for view in VIEWS]
+            of_message[target] = evidence_of(extractions, messages, candidates(19))
         change = None if variant == "clean" else SceneChange(before - psnr, None, 0.0)
         evidence = JobEvidence(change, of_message)
         write_json(folder / EVIDENCE, plain(evidence))

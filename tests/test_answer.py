@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from gspure.evaluation.evidence import Evidence
+from gspure.evaluation.evidence import Evidence, SceneChange
 from gspure.evaluation.judging import judged
 from gspure.evaluation.outcomes import Outcome, with_references
+from gspure.metrics.bit_evidence import BitEvidence
 from gspure.report.answer import Answer, answers
-from gspure.report.audit import NO_KEY
+from gspure.report.audit import NO_KEY, is_judged
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from tests.outcome_cases import NOTHING as FAINT
 from tests.outcome_cases import PLAIN, PROTOCOL, outcome, read, shown
@@ -58,7 +59,7 @@ UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unat
             "with this key, a model",
         ),
         ([attacked("unattacked", 0.0, message=Evidence(0.95, 1.0))], "unknown", "too few views or candidates"),
-        ([read("unattacked", 32, 32), read("blur", 17, 32, 1.5)], "weak", "the mark (bits) is gone at 1.5 dB"),
+        ([read("unattacked", 32, 32), read("blur", 17, 32, 1.5)], "weak", "the mark in renders is gone at 1.5 dB"),
     ],
 )
 def test_each_verdict_is_given_where_it_applies(outcomes: Any, verdict: str, text: str) -> None:
@@ -74,16 +75,23 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "legible", "p", "as", "published"]
     assert lines[2].split() == ["GOF", "0.4", "20.0", "0%", "0.9", "gone"]
     assert lines[3].split() == ["noise", "0.9", "20.0", "50%", "0.005", "traces"]
-    assert lines[4] == "controls: clean model gone, wrong key gone"
-    assert lines[5] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
+    assert lines[4] == "traces: ≥ 40% legible; p: probability of as much by chance"
+    assert lines[5] == "controls: clean model gone, wrong key gone"
+    assert lines[6] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
     failed = answer_of([outcome("crop", failure="no memory", protocol="shared", initialization="both"), *LOST])
-    assert [row.variant for row in failed.attacks] == ["gof", "noise", "crop"]
+    assert [(row.variant, row.failure) for row in failed.attacks] == [("gof", ""), ("noise", ""), ("crop", "no memory")]
+    compared = {name: SceneChange(None, fidelity, 0.0) for name, fidelity in (("noise", 20.0), ("gof", 40.0))}
+    faithful = [outcome(name, targets={"scene": 30.0}, change=change) for name, change in compared.items()]
+    last = outcome("crop", failure="no memory")
+    assert [row.variant for row in answer_of([last, *faithful]).attacks] == ["gof", "noise", "crop"]
 
 
 def test_a_removed_format_has_no_level_of_the_message() -> None:
     removed = outcome("distil", targets={"scene": 29.9}, unreadable={"message": "removed"}, **PROTOCOL)
-    first = answer_of([removed, *LOST]).attacks[0]
+    answer = answer_of([removed, *LOST])
+    first = answer.attacks[0]
     assert (first.variant, first.published, isnan(first.level)) == ("distil", "gone", True)
+    assert "no candidates" not in " ".join(answer.audit.remarks)
 
 
 def test_the_verdict_follows_the_owner_who_adapts() -> None:
@@ -118,6 +126,8 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
     assert "p ≤ 0.005: 199 candidates, 8 redrawn twins, no test against clean models" in remarks
     for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
         assert text in remarks
+    others = models_of("vault", gof=(0.4, FAINT))
+    assert ("readable in 1 of 2", "with a wrong key") in [*answer_of([*leaking, *others]).key_numbers()]
     many = attacked("gof", 0.4, message=Evidence(0.95, 1.0, 60 * PLAIN.candidates))
     assert answer_of([many]).audit.remarks[0].startswith("Proven means p ≤ 0.001: 11940 candidates")
 
@@ -127,6 +137,24 @@ def test_without_a_key_nothing_is_said_about_a_message() -> None:
     assert (first, header.split()) == ("sis", ["attack", "damage", "dB", "scene", "dB"])
     assert row.split() == ["GSPure", "0.0", "30.0"]
     assert verdict.startswith("No verdict: only the owner's key can tell")
+
+
+def test_without_candidates_or_photographs_there_is_neither_a_p_nor_a_radius() -> None:
+    change = SceneChange(None, 40.0, 0.0)
+    known = {"evidence": {"message": Evidence(0.95, 1.0)}, "change": change, **PROTOCOL}
+    targets = {"scene": 30.0, "message": 20.0}
+    answer = answer_of([outcome(name, targets=targets, **known) for name in ("unattacked", "gof")])
+    (attack,) = answer.attacks
+    assert (attack.published, isnan(attack.p), next(answer.key_numbers())[0]) == ("readable", True, "no attack")
+
+
+def test_a_verdict_on_a_mark_follows_from_its_own_rows_alone() -> None:
+    bits = read("unattacked", 32, 32)
+    detections = dict.fromkeys(("bits", "other"), bits.detections["bits"])
+    rows = judged([replace(bits, detections=detections, bits={**bits.bits, "other": BitEvidence(0.9, 1, 32, 4)})], {})
+    (answer,) = answers(rows)
+    assert [row.extraction for row in rows if is_judged(row, answer.audit.extraction)] == ["bits"]
+    assert answer.quantity == "correct bits %"
 
 
 def test_a_scan_is_a_key_number_before_and_after() -> None:

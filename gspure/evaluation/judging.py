@@ -1,6 +1,7 @@
 """From outcomes to results: whether each owner can still read the message, and prove it."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import nan
 from typing import Final
 
 import numpy as np
@@ -109,7 +110,7 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
         trace=proof.trace,
         legibility=max(legibilities),
         z=proof.z,
-        p=proof.p,
+        p=proof.p if proof.candidates else nan,
         level=proof.level,
         candidates=proof.candidates,
         clean_models=proof.clean_models,

@@ -117,7 +117,7 @@ def _common_views(folders: Iterable[Path]) -> list[str]:
 
 
 def shown_variants(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[str]]) -> list[Outcome]:
-    """Return one variant of each attack, in the order of `outcomes`.
+    """Return one variant of each attack that has results, in the order of `outcomes`.
 
     Of an attack at several strengths (`sweeps`), it is the variant with the largest drop of the message, or the first
     if no drop is known; of GSPure's variants, the method itself.
@@ -130,7 +130,7 @@ def shown_variants(outcomes: Sequence[Outcome], sweeps: Mapping[str, Sequence[st
         known = {name: drop if isfinite(drop) else -np.inf for name, drop in drops.items()}
         variants.sort(key=lambda o: (o.variant == GSPURE, known[o.variant]), reverse=True)
         left_out |= {o.variant for o in variants[1:]}
-    return [o for o in outcomes if o.variant not in left_out and not o.is_control]
+    return [o for o in outcomes if o.targets and o.variant not in left_out and not o.is_control]
 
 
 def draw_attacks(
@@ -178,7 +178,7 @@ def draw_attacks(
     caption = f"View {view} of {count} after every attack: the one with the median {compared} PSNR {when}."
     if any(_UNAFFECTED in tile.label for row in rows for tile in row):
         caption += f" {_UNAFFECTED} The attack changed nothing that this extraction reads."
-    if len(shown) < len(folders):
+    if len(shown) < sum(bool(o.targets) for o in attacks):
         caption += (
             " Attacks with several strengths are shown at the one that harms the message most, GSPure at its default."
         )
@@ -213,7 +213,7 @@ def _target_folder(folder: Path, target: str) -> Path:
 def _tile(o: Outcome, target: str, file: Path, reference: Float32) -> Tile:
     """Return a target's view in `file`, after an attack, labelled with its PSNR."""
     if target not in o.targets:
-        return Tile(np.full_like(reference, 0.94), "failed")
+        return Tile(np.full_like(reference, 0.94), "unreadable")
     image = read_image(file)
     label = f"{METRICS['psnr'].text(psnr(reference, image))} dB"
     if o.variant != UNATTACKED and o.reaches(target) is False:

@@ -3,6 +3,8 @@
 from math import isnan, nan
 from typing import Final
 
+from gspure.metrics.targets import HIDDEN_BITS
+
 UNATTACKED: Final = "unattacked"  # the variant without an attack: drops are relative to it
 GSPURE: Final = "gspure"  # the variant of the paper's attack, and the name of the sweep over its pruning factors
 
@@ -38,11 +40,13 @@ _NAMES: Final = SCHEMES | {
     "lowest_weight_matched": "count-matched lowest-weight pruning",
     "lowest_opacity_matched": "count-matched lowest-opacity pruning",
     "message_adaptive": "message (adaptive)",
+    "bits": "mark in renders",
+    "model_bits": "mark in the file",
     "tradeoff": "trade-off",
     "vanilla": "Own model",
 }
 
-_WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian"}
+_WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian", "jpeg": "JPEG"}
 
 
 def variant_at(variant: str, damage: float) -> str:
@@ -62,7 +66,8 @@ def display_name(name: str) -> str:
 
 def extraction_name(extraction: str) -> str:
     """Return the display name of an extraction of the message, or of the mark of a detector: ``mark (spread)``."""
-    return display_name(extraction) if extraction.startswith("message") else f"mark ({display_name(extraction)})"
+    has_name = extraction.startswith("message") or extraction in HIDDEN_BITS
+    return display_name(extraction) if has_name else f"mark ({display_name(extraction)})"
 
 
 def model_name(scheme: str, scene: str, seed: int = 0) -> str:

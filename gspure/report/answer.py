@@ -11,17 +11,37 @@ import numpy as np
 from gspure.codec import plain
 from gspure.evaluation.outcomes import title_with_damage
 from gspure.evaluation.radius import Radius
-from gspure.evaluation.results import ADAPTS, IN_ORDER, PUBLISHED, OwnerName, Result, known_cells
+from gspure.evaluation.results import (
+    ADAPTS,
+    DESCENT,
+    IN_ORDER,
+    PROVEN,
+    PUBLISHED,
+    READABLE,
+    TRACES,
+    OwnerName,
+    Result,
+    known_cells,
+)
 from gspure.files import Json
 from gspure.grouping import grouped
-from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, extraction_name
+from gspure.metrics import legibility
+from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name
 from gspure.metrics.statistics import scene_means
-from gspure.metrics.targets import SCENE, is_picture
-from gspure.report.audit import Audit, audits
+from gspure.metrics.targets import MESSAGE, SCENE, is_picture
+from gspure.report.audit import ConditionAudit, audits
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from gspure.text import UNKNOWN, decimal, p_value, percent, significant
 
 _DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
+
+_OF_PICTURES: Final[Mapping[str, str]] = {
+    READABLE: f"≥ {percent(legibility.READABLE, 0)} legible",
+    TRACES: f"≥ {percent(legibility.TRACES, 0)} legible",
+    PROVEN: "less, but not by chance",
+    DESCENT: "shown by the key alone, so gone",
+}
+_OF_MARKS: Final[Mapping[str, str]] = {READABLE: "all of it", PROVEN: "a part, but not by chance"}
 
 
 class AttackRow(NamedTuple):
@@ -36,6 +56,7 @@ class AttackRow(NamedTuple):
     p: float  # the largest of a scene
     published: str  # whether the message is readable, shows traces, is proven or gone; of several scenes, in how many
     adaptive: str  # the same for an owner who adapts; empty if the scheme has none
+    failure: str = ""  # why a model has no results
 
     @property
     def word(self) -> str:
@@ -47,19 +68,27 @@ class AttackRow(NamedTuple):
 class Answer:
     """The audit of one condition, and its attacks by damage, the controls last."""
 
-    audit: Audit
+    audit: ConditionAudit
     attacks: Sequence[AttackRow]
     controls: Sequence[AttackRow]
     has_message: bool
-    before: AttackRow | None  # the unattacked model
+    has_bits: bool
     scenes: int
     seeds: int
 
     @property
-    def unit(self) -> str:
-        """The unit of the message's level: none for readings of a detector."""
-        is_psnr = not self.has_message or is_picture(self.audit.extraction)
-        return " dB" if is_psnr else ""
+    def quantity(self) -> str:
+        """What the level is, with its unit."""
+        if not self.has_message:
+            return f"{SCENE} dB"
+        if is_picture(self.audit.extraction):
+            return f"{MESSAGE} dB"
+        return "correct bits %" if self.has_bits else "score"
+
+    @property
+    def has_legibility(self) -> bool:
+        """Whether the message is a picture whose legibility was measured."""
+        return any(isfinite(row.legibility) for row in self.attacks)
 
     @property
     def has_damage(self) -> bool:
@@ -68,7 +97,7 @@ class Answer:
 
     def level(self, value: float) -> str:
         """Return a level of the message as text, without its unit."""
-        return decimal(value, 1) if self.unit else significant(value)
+        return decimal(value, 1) if self.quantity.endswith("dB") else significant(value)
 
     def axis(self, row: AttackRow) -> float:
         """Return what an attack costs: damage or, without photographs, fidelity, dB."""
@@ -94,27 +123,39 @@ class Answer:
 
         `scans` are the verdicts of a scan of each model, before and after GSPure.
         """
-        owners: dict[OwnerName, str] = {ADAPTS: "owner who adapts", PUBLISHED: "as published"}
+        owners: dict[OwnerName, str] = {
+            ADAPTS: "if the owner adapts to the attack",
+            PUBLISHED: "extracted as published",
+        }
         for owner, of_owner in owners.items():
             radius = self.audit.radius(owner=owner)
             if radius:
-                yield self._radius(radius), f"robust radius, {of_owner}"
+                name = "ends the message" if isnan(radius.radius) else "robust radius"
+                yield self._radius(radius), f"{name}, {of_owner}"
         readable = self.audit.radius("readable")
         if readable:
-            yield self._radius(readable), "readable radius"
+            yield self._radius(readable), "makes it unreadable" if isnan(readable.radius) else "readable radius"
         yield self._with_wrong_key()
         if scans:
             yield _scanned(scans)
         yield self._evidence()
 
+    @property
+    def legend(self) -> str:
+        """What the words in the table mean."""
+        meanings = _OF_PICTURES if is_picture(self.audit.extraction) else _OF_MARKS
+        words = " ".join(f"{row.published} {row.adaptive}" for row in self.attacks).split()
+        return "; ".join(f"{word}: {meaning}" for word, meaning in meanings.items() if word in words)
+
     def _radius(self, radius: Radius) -> str:
         """Return a radius over the scenes as text, with its range."""
         if isnan(radius.radius):
-            return UNKNOWN if radius.exceeds else f"fidelity {decimal(radius.fidelity, 1)} dB"
+            return "no attack" if radius.exceeds else f"fidelity {decimal(radius.fidelity, 1)} dB"
         if radius.scenes == 1:
             return str(radius)
+        low = decimal(radius.low, 1)
         high = decimal(radius.high, 1) if isfinite(radius.high) else "more"
-        return f"{radius} ({decimal(radius.low, 1)} to {high})"
+        return f"{radius} ({low} to {high})" if low != high else str(radius)
 
     def _with_wrong_key(self) -> tuple[str, str]:
         """Return whether a wrong key shows the message."""
@@ -135,6 +176,8 @@ class Answer:
         for row in table:
             cells = [f"{cell:{'>' if number else '<'}{widths[number]}}" for number, cell in enumerate(row)]
             yield "  ".join(cells).rstrip()
+        if self.legend:
+            yield f"{self.legend}; p: probability of as much by chance"
         controls = [f"{row.attack} {row.published}" for row in self.controls if row.published]
         if controls:
             yield f"controls: {', '.join(controls)}"
@@ -143,17 +186,20 @@ class Answer:
     def _table(self) -> list[list[str]]:
         """Return the cells of the attacks below their titles."""
         adapts = any(row.adaptive for row in self.attacks)
-        name = extraction_name(self.audit.extraction) if self.has_message else SCENE
-        titles = ["attack", "damage dB" if self.has_damage else "fidelity dB", f"{name}{self.unit}"]
+        titles = ["attack", "damage dB" if self.has_damage else "fidelity dB", self.quantity]
+        if self.has_legibility:
+            titles.append("legible")
         if self.has_message:
-            titles += ["legible", "p", "as published"]
+            titles += ["p", "as published"]
         if adapts:
             titles.append("owner who adapts")
         table = [titles]
         for row in self.attacks:
             cells = [row.attack, decimal(self.axis(row), 1), self.level(row.level)]
+            if self.has_legibility:
+                cells.append(percent(row.legibility, 0))
             if self.has_message:
-                cells += [percent(row.legibility, 0), p_value(row.p), row.published or UNKNOWN]
+                cells += [p_value(row.p), row.published or UNKNOWN]
             if adapts:
                 cells.append(row.adaptive or UNKNOWN)
             table.append(cells)
@@ -172,22 +218,29 @@ def answers(rows: Sequence[Result]) -> list[Answer]:
     return [_answer(audit, by_condition[audit.condition]) for audit in audits(rows)]
 
 
-def _answer(audit: Audit, rows: Sequence[Result]) -> Answer:
+def _answer(audit: ConditionAudit, rows: Sequence[Result]) -> Answer:
     by_variant = grouped(rows, lambda row: row.variant)
     lines = {variant: _attack_row(audit.extraction, alike) for variant, alike in by_variant.items()}
     inapplicable = {name for name, alike in by_variant.items() if all(map(_is_inapplicable, alike))}
     attacks = [row for variant, row in lines.items() if variant not in {UNATTACKED, *CONTROLS, *inapplicable}]
-    attacks.sort(key=lambda row: (isnan(row.damage), row.damage, -row.fidelity, row.attack))  # failed ones last
+    attacks.sort(key=_place)
     known = [row for row in rows if row.variant == UNATTACKED]
     return Answer(
         audit=audit,
         attacks=attacks,
         controls=[lines[name] for name in CONTROLS if name in lines],
         has_message=any(row.owner and (row.word or not isnan(row.reading)) for row in rows),
-        before=lines.get(UNATTACKED),
+        has_bits=any(row.bits for row in rows if row.extraction == audit.extraction),
         scenes=len({row.scene for row in known}),
         seeds=len({row.seed for row in known}),
     )
+
+
+def _place(row: AttackRow) -> tuple[int, float, str]:
+    """Return the place of an attack: by damage, then without photographs by fidelity, and last those that failed."""
+    if not isnan(row.damage):
+        return 0, row.damage, row.attack
+    return (2, 0.0, row.attack) if isnan(row.fidelity) else (1, -row.fidelity, row.attack)
 
 
 def _is_inapplicable(row: Result) -> bool:
@@ -210,8 +263,9 @@ def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
         level=_level(published or alike),
         legibility=_mean(published, "legibility"),
         p=max((row.p for row in published if not isnan(row.p)), default=nan),
-        published=_words(published),
+        published=_words(published, least=first.variant not in CONTROLS),
         adaptive=_words(adaptive),
+        failure=next((row.failure for row in alike if row.failure and not row.word), ""),
     )
 
 
@@ -230,19 +284,20 @@ def _mean(rows: Sequence[Result], field: str) -> float:
     return float(np.mean([*scene_means(known).values()])) if known else nan
 
 
-def _words(rows: Sequence[Result]) -> str:
-    """Return the word that says least; of several models that differ, in how many."""
+def _words(rows: Sequence[Result], *, least: bool = True) -> str:
+    """Return the word that says least of the message, or most; of several models that differ, in how many."""
     words = Counter(row.word for row in rows if row.word)
     if not words:
         return ""
-    worst = max(words, key=IN_ORDER.index)
-    return worst if len(words) == 1 else f"{worst} in {words[worst]} of {words.total()}"
+    in_order = sorted(words, key=IN_ORDER.index, reverse=least)
+    word = in_order[0]
+    return word if len(words) == 1 else f"{word} in {words[word]} of {words.total()}"
 
 
 def _scanned(scans: Sequence[Mapping[str, str]]) -> tuple[str, str]:
-    """Return whether scans detect a message before and after GSPure; of several models, in how many."""
+    """Return whether scans suspect a message before and after GSPure; of several models, in how many."""
     texts = []
     for when in ("before", "after"):
         answers = [_DETECTED[scan[when]] for scan in scans]
         texts.append(answers[0] if len(answers) == 1 else f"{answers.count('yes')} of {len(answers)}")
-    return " → ".join(texts), "detectable without a key, before and after GSPure"
+    return " → ".join(texts), "suspected by a scan without key, before → after GSPure"

@@ -19,11 +19,13 @@ WEAK: Final = 2.0  # with at most this one, it is weak
 
 Verdict = Literal["broken", "weak", "holds", "not present", "unknown"]
 
-NO_KEY: Final = "only the owner's key can tell whether an attack removed a message; the tables show damage to the scene"
+NO_KEY: Final = (
+    "only the owner's key can tell whether an attack removed a message; the tables show what each costs the scene"
+)
 
 
 @dataclass(frozen=True)
-class Audit:
+class ConditionAudit:
     """The answer for one scheme, protocol and initialization."""
 
     condition: Condition
@@ -79,19 +81,23 @@ class Audit:
         return f"{end} at {radius} of damage ({killer})"
 
 
-def audits(rows: Sequence[Result]) -> list[Audit]:
+def audits(rows: Sequence[Result]) -> list[ConditionAudit]:
     """Return the audit of every condition, in the order of the results."""
     return [_audit(condition, alike) for condition, alike in grouped(rows, lambda row: row.condition).items()]
 
 
-def _audit(condition: Condition, rows: Sequence[Result]) -> Audit:
+def _audit(condition: Condition, rows: Sequence[Result]) -> ConditionAudit:
     extraction = _judged_by(rows)
-    pictures = is_picture(extraction)
-    judged = [row for row in rows if row.extraction == extraction or (pictures and is_picture(row.extraction))]
+    judged = [row for row in rows if is_judged(row, extraction)]
     known = radii(model_radii(judged), {row.model: condition for row in judged})
     verdict, reason = _verdict(rows, judged, known)
     titles = {row.variant: variant_title(row.entry or row.variant, row.wanted) for row in rows}
-    return Audit(condition, extraction, verdict, known, titles, reason, _remarks(judged))
+    return ConditionAudit(condition, extraction, verdict, known, titles, reason, _remarks(judged))
+
+
+def is_judged(row: Result, extraction: str) -> bool:
+    """Return whether the verdict on an extraction follows from a row, as from every picture of the same message."""
+    return row.extraction == extraction or (is_picture(extraction) and is_picture(row.extraction))
 
 
 def _judged_by(rows: Sequence[Result]) -> str:
@@ -160,7 +166,7 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
         remarks.append(
             f"Proven means p ≤ {decimal(level, 3)}: {candidates} candidates, {twins} redrawn twins, {models}."
         )
-    if any(not row.candidates and not row.bits and row.word for row in attacked if is_picture(row.extraction)):
+    if any(not row.candidates and not isnan(row.trace) for row in attacked):
         remarks.append("There are no candidates of the message's kind: what is said of it is no proof.")
     if wrong_key:
         remarks.append("A wrong key shows the message, too: the key keeps nothing secret.")

@@ -9,7 +9,6 @@ from gspure.evaluation.results import ADAPTS, IN_ORDER, Result, known_cells
 from gspure.grouping import grouped
 from gspure.metrics.names import CONTROLS, UNATTACKED, display_name, extraction_name
 from gspure.metrics.statistics import Interval, known_interval, scene_means
-from gspure.metrics.targets import is_picture
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.text import UNKNOWN, decimal, p_value, percent, significant
 
@@ -18,8 +17,8 @@ _NOTE: Final = (
     "95% interval. Damage: drop of the scene's PSNR against photographs after the best map of colours, where the "
     "model covered the image; uncovered: the share where it does so no longer. Fidelity: PSNR against the unattacked, "
     "without photographs. T: trace, the mean correlation of the extraction's gradients with the message's. Legible: R, "
-    "the share of the message's blocks that can be recognized. p: the largest of a scene. †: the attack changed "
-    "nothing that this extraction reads."
+    "the share of the message's blocks that can be recognized. p: probability of as much by chance, the largest of "
+    "a scene. †: the attack changed nothing that this extraction reads."
 )
 
 
@@ -42,8 +41,9 @@ def _table(extraction: str, rows: Sequence[Result]) -> Table:
     columns |= {"p": Column("p"), "word": Column("left", text=True)}
     lines = [_cells(alike, scenes) for alike in grouped(rows, lambda row: row.variant).values()]
     shown = [name for name in columns if any(line[name].text != UNKNOWN for line in lines)]
-    owner = "an owner who adapts" if rows[0].owner == ADAPTS else extraction_name(extraction)
-    title = f"What is left: {owner}" if is_picture(extraction) else f"What is left: {extraction_name(extraction)}"
+    title = (
+        f"What is left: {'message, if the owner adapts' if rows[0].owner == ADAPTS else extraction_name(extraction)}"
+    )
     table_rows = [
         TableRow([line[name] for name in shown], "control" if variant in CONTROLS else "")
         for variant, line in zip(grouped(rows, lambda row: row.variant), lines, strict=True)

@@ -21,9 +21,10 @@ from gspure.figures.radius_chart import draw_evidence
 from gspure.files import Json, read_json, write_json, write_text
 from gspure.grouping import grouped
 from gspure.metrics.names import UNATTACKED, extraction_name
-from gspure.metrics.targets import SCENE
+from gspure.metrics.targets import ADAPTIVE, SCENE
 from gspure.progress import track, warn
 from gspure.report.answer import Answer, answers
+from gspure.report.audit import is_judged
 from gspure.report.evidence_table import evidence_tables
 from gspure.report.page import Comparison, ModelSection, picture, renders, write_page
 from gspure.report.tables import failures, model_table, results_markdown
@@ -74,8 +75,9 @@ def _comparison(
     folder = results / "figures" / condition.key
     evidence = folder / "evidence.png"
     sweep = folder / "sweep.png"
+    judged = [row for row in rows if is_judged(row, answer.audit.extraction)]
     captions = {
-        evidence: _drawn(draw_evidence, evidence, rows, answer.audit.radii),
+        evidence: _drawn(draw_evidence, evidence, judged, answer.audit.radii),
         sweep: _drawn(draw_factors, sweep, alike, plan.factors.get(condition.scheme, {})),
     }
     pictures = [picture(path, caption, results) for path, caption in captions.items() if caption]
@@ -125,7 +127,7 @@ def _model(
     captions = {path: caption} | {drawn / name: text for name, text in _parts(drawn / CAPTIONS).items()}
     place = _places(answer)
     by_damage = sorted(variants, key=lambda o: place(o.variant))
-    targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction)}
+    targets = {target: view for target, view in views.items() if target in (SCENE, answer.audit.extraction, ADAPTIVE)}
     pictured = answer.pictured({o.variant for o in variants})
     attacked = [row.variant for row in answer.attacks]
     return ModelSection(
