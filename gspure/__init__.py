@@ -20,6 +20,8 @@ Rendering
     `view`, also ``model.view()``: the `View` of a model in 3-D, which a cell of a notebook shows.
 The method
     `purify`: GSPure on one model.
+Audits
+    `audit`: ``gspure audit``, which returns an `Audit`: results and robust radii.
 Attacks and schemes
     `find_attack`: an attack by name; its ``apply(model)`` returns the attacked model and, for each of its rows, the
     row that it comes from.
@@ -54,13 +56,17 @@ if TYPE_CHECKING:
     from gspure.schemes.scheme import hide as hide
     from gspure.viewer.view import View as View
     from gspure.viewer.view import view as view
+    from gspure.workflow.auditing import Audit as Audit
+    from gspure.workflow.auditing import audit as audit
 else:
     _HOMES = {
+        "Audit": "gspure.workflow.auditing",
         "Gaussians": "gspure.model",
         "InputError": "gspure.errors",
         "Pair": "gspure.schemes.pair",
         "Renderer": "gspure.renderer",
         "View": "gspure.viewer.view",
+        "audit": "gspure.workflow.auditing",
         "find_attack": "gspure.attacks",
         "find_scheme": "gspure.schemes.registry",
         "hide": "gspure.schemes.scheme",

@@ -11,6 +11,7 @@ from gspure.cameras import write_cameras
 from gspure.cli import audit, main
 from gspure.files import alone_in, write_json
 from gspure.model import write_model
+from gspure.workflow import auditing
 from tests.models import blobs, tilted_camera
 from tests.workflow_cases import ROOT, configuration
 
@@ -26,7 +27,8 @@ def folder(tmp_path, monkeypatch):
 def words(monkeypatch):
     """The options of Snakemake, which is not started."""
     started = []
-    monkeypatch.setattr(audit, "run_workflow", lambda options, **_: not started.extend(options))
+    for module in (audit, auditing):
+        monkeypatch.setattr(module, "run_workflow", lambda options, *_: not started.extend(options))
     monkeypatch.setattr(audit, "_answer", lambda *_, **__: [inf])
     return started
 

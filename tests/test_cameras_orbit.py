@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from gspure.cameras import bounding_sphere, orbit_cameras, shell_cameras
 from gspure.cameras.orbit import guessed_up
-from gspure.cli.options import mention_up
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
+from gspure.figures.panels import mention_up
 from tests.camera_cases import numbers, project
 from tests.models import points_of
 

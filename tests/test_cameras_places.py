@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gspure.cameras import read_cameras, write_cameras
-from gspure.cli.options import default_cameras
+from gspure.cameras.reading import default_cameras
 from gspure.errors import InputError
 from gspure.training.dataset import read_dataset
 from gspure.workflow.inputs import camera_files

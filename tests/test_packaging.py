@@ -24,7 +24,7 @@ def test_a_wheel_contains_kernels_workflow_and_data(tmp_path):
     name = python(f"import hatchling.build; print(hatchling.build.build_wheel({str(tmp_path)!r}))", cwd=ROOT)[-1]
     installed = tmp_path / "installed"
     zipfile.ZipFile(tmp_path / name).extractall(installed)
-    code = f"import sys; sys.path.insert(0, {str(installed)!r}); from gspure.cli.audit import snakefile; "
+    code = f"import sys; sys.path.insert(0, {str(installed)!r}); from gspure.workflow.auditing import snakefile; "
     code += "from gspure.opencl.program import kernel_folder; print(kernel_folder(), snakefile().parent, sep='\\n')"
     kernels, workflow = map(Path, python(code, cwd=tmp_path))
     files = {path: kernels / path.name for path in (ROOT / "kernels_cl").glob("*.cl")}

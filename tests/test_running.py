@@ -17,6 +17,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 from gspure.errors import InputError
 from gspure.progress import EVENTS
 from gspure.workflow import running
+from gspure.workflow.console import Console
 from gspure.workflow.plugins.snakemake_logger_plugin_gspure import LogHandler, LogHandlerSettings
 
 WITH_JOB = """
@@ -42,7 +43,7 @@ send(event="failed", job=2)
 send(event="error", text="At least one job did not complete")
 sys.exit(1)
 """)
-    assert not running.run(["--cores", "1"], silent=True)
+    assert not running.run(["--cores", "1"], Console())
     output, lines = capfd.readouterr()
     assert output == ""
     assert {*lines.splitlines()} == {
@@ -98,7 +99,7 @@ send(event="started", job=1, text="Drawing", log="a.log")
 )
 def test_the_reason_of_a_failure_is_one_line(snakemake, capfd, end, reason):
     snakemake(end)
-    assert not running.run([], silent=True)
+    assert not running.run([], Console())
     assert capfd.readouterr().err == f"gspure: {reason}\n"
 
 

@@ -12,8 +12,10 @@ import time
 import numpy as np
 import pytest
 
+import gspure
 from gspure.cli import main
 from gspure.model import read_model, write_model
+from gspure.workflow import auditing
 from tests.models import blobs
 from tests.workflow_cases import CONFIG, PRINTED, ROOT, edit_cameras, make_ready, started
 
@@ -195,6 +197,21 @@ def test_a_users_model_has_the_weights_of_purify(finished, tmp_path, monkeypatch
         np.testing.assert_array_equal(found, expected)
     pruned = read_model(finished.folder / BOT / "gspure/public/point_cloud.ply")
     assert len(pruned) == len(read_model(tmp_path / "out" / "purified.ply"))
+
+
+def test_an_audit_in_python_returns_results_and_is_silent(project, rows, monkeypatch, capfd):
+    monkeypatch.chdir(project.folder)
+    monkeypatch.setattr(auditing, "snakefile", lambda: project.folder / "Snakefile")
+    audit = gspure.audit("config/config.yaml", cores=2)
+    assert capfd.readouterr() == ("", "")
+    assert audit.folder == project.folder / "results"
+    assert [(row.variant, row.word, row.failure) for row in audit.results] == [
+        (row["variant"], row["word"], row["failure"]) for row in rows
+    ]
+    for radii in (audit.radii, audit.model_radii):
+        assert ("published", "message", "message") in {(one.owner, one.extraction, one.kind) for one in radii}
+    with pytest.raises(gspure.InputError, match=r"^none\.yaml: audit: .*none\.yaml"):
+        gspure.audit("none.yaml")
 
 
 @pytest.mark.parametrize("tool", [["snakefmt", "--check", "Snakefile", "rules"], ["snakemake", "--lint"]], ids=str)

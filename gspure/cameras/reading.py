@@ -15,6 +15,7 @@ from gspure.cameras.entry import Entry
 from gspure.cameras.orbit import GENERATED
 from gspure.errors import InputError, reading
 from gspure.files import read_json
+from gspure.model import model_file
 from gspure.progress import say
 
 IN_FOLDER: Final = ("cameras.json", "transforms.json", "transforms_train.json")
@@ -157,6 +158,14 @@ def place_in(folder: Path) -> Path | None:
     """Return the camera file or sparse model of a folder itself, if it has one."""
     files = (folder / name for name in IN_FOLDER)
     return find_sparse(folder) or next((file for file in files if file.is_file()), None)
+
+
+def default_cameras(model: Path, *folders: Path) -> Path | str:
+    """Return the place of cameras: one of the `folders`, that of the model or that of its training run; else orbit."""
+    found = model_file(model)
+    beside = found if found.is_dir() else found.parent  # chunks of a model are a folder
+    run_folder = beside.parents[1] if beside.match("point_cloud/iteration_*") else beside
+    return next(filter(place_in, [*folders, beside, run_folder]), "orbit")
 
 
 def refuse_foreign(path: Path) -> None:

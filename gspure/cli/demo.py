@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from gspure.cli import options
-from gspure.cli.audit import RunOptions, add_run_options, audited, snakefile
+from gspure.cli.audit import RunOptions, add_run_options, audited
 from gspure.cli.parser import Arguments, Parser
 from gspure.files import alone_in
+from gspure.workflow.auditing import snakefile
 
 EXAMPLES = """\
   gspure demo              # results/report.html, in two to three minutes on two CPU cores

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
     from gspure.attacks import Attack
     from gspure.cameras import Camera
-    from gspure.model import Gaussians
     from gspure.opencl.device import Device
-    from gspure.public_model import RenderView
     from gspure.schemes.scheme import Key, Scheme
 
 Options = TypeVar("Options", bound="DataclassInstance")
@@ -128,17 +126,6 @@ def add_up(parser: Parser, **group: Any) -> None:
     """Add ``--up``, a setting of generated views."""
     meaning = "up direction of generated views, such as 0 0 1 (default: guessed from the model's shape)"
     parser.number("--up", ("X", "Y", "Z"), meaning, COORDINATE, nargs=3, **group)
-
-
-def default_cameras(model: Path, *folders: Path) -> Path | str:
-    """Return the place of cameras: one of the `folders`, that of the model or that of its training run; else orbit."""
-    from gspure.cameras.reading import place_in
-    from gspure.model import model_file
-
-    found = model_file(model)
-    beside = found if found.is_dir() else found.parent  # chunks of a model are a folder
-    run_folder = beside.parents[1] if beside.match("point_cloud/iteration_*") else beside
-    return next(filter(place_in, [*folders, beside, run_folder]), "orbit")
 
 
 def read_source(source: Path | str, model: Path | None, *, shows_model: bool = True, **settings: Any) -> list[Camera]:
@@ -257,20 +244,3 @@ def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme])
         lines.append(f"{title} of installed packages:")
         lines += [f"  {entry.name:<28}{package_of(entry)}" for entry in plug_ins]
     parser.epilog = "\n".join(lines)
-
-
-def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
-    """Warn if the up direction of generated views is an unsure guess, and draw the model with each axis up."""
-    from gspure.cameras.orbit import UP_SHEET, up_of
-    from gspure.figures.panels import draw_up_sheet
-    from gspure.progress import warn
-
-    sheet = folder / UP_SHEET
-    sheet.unlink(missing_ok=True)  # of an earlier run
-    if up:
-        return
-    guess = up_of(model)
-    if guess.is_sure:
-        return
-    draw_up_sheet(sheet, model, render, guess)
-    warn(f"up is unsure: see {sheet}; pass --up X Y Z")

@@ -11,8 +11,8 @@ from gspure import __version__
 from gspure.arrays import Float32, Indices, save_array
 from gspure.cameras import Camera, scaled, split
 from gspure.cameras.photographs import TRAINING_RULE
+from gspure.cameras.reading import default_cameras
 from gspure.cli import options
-from gspure.cli.options import mention_up
 from gspure.cli.parser import Arguments, Parser
 from gspure.constants import (
     ANCHOR_TAU_C,
@@ -25,6 +25,7 @@ from gspure.constants import (
     Energy,
 )
 from gspure.errors import InputError
+from gspure.figures.panels import mention_up
 from gspure.files import Json, filling_alone, write_json
 from gspure.images import write_image
 from gspure.method.clusters import SELECTIONS
@@ -99,7 +100,7 @@ def run(args: Arguments) -> None:
 
     options.require_own_folder(args)
     if not args.cameras:
-        args.cameras = options.default_cameras(args.model)
+        args.cameras = default_cameras(args.model)
         say(f"{args.model}: views {args.cameras}")
     stored = read_public_model(args.model)
     suspects = suspicious_rows(stored.model)

@@ -24,7 +24,7 @@ def add_arguments(parser: Parser) -> None:
 def run(args: Arguments) -> None:
     """Render every view."""
     from gspure.arrays import save_array
-    from gspure.cli.options import mention_up
+    from gspure.figures.panels import mention_up
     from gspure.files import filling_alone
     from gspure.images import is_flat, write_image
     from gspure.schemes.registry import read_public_model

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gspure.cli.options import add_cameras, default_cameras, read_source
+from gspure.cli.options import add_cameras, read_source
 from gspure.cli.parser import Arguments, Parser
 
 EXAMPLES = """\
@@ -21,6 +21,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Write the page."""
+    from gspure.cameras.reading import default_cameras
     from gspure.schemes.registry import read_public_model
     from gspure.viewer.view import view_beside
 

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gspure.arrays import Float32
-from gspure.cameras.orbit import Up, orbit_cameras
+from gspure.cameras.orbit import UP_SHEET, Up, orbit_cameras, up_of
 from gspure.errors import InputError
 from gspure.evaluation.outcomes import Outcome, ordered, title_with_damage
 from gspure.figures import style
@@ -20,6 +20,7 @@ from gspure.metrics.image_metrics import METRICS, psnr
 from gspure.metrics.names import GSPURE, UNATTACKED, display_name
 from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.model import Gaussians
+from gspure.progress import warn
 from gspure.public_model import RenderView
 from gspure.text import decimal
 
@@ -231,3 +232,16 @@ def draw_up_sheet(path: Path, model: Gaussians, render: RenderView, guess: Up) -
         mark = f"   {nearest}" if is_nearest else ""
         tiles.append(Tile(render(view), f"--up {' '.join(map(str, axis))}{mark}"))
     write_tiles(path, ["", "", ""], [tiles[:3], tiles[3:]])
+
+
+def mention_up(model: Gaussians, render: RenderView, up: Sequence[float] | None, folder: Path) -> None:
+    """Warn if the up direction of generated views is an unsure guess, and draw the model with each axis up."""
+    sheet = folder / UP_SHEET
+    sheet.unlink(missing_ok=True)  # of an earlier run
+    if up:
+        return
+    guess = up_of(model)
+    if guess.is_sure:
+        return
+    draw_up_sheet(sheet, model, render, guess)
+    warn(f"up is unsure: see {sheet}; pass --up X Y Z")

@@ -64,7 +64,7 @@ class Console:
         self._planned = 0
         self._done = 0
         self._reason = ""  # the last one of Snakemake
-        self._has_reason = False  # whether a reason was printed
+        self.reasons: list[str] = []  # of failures, as printed
 
     def read_event(self, line: str) -> None:
         """Take an event into account, and print the reason of a failure."""
@@ -85,8 +85,7 @@ class Console:
                     if text.startswith(_WARNING):
                         warn(printable(text.removeprefix(_WARNING)))
             case {"event": "failed", "job": number} if number in self._running:
-                self._tell(self._running.pop(number).failure())
-                self._has_reason = True
+                self._give(self._running.pop(number).failure())
             case {"event": "error", "text": text}:
                 self._reason = text
             case {"event": "part", "log": log, "part": part, "share": share, "left": left}:
@@ -98,9 +97,10 @@ class Console:
 
     def read_output(self, line: str) -> None:
         """Print a line of our programs; one of Snakemake may become the reason of its end."""
-        if line.startswith((_OURS, _WARNING)):
+        if line.startswith(_OURS):
+            self._give(line)
+        elif line.startswith(_WARNING):
             self._tell(line)
-            self._has_reason = self._has_reason or line.startswith(_OURS)
         elif line.strip():
             self._reason = line
 
@@ -117,10 +117,10 @@ class Console:
         """Say how the run ended: Snakemake's exit status, or minus the signal that killed it."""
         show("")
         if status < 0:
-            tell(f"gspure: Snakemake was killed by signal {-status}")
-        elif status and not self._has_reason:
+            self._give(f"gspure: Snakemake was killed by signal {-status}")
+        elif status and not self.reasons:
             reason = _disk_fault() or self._reason or f"Snakemake ended with status {status}"
-            tell(f"gspure: {printable(reason)}")
+            self._give(f"gspure: {reason}")
         elif not status and self._planned:
             say(f"{self._done} jobs done in {clock(time.monotonic() - self._began)}")
         elif not status:
@@ -134,9 +134,20 @@ class Console:
         say(self._line(job, now))
         self._printed = now
 
+    def _give(self, reason: str) -> None:
+        self.reasons.append(printable(reason))
+        self._tell(reason)
+
     def _tell(self, line: str) -> None:
         tell(printable(line))
         self._printed = time.monotonic()
+
+
+class Listener(Console):
+    """The console of a program that asked for no output: it keeps the `reasons`."""
+
+    def _tell(self, line: str) -> None:
+        """Print nothing."""
 
 
 def _disk_fault() -> str:

@@ -26,29 +26,12 @@ _ENDING: Final = 2 * _GRACE  # seconds in which a Snakemake whose parent was kil
 _TICK: Final = 0.25  # seconds between two looks at Snakemake
 
 
-def run(options: Sequence[str], *, silent: bool = False) -> bool:
-    """Run Snakemake, and return whether it succeeded; `silent` shows progress and reasons in place of its output.
+def run(options: Sequence[str], console: Console | None = None) -> bool:
+    """Run Snakemake, and return whether it succeeded; a console takes the place of its output.
 
     Snakemake and its jobs are a process group of their own. They end with this process: an interruption ends them here,
     and if this process is killed, the logger in `plugins` ends them.
     """
-    return _run(options, Console() if silent else None)
-
-
-def forecast(options: Sequence[str]) -> list[str]:
-    """Return lines on the jobs that would run; none if Snakemake fails, with its reason on standard error."""
-    planned = Forecast()
-    whole = Forecast()
-    succeeded = _run([*options, "--dry-run"], planned)
-    if planned.jobs:
-        succeeded = succeeded and _run([*options, "--dry-run", "--forceall"], whole)
-    if not succeeded:
-        return []
-    return [*forecast_lines(planned.jobs, sum(whole.jobs.values()))]
-
-
-def _run(options: Sequence[str], console: Console | None) -> bool:
-    """Run Snakemake; a console takes the place of its output."""
     logger = ["--logger", "gspure", *(["--logger-gspure-silent"] if console else [])]
     with (
         _pipe() as (path, pipe),
@@ -67,6 +50,18 @@ def _run(options: Sequence[str], console: Console | None) -> bool:
             _end(process)
             raise
     return process.returncode == 0
+
+
+def forecast(options: Sequence[str]) -> list[str]:
+    """Return lines on the jobs that would run; none if Snakemake fails, with its reason on standard error."""
+    planned = Forecast()
+    whole = Forecast()
+    succeeded = run([*options, "--dry-run"], planned)
+    if planned.jobs:
+        succeeded = succeeded and run([*options, "--dry-run", "--forceall"], whole)
+    if not succeeded:
+        return []
+    return [*forecast_lines(planned.jobs, sum(whole.jobs.values()))]
 
 
 def _environment() -> dict[str, str]:

@@ -1,0 +1,138 @@
+"""What to audit, and the configuration that it becomes."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, count
+from pathlib import Path
+from typing import Final, Self
+
+from gspure.evaluation.identity import RESULTS
+from gspure.files import Json
+from gspure.progress import say
+
+CONFIGURATION: Final = RESULTS / "audit.yaml"
+SUITE: Final = "small-1"  # of a model with a key
+EVERYDAY: Final = "everyday-1"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What to audit: a configuration, or a model with its views and what its owner has."""
+
+    source: Path
+    key: Path | None
+    message: Path | None
+    cameras: Path | str | None
+    up: Sequence[float] | None
+    suite: str | None
+    everyday: bool
+    out: Path | None
+
+    @property
+    def is_configuration(self) -> bool:
+        """Whether the source is a configuration of the workflow."""
+        return self.source.suffix in {".yaml", ".yml"}
+
+    @property
+    def suite_name(self) -> str:
+        """The suite; empty for the attacks of a run that names none."""
+        if self.everyday:
+            return EVERYDAY
+        return self.suite or (SUITE if self.key else "")
+
+    def resolved(self) -> Self:
+        """Return the same with absolute paths, for a run in another folder."""
+        return replace(
+            self,
+            source=self.source.resolve(),
+            key=self.key and self.key.resolve(),
+            message=self.message and self.message.resolve(),
+            cameras=self.cameras.resolve() if isinstance(self.cameras, Path) else self.cameras,
+        )
+
+
+def own_place(wanted: Subject) -> Path:
+    """Return this folder if its results are of the same model and suite, or it has none; else a folder below it."""
+    scene = _scene_name(wanted.source)
+    name = "-".join(filter(None, ("audit", scene, wanted.suite_name)))
+    numbered = (Path(f"{name}-{number}") for number in count(2))
+    return next(place for place in chain([Path(), Path(name)], numbered) if _is_free(place, wanted))
+
+
+def _is_free(place: Path, wanted: Subject) -> bool:
+    """Return whether a folder has no results, or those of this model and suite."""
+    from gspure.model import model_file
+    from gspure.workflow.config_reading import load_yaml
+
+    if not (place / CONFIGURATION).is_file():
+        return True
+    known = load_yaml(place / CONFIGURATION)
+    models = [str(asset.get("model", "")) for asset in known.get("assets", {}).values()]
+    is_same = [(place / model).resolve() for model in models] == [model_file(wanted.source).resolve()]
+    return is_same and known.get("suite", "") == wanted.suite_name
+
+
+def write_configuration(wanted: Subject, target: Path, *, draws: bool) -> Path:
+    """Write the configuration of a model, and return its path; warn of doubtful views, or draw unsure ones."""
+    import yaml
+
+    from gspure.cameras import GENERATED, read_cameras
+    from gspure.cameras.worlds import in_world_of
+    from gspure.files import write_text
+    from gspure.model import model_file, read_model
+    from gspure.schemes.registry import recognized
+
+    model = model_file(wanted.source)
+    rows = read_model(wanted.source)
+    asset = _asset(wanted, model)
+    if asset["cameras"] not in GENERATED:
+        source = Path(asset["cameras"])
+        in_world_of(model, read_cameras(source), source)  # for its warnings, before the workflow runs
+    elif draws:
+        _mention_up(wanted)
+    scene = _scene_name(wanted.source)
+    content: Json = {"assets": {scene: asset}}
+    scheme = recognized(rows)
+    if scheme:
+        content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
+    if wanted.suite_name:
+        content["suite"] = wanted.suite_name
+    write_text(target, yaml.safe_dump(content))
+    return target
+
+
+def _scene_name(source: Path) -> str:
+    """Return the name of a model's folder of results: that of its file or, for general names, of its folder."""
+    from gspure.model.inria import UNPACKED_SOG
+
+    named = source.resolve().parent if source.name in {UNPACKED_SOG, "public"} else source.resolve()
+    return re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
+
+
+def _mention_up(wanted: Subject) -> None:
+    """Warn if the up direction of generated views is unsure, and draw the model with each axis up."""
+    from gspure.figures.panels import mention_up
+    from gspure.schemes.registry import read_public_model
+
+    public = read_public_model(wanted.source).drawable(wanted.source)
+    if public.visible:
+        mention_up(public.model, public.scene(background=public.model.background), wanted.up, RESULTS)
+
+
+def _asset(wanted: Subject, model: Path) -> Json:
+    """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
+    from gspure.cameras.reading import default_cameras, place_in
+    from gspure.schemes.pair import message_folder
+    from gspure.schemes.registry import made_by
+
+    pairs = [made_by(wanted.key)[1]] if wanted.key else []
+    message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
+    cameras = wanted.cameras or default_cameras(model, *pairs)
+    owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""
+    say(f"{model}: views {cameras}{owner}")
+    paths = {"model": model, "cameras": cameras, "key": wanted.key, "message": message}
+    asset: Json = {name: str(path) for name, path in paths.items() if path}
+    if wanted.up:
+        asset["generated"] = {"up": [*wanted.up]}
+    return asset
