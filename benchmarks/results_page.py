@@ -13,7 +13,7 @@ from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, known_cells, re
 from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import CLEAN, UNATTACKED, display_name, variant_at, variant_title
+from gspure.metrics.names import UNATTACKED, display_name, variant_at, variant_title
 from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
 from gspure.metrics.targets import MESSAGE
 from gspure.report.audit import audits
@@ -67,13 +67,13 @@ def radius_section() -> str:
     rows = read_results(RADII)
     of_models = model_radii(rows)
     known = radii(of_models, {row.model: row.condition for row in rows})
-    columns = [Column("condition"), Column("message, adaptive"), Column("message, as published")]
-    columns += [Column("readable"), Column("killer", text=True)]
+    columns = [Column("condition"), Column("radius, adaptive"), Column("radius, as published")]
+    columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
     lines = [TableRow(cells) for cells in _radius_cells(known)]
     return (
         "## The robust radius\n\nThe [robust radius](statistics.md#the-robust-radius) is the least damage after which "
-        "the message is gone;\nthe readable radius, after which it is not readable. One ray-traced pair at 208x156, "
-        "one seed, attacked with\n[`config/radius.yaml`](../config/radius.yaml) "
+        "the message is no longer proven;\nthe readable radius, after which it is not readable. One ray-traced pair at "
+        "208x156, one seed, audited with\n[`config/radius.yaml`](../config/radius.yaml) "
         "([results.csv](results/radius/results.csv)):\n\n"
         f"{Table('', columns, lines).markdown()}\n\n{''.join(_without_radius(rows))}"
     )
@@ -173,9 +173,6 @@ def large_facts(rows: Sequence[Result]) -> dict[str, str]:
         alike = [row for row in shared if row.variant == name]
         facts[f"{name}_scene"] = _mean_text(known_cells(alike, "damage"))
         facts[f"{name}_message"] = _mean_text(differences(_levels(shared, UNATTACKED), _levels(alike, name)))
-    for variant in (UNATTACKED, CLEAN):
-        levels = [row.scene_values[paper.PSNR] for row in shared if row.variant == variant and row.scene_values]
-        facts[f"{variant}_levels"] = f"{min(levels):.1f} to {max(levels):.1f}"
     clusters = differences(_message_drops(shared, OURS, 1.0), _message_drops(shared, "weight_equal", 1.0))
     facts["clusters"] = str(interval(mean_interval(by_scene(clusters)), len(clusters)))
     return facts
@@ -200,9 +197,7 @@ def capture_facts() -> dict[str, str]:
     for row in _table("captures-before"):
         scheme = row["condition"].partition(",")[0].replace(" ", "_").lower()
         facts[f"before_{scheme}_scene"] = row["scene: public model"]
-        facts[f"before_{scheme}_clean"] = row["scene: clean model"]
         facts[f"before_{scheme}_message"] = row["message: right key"]
-        facts[f"before_{scheme}_wrong"] = row["message: wrong key"]
     return facts
 
 
