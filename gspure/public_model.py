@@ -65,7 +65,7 @@ class PublicModel:
     """A public model whose Gaussians are its rows: vanilla 3DGS, and the base of all others.
 
     *Rows* are the rows of its file, which attacks remove or change: Gaussians here, anchors in Scaffold-GS. Attacks
-    leave the files beside it (decoders, networks) unchanged.
+    leave the files beside it (decoders, networks) unchanged, but for `mixed`.
     """
 
     attributes: ClassVar[Columns] = {
@@ -142,6 +142,22 @@ class PublicModel:
     def with_model(self, model: Gaussians) -> Self:
         """Return the same model with other rows, such as attacked ones."""
         return type(self)(model)
+
+    @property
+    def features(self) -> Float32:
+        """The features [K,F] of rows that a public network reads through linear weights; F = 0 without a network."""
+        return np.zeros((len(self.model), 0), np.float32)
+
+    def with_features(self, features: NDArray[Any]) -> Self:  # noqa: ARG002
+        """Return the same networks with other `features` [K,F]."""
+        return self
+
+    def mixed(self, rng: np.random.Generator) -> Self:  # noqa: ARG002
+        """Return a model whose features are random mixes of the old ones, which its network undoes: images stay.
+
+        A model without features, or without its network, is returned unchanged.
+        """
+        return self
 
     def drawable(self, source: str | Path) -> Self:
         """Return the model as it is drawn: with the 3-D filter applied and undrawable rows invisible."""

@@ -55,8 +55,8 @@ class Measurements:
 
 
 MEASUREMENTS: Final = frozenset(field.name for field in fields(Measurements))
-PUBLIC: Final = frozenset({"columns", "teacher"})
-"""Parameters that need no measurement: `PublicModel.columns`, the columns of each attribute, and a `Teacher`."""
+PUBLIC: Final = frozenset({"columns", "public", "teacher"})
+"""Parameters that need no measurement: `PublicModel.columns`, the columns of each attribute; its model; a `Teacher`."""
 
 RESERVED: Final = PUBLIC | {"attack", "cameras", "damage", "decision", "device", "measurements", "public", "seed"}
 """Names that no setting may have: they are options of commands, configurations and `Attack.apply`."""
@@ -197,7 +197,7 @@ class Attack:
             retouched = partial(self.retouched, seed=seed, settings=settings)
             return Attacked(model, np.arange(len(model)), len(model), retouched=retouched)
         teacher = Teacher(self.name, public, [replace(camera, image=None) for camera in cameras], device)
-        available: dict[str, Any] = {"columns": public.columns, "teacher": teacher}
+        available: dict[str, Any] = {"columns": public.columns, "public": public, "teacher": teacher}
         available |= {name: self._measured(name, measurements, len(model)) for name in sorted(self.needs)}
         arguments = {name: available[name] for name in self.parameters}
         with np.errstate(all="ignore"):  # numbers that overflow are refused below

@@ -47,6 +47,8 @@ class Attacked(Described):
         Why no extraction of the scheme can read the model, which is vanilla 3DGS; empty if the format is unchanged.
     retouched : callable
         From a render of the scene [H,W,3] and the name of its view to the attacked render, for attacks on renders.
+    networks : PublicModel, optional
+        A model whose public networks replace those of the public model.
 
     """
 
@@ -56,12 +58,13 @@ class Attacked(Described):
     transform: Float64 | None = None
     removed: str = ""
     retouched: Retouch = lambda image, _view: image
+    networks: PublicModel | None = None
 
     def published(self, public: PublicModel, comment: str = "") -> PublicModel:
-        """Return the public model to publish in place of `public`, with the files beside that one."""
+        """Return the public model to publish in place of `public`, with the networks beside that one, or others."""
         model = self.model.with_comment(comment) if comment else self.model
         model = model.with_background(public.model.background)
-        return PublicModel(model) if self.removed else public.with_model(model)
+        return PublicModel(model) if self.removed else (self.networks or public).with_model(model)
 
     @property
     def facts(self) -> dict[str, str]:

@@ -1,19 +1,21 @@
 """Matching of the rows of an attacked model with those of the published one."""
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Float64, Indices
-from gspure.model.gaussians import Gaussians, finite
+from gspure.model.frames import ROTATION, nearest
+from gspure.model.gaussians import SCALES, Gaussians, finite
 from gspure.model.rotations import moved
 from gspure.model.summary import extent_and_distances
 from gspure.public_model import PublicModel
 from gspure.scenes.alignment import Similarity
 
 Places = Indices
+Model = TypeVar("Model", bound=PublicModel)
 
 NEAR: Final = 1e-6  # least move of a row, as a share of the original's extent: text files are not exact; ours
 NEIGHBOURS: Final = 8  # number of nearest rows of the original that a moved row may be; ours
@@ -27,6 +29,7 @@ Noise on centres spares scales, and fine-tuning hardly moves centres; in rows of
 MOST: Final = 0.5  # fewer matches than this share of the rows, of the smaller model, may be chance; ours
 LANDMARKS: Final = 100  # number of rows of unusual shape from which a registration is fitted; ours
 STEPS: Final = 20  # steps of a registration; ours
+MIXED: Final = 0.1  # largest share of the differences of features that a mix leaves unexplained; ours
 STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
 
 
@@ -42,18 +45,54 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
 
 
 def registered(public: PublicModel, original: Gaussians) -> PublicModel:
-    """Return an attacked model, moved back to the place of the original.
+    """Return an attacked model, moved back to the place of the original, with its frames and basis of features.
 
     All rows may have moved by a similarity, and each may have changed slightly. The model stays as it is if its rows
-    match where they are, or if fewer than `MOST` of them match after each of the motions that are tried.
+    match where they are, as stored, or if fewer than `MOST` of them match after each of the motions that are tried.
     """
     from scipy.spatial.transform import Rotation
 
-    motion, _ = _matched(original, public.model)
-    if motion is STILL:
+    motion, matches = _matched(original, public.model)
+    if motion is not STILL:
+        rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
+        public = public.with_model(moved(public.model, rotvec, motion.translation, motion.scale))
+    rows = np.flatnonzero(matches >= 0)
+    originals = original[matches[rows]]
+    return _unmixed(_reframed(public, rows, originals), rows, originals)
+
+
+def unmixed(public: Model, reference: Gaussians) -> Model:
+    """Return the model with the basis of features of the published rows `reference`, if half of them match."""
+    matches = adaptive_matches(reference, public.model)
+    rows = np.flatnonzero(matches >= 0)
+    return _unmixed(public, rows, reference[matches[rows]])
+
+
+def _reframed(public: PublicModel, rows: Indices, originals: Gaussians) -> PublicModel:
+    """Return the model with the frames of the rows [M] nearest to those of their `originals` [M]."""
+    attacked = public.model[rows]
+    if not public.columns.get("rotation") or np.array_equal(attacked.quats, originals.quats):
         return public
-    rotvec = Rotation.from_matrix(motion.rotation).as_rotvec()
-    return public.with_model(moved(public.model, rotvec, motion.translation, motion.scale))
+    columns = {name: public.model.table[name].copy() for name in (*ROTATION, *SCALES)}
+    for name, values in nearest(attacked.quats, attacked.log_scales, originals).items():
+        columns[name][rows] = values
+    return public.with_model(public.model.with_columns(columns))
+
+
+def _unmixed(public: Model, rows: Indices, originals: Gaussians) -> Model:
+    """Return the model with the linear mix of features that gives the rows [M] those of their `originals` [M].
+
+    The model stays as it is if a mix explains little of the differences.
+    """
+    wanted = public.with_model(originals).features.astype(np.float64)
+    features = public.features.astype(np.float64)
+    if np.array_equal(features[rows], wanted):
+        return public
+    unmixing, *_ = np.linalg.lstsq(features[rows], wanted, rcond=None)
+    unexplained = np.square(features[rows] @ unmixing - wanted).sum()
+    if unexplained > MIXED * np.square(features[rows] - wanted).sum():
+        return public
+    return public.with_features(features @ unmixing)
 
 
 def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity = STILL) -> Places:

@@ -15,21 +15,23 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gspure.arrays import Float32
+from gspure.arrays import Float32, Float64
 from gspure.cameras.camera import Camera
 from gspure.constants import Energy
 from gspure.errors import InputError, reading
 from gspure.files import replacing
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
-from gspure.model.gaussians import CORE, NORMALS, sigmoid
+from gspure.model.gaussians import CORE, NORMALS, logit, sigmoid
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
@@ -44,6 +46,8 @@ FEATURES: Final = tuple(f"semantic_{i}" for i in range(CHANNELS))
 COLUMNS: Final = ("x", "y", "z", *NORMALS, *CORE[3:], *FEATURES)
 ROLES: Final = ("net", "waternet")  # suffixes of the files' names: of the scene's decoder, and of the message's
 SCENE_DECODER, MESSAGE_DECODER = ROLES
+MIXED: Final = 0.25  # share of random means in `FeatureModel.mixed`; at 1 the mix may be singular; ours
+LEAST_FEATURE: Final = 1e-9  # changed features are clipped to this .. 1 - this, so that their logits are finite
 
 
 def decoder_name(iteration: int | str, role: str) -> str:
@@ -112,6 +116,17 @@ class DecoderFile:
         decoder.load_state_dict({name: tensor.to(DEVICE) for name, tensor in state.items()})
         return decoder
 
+    def unmixed(self, mixing: Float64) -> DecoderFile:
+        """Return the decoder that shows the same image if `mixing` [16,16] is applied to the features of a pixel."""
+        decoder = deepcopy(self.network)
+        weight = decoder.conv1.weight
+        from gspure.training.pytorch import on_device, on_host, torch
+
+        mixed_weight = np.einsum("ochw,cd->odhw", on_host(weight.detach()).astype(np.float64), np.linalg.inv(mixing))
+        with torch.no_grad():
+            weight.copy_(on_device(mixed_weight.astype(np.float32)))
+        return replace(DecoderFile.from_network(decoder, 0, SCENE_DECODER), source=self.source)
+
     def image_of(self, feature_map: RenderView) -> RenderView:
         """Return the renderer of the image that the `network` computes from a feature map."""
         network = self.network
@@ -165,6 +180,34 @@ class FeatureModel(PublicModel):
         return type(self)(model, self.decoder)
 
     @property
+    def features(self) -> Float32:
+        """The features [K,16] that are blended, 0 to 1."""
+        return sigmoid(self.model.columns(*FEATURES))
+
+    def with_features(self, features: NDArray[Any]) -> Self:
+        """Return the same decoder with other features."""
+        raw = logit(features, LEAST_FEATURE)
+        return self.with_model(self.model.with_columns(dict(zip(FEATURES, raw.T, strict=True))))
+
+    def mixed(self, rng: np.random.Generator) -> Self:
+        """Return a model with weighted means of the features, in another order, and the decoder that undoes them.
+
+        Means stay between 0 and 1, as the sigmoid demands, and leave a background that is the same for all features.
+        Each becomes a channel whose old features it correlates with least.
+        """
+        if self.decoder is None:
+            return self
+        from scipy.optimize import linear_sum_assignment
+
+        features = self.features.astype(np.float64)
+        means = (1 - MIXED) * np.eye(CHANNELS) + MIXED * rng.dirichlet(np.ones(CHANNELS), CHANNELS)
+        with np.errstate(invalid="ignore"):  # constant features correlate with nothing
+            correlations = np.corrcoef(features.T, means @ features.T)[:CHANNELS, CHANNELS:]
+        _, order = linear_sum_assignment(np.abs(np.nan_to_num(correlations)))
+        mixing = means[order]
+        return type(self)(self.with_features(features @ mixing.T).model, self.decoder.unmixed(mixing))
+
+    @property
     def visible(self) -> bool:
         """Whether there is a decoder."""
         return self.decoder is not None
@@ -205,7 +248,7 @@ class FeatureModel(PublicModel):
     ) -> RenderView:
         """Return the renderer of the features [H,W,16], on the first value of `background` as in the authors' code."""
         renderer = Renderer(self.model, device, energy=energy)
-        features = sigmoid(self.model.columns(*FEATURES))
+        features = self.features
         return lambda camera: renderer.feature_map(camera, features, _feature_background(background))
 
 

@@ -95,6 +95,28 @@ class AnchorModel(PublicModel):
         """Return the same networks with other anchors."""
         return type(self)(model, self.networks)
 
+    @property
+    def features(self) -> Float32:
+        """The features [M,F] of the anchors."""
+        features: Float32 = self.anchors.features
+        return features
+
+    def with_features(self, features: NDArray[Any]) -> Self:
+        """Return the same networks with other features."""
+        names = self.model.columns_named("f_anchor_feat_")
+        return self.with_model(self.model.with_columns(dict(zip(names, features.T, strict=True))))
+
+    def mixed(self, rng: np.random.Generator) -> Self:
+        """Return a model with rotated features; the first layer of each network rotates them back."""
+        feat_dim = self.anchors.feat_dim
+        turn, _ = np.linalg.qr(rng.standard_normal((feat_dim, feat_dim)))
+        networks = {}
+        for name, network in self.networks.items():
+            of_features, of_view = np.split(network["0.weight"], [feat_dim], axis=1)
+            first = np.concatenate([of_features @ turn, of_view], axis=1).astype(np.float32)
+            networks[name] = {**network, "0.weight": first}
+        return type(self)(self.with_features(self.features @ turn).model, networks)
+
     def neural(self, camera: Camera, networks: Networks | None = None) -> tuple[Neural, Rows]:
         """Return the Gaussians of `networks` (default: the public ones) and the rows of the visible anchors."""
         rows = visible_rows(camera, self.model.means, self.model.quats, self.model.scales)

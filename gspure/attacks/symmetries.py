@@ -1,0 +1,54 @@
+"""The attack on the symmetries of a public file: other numbers, the same images."""
+
+from dataclasses import replace
+from typing import Annotated, Final
+
+import numpy as np
+
+from gspure.arrays import Float32, Indices
+from gspure.attacks.attack import Rng, named
+from gspure.attacks.attacked import Attacked
+from gspure.model.frames import ROTATION, TURNS, turned
+from gspure.model.gaussians import SCALES, Gaussians
+from gspure.public_model import PublicModel
+from gspure.settings import Range
+
+EXPONENTS: Final = (-5, 5)  # norms of quaternions become 2^e and more, below 2^(e + 1): exact in float32; ours
+
+
+def gauge(model: Gaussians, rng: Rng, public: PublicModel, *, mix: Annotated[int, Range(0, 1)] = 1) -> Attacked:
+    """Draw again what no image depends on: the order of rows, frames, and with `mix` the basis of features.
+
+    Frames are the axes' order and directions, and the sign and norm of the quaternion (`gspure.model.frames`). Features
+    are mixed, and the first layer of the public network undoes it (`PublicModel.mixed`). Rows with the same centre keep
+    their order. Ours.
+    """
+    mixed = public.mixed(rng) if mix else public
+    rows = _order(model, rng)
+    frames = _frames(model[rows], rng) if public.columns.get("rotation") else {}
+    attacked = Attacked.copied(mixed.model, rows, frames)
+    return replace(attacked, networks=mixed)
+
+
+def _order(model: Gaussians, rng: Rng) -> Indices:
+    """Return a random order of the rows [K] that keeps that of rows with the same centre, which images depend on."""
+    _, inverse = np.unique(model.means, axis=0, return_inverse=True)
+    places = inverse.reshape(-1)  # its shape depends on numpy's version
+    order = rng.permutation(len(model))
+    order[np.argsort(places[order], kind="stable")] = np.argsort(places, kind="stable")
+    return order
+
+
+def _frames(model: Gaussians, rng: Rng) -> dict[str, Float32]:
+    """Return the columns of scales and rotations in random frames; scales without a meaning stay in place."""
+    turns = rng.integers(len(TURNS), size=len(model))
+    turns[~(model.log_scales < np.inf).all(axis=1)] = 0
+    quats, scales = turned(model.quats, model.log_scales, turns)
+    _, exponents = np.frexp(np.linalg.norm(quats, axis=1))
+    wanted = rng.integers(EXPONENTS[0], EXPONENTS[1] + 1, size=len(model))
+    signs = rng.choice([-1.0, 1.0], len(model))
+    quats = np.ldexp(quats * signs[:, None], (wanted + 1 - exponents)[:, None]).astype(np.float32)
+    return dict(zip((*ROTATION, *SCALES), (*quats.T, *scales.T), strict=True))
+
+
+ATTACKS = named({gauge: None})
