@@ -24,9 +24,12 @@ SCHEMES: Final = {  # display names of the built-in schemes and of the examples
     "splats_in_splats_hardened": "Splats in Splats (hardened)",
     "gs_hider": "GS-Hider",
     "gs_hider_hardened": "GS-Hider (hardened)",
+    "gs_hider_canonical": "GS-Hider (canonical)",
     "secure_gs": "SecureGS",
     "secure_gs_hardened": "SecureGS (hardened)",
+    "secure_gs_canonical": "SecureGS (canonical)",
     "keyss": "KeySS",
+    "keyss_canonical": "KeySS (canonical)",
     "marked_clones": "Marked Clones",
     "rendered_bits": "Rendered Bits",
 }

@@ -21,9 +21,12 @@ BUILT_IN = (
     splats_in_splats.HARDENED,
     gs_hider.SCHEME,
     gs_hider.HARDENED,
+    gs_hider.CANONICAL,
     secure_gs.SCHEME,
     secure_gs.HARDENED,
+    secure_gs.CANONICAL,
     keyss.SCHEME,
+    keyss.CANONICAL,
 )
 GROUP = "gspure.schemes"
 ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters

@@ -261,9 +261,9 @@ class Config:
     ] = field(default_factory=dict)
     schemes: Annotated[
         Mapping[Name, SchemeConfig],
-        "Watermarking schemes to evaluate, by name (splats_in_splats, splats_in_splats_hardened, gs_hider, "
-        "gs_hider_hardened, secure_gs, secure_gs_hardened, keyss, or that of an installed plug-in), each with a random "
-        "seed and its training settings.",
+        "Watermarking schemes to evaluate, by name (splats_in_splats, gs_hider, secure_gs, each also with _hardened; "
+        "keyss; the last three also with _canonical; or that of an installed plug-in), each with a random seed and its "
+        "training settings.",
     ] = field(default_factory=dict)
     detectors: Annotated[
         Mapping[Name, DetectorConfig],

@@ -1,14 +1,15 @@
 """GS-Hider (Zhang et al. 2024): one feature map; a public network decodes the scene, a private one the message."""
 
 from dataclasses import replace
-from functools import partial
-from typing import Annotated
+from functools import partial, wraps
+from typing import Annotated, Any
 
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.gs_hider.key import DecoderKey
 from gspure.schemes.gs_hider.model import MESSAGE_DECODER, SCENE_DECODER, DecoderFile, FeatureModel, decoder_name
 from gspure.schemes.pair import Pair
+from gspure.schemes.reference import Reference
 from gspure.schemes.scheme import PYTORCH, Run, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
@@ -46,6 +47,13 @@ def embed(
     return public, DecoderKey(DecoderFile.from_network(run.branches[1].decoder, iterations, MESSAGE_DECODER))
 
 
+@wraps(embed)
+def embed_canonical(*arguments: Any, **settings: Any) -> tuple[FeatureModel, DecoderKey | None]:
+    """Hide as `embed` does; the key undoes mixes of features (`gspure.schemes.reference`). Ours."""
+    public, key = embed(*arguments, **settings)
+    return public, key and DecoderKey(key.decoder, Reference.of(public))
+
+
 READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "semantic_*", "opacity", "scale_*", "rot_*"))
 
 SCHEME = Scheme(
@@ -61,3 +69,4 @@ SCHEME = Scheme(
     fits=True,
 )
 HARDENED = replace(SCHEME, name="gs_hider_hardened", embed=partial(embed, hardened=2.0))
+CANONICAL = replace(SCHEME, name="gs_hider_canonical", embed=embed_canonical)

@@ -6,6 +6,8 @@ opacities; the network's learning rate; training starts from points, with the de
 model of the scene.
 """
 
+from dataclasses import replace
+from functools import partial
 from typing import Annotated
 
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
@@ -28,23 +30,25 @@ def embed(
     message_weight: Amount = 1.0,
     network_rate: Annotated[float, Range(1e-9, 1.0)] = RATE,
     max_gaussians: MaxGaussians = 30_000,
+    canonical: Annotated[int, Range(0, 1)] = 0,
 ) -> tuple[PublicModel, NetworkKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the weight of the message's loss (the scene's is 1), `network_rate` the network's initial
-    learning rate, `max_gaussians` the limit of densification. Needs PyTorch.
+    learning rate, `max_gaussians` the limit of densification. With a `canonical` of 1, ours, the network reads rows in
+    canonical frames, so that the attack `gauge` does not affect the message. Needs PyTorch.
     """
     begin = pair.initial_gaussians(max_gaussians, seed)
     from gspure.schemes.keyss.training import Training
 
     settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device())
-    run = Training(settings, begin, network_rate)
+    run = Training(settings, begin, network_rate, is_canonical=bool(canonical))
     for _ in watched(run, iterations, lambda: f"{len(run.rows)} Gaussians"):
         pass
     public = PublicModel(gaussians_of(run.rows.values))
     if not message_weight:
         return public, None
-    return public, NetworkKey(run.key, run.learner.network())
+    return public, NetworkKey(run.key, run.learner.network(), bool(canonical))
 
 
 READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*"))
@@ -61,3 +65,4 @@ SCHEME = Scheme(
     carriers=CARRIERS,
     fits=True,
 )
+CANONICAL = replace(SCHEME, name="keyss_canonical", embed=partial(embed, canonical=1))

@@ -7,6 +7,7 @@ import numpy as np
 
 from gspure.arrays import Float32
 from gspure.cameras.camera import Camera
+from gspure.model.frames import canonical
 from gspure.model.gaussians import sigmoid
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
@@ -101,11 +102,13 @@ class Training:
     The same arguments give the same bits with one thread of PyTorch. The rules are those of 3DGS, with three changes:
     Gaussians grow by the gradients of scene and message; a Gaussian is pruned only if it is transparent in both; the
     message does not train public opacities. So Gaussians outside all views of the scene stay transparent after a reset,
-    and do not show the message without the key. The network's learning rate falls from `network_rate` to zero.
+    and do not show the message without the key. The network's learning rate falls from `network_rate` to zero. If the
+    run `is_canonical`, every step ends in canonical frames; the moments of the optimizer do not follow.
     """
 
-    def __init__(self, run: Run, begin: Parameters, network_rate: float) -> None:
+    def __init__(self, run: Run, begin: Parameters, network_rate: float, *, is_canonical: bool = False) -> None:
         self._run = run
+        self._is_canonical = is_canonical
         self._network_rate = network_rate
         self._rng = np.random.default_rng(run.seed)
         self.learner = Learner(fresh(self._rng))
@@ -143,6 +146,9 @@ class Training:
         rates = vars(schedule.rates(iteration, self._run.pair.extent))
         rate_by_column = np.repeat(list(rates.values()), _SIZES).astype(np.float32)
         self.rows.step(iteration, on_host(rows.grad), rate_by_column)
+        if self._is_canonical:
+            values = self.rows.values
+            values[:, 3:7], values[:, 7:10] = canonical(values[:, 3:7], values[:, 7:10])
         return loss
 
     def _opacities(self) -> Float32:

@@ -6,8 +6,8 @@ pruned if neither uses them.
 """
 
 from dataclasses import replace
-from functools import partial
-from typing import Annotated
+from functools import partial, wraps
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from gspure.constants import ANCHOR_TAU_C, ANCHOR_TAU_N
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
+from gspure.schemes.reference import Reference
 from gspure.schemes.scheme import PYTORCH, Run, Scheme
 from gspure.schemes.secure_gs.anchors import PRIVATE, PUBLIC, fresh
 from gspure.schemes.secure_gs.initialization import (
@@ -63,6 +64,13 @@ def embed(
     return run.public(), HiddenKey(run.learner.networks(1))
 
 
+@wraps(embed)
+def embed_canonical(*arguments: Any, **settings: Any) -> tuple[AnchorModel, HiddenKey | None]:
+    """Hide as `embed` does; the key undoes mixes of features (`gspure.schemes.reference`). Ours."""
+    public, key = embed(*arguments, **settings)
+    return public, key and HiddenKey(key.networks, Reference.of(public))
+
+
 READS = dict.fromkeys((MESSAGE, ADAPTIVE), ("x", "y", "z", "f_anchor_feat_*", "scale_*"))
 """Without the offsets, which only the scene uses, and the opacities and rotations, which are unused constants."""
 
@@ -82,3 +90,4 @@ SCHEME = Scheme(
 )
 
 HARDENED = replace(SCHEME, name="secure_gs_hardened", embed=partial(embed, hardened=2.0))
+CANONICAL = replace(SCHEME, name="secure_gs_canonical", embed=embed_canonical)

@@ -1,4 +1,4 @@
-"""SecureGS's key: private networks.
+"""SecureGS's key: private networks, perhaps with rows of the published model (`gspure.schemes.reference`).
 
 ::
 
@@ -18,6 +18,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
+from gspure.schemes.reference import NO_REFERENCE, Reference
 from gspure.schemes.scheme import Key
 from gspure.schemes.secure_gs.anchors import PRIVATE, Networks, fresh, sizes_of
 from gspure.schemes.secure_gs.model import AnchorModel, read_networks, write_networks
@@ -29,17 +30,20 @@ FIT_RATE: Final = 2e-3  # first learning rate of `HiddenKey.fitted`; ours
 class HiddenKey(Key):
     """The private networks: ``offset``, ``opacity``, ``cov`` and ``color``."""
 
-    def __init__(self, networks: Networks) -> None:
+    def __init__(self, networks: Networks, reference: Reference = NO_REFERENCE) -> None:
         self.networks = networks
+        self._reference = reference
 
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read a key."""
-        return cls(read_networks(Path(folder) / HIDDEN, PRIVATE, "the private networks of SecureGS"))
+        networks = read_networks(Path(folder) / HIDDEN, PRIVATE, "the private networks of SecureGS")
+        return cls(networks, Reference.read(Path(folder)))
 
     def write(self, folder: Path) -> None:
-        """Write the networks."""
+        """Write the networks and the rows."""
         write_networks(Path(folder) / HIDDEN, self.networks)
+        self._reference.write(Path(folder))
 
     def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         """Return the renderer of the private networks' Gaussians."""
@@ -53,11 +57,12 @@ class HiddenKey(Key):
     def fitted(self, public: PublicModel, lesson: Lesson) -> Self:
         """Return the private networks after training on the model's anchors; the model stays as it is."""
         rates = dict.fromkeys(self.networks, FIT_RATE)
-        return type(self)(self._readable(public).trained(lesson, self.networks, rates).networks(0))
+        networks = self._readable(public).trained(lesson, self.networks, rates).networks(0)
+        return type(self)(networks, self._reference)
 
     def wrong(self, rng: np.random.Generator) -> Self:
         """Return untrained networks."""
-        return type(self)(fresh(PRIVATE, *sizes_of(self.networks), rng))
+        return type(self)(fresh(PRIVATE, *sizes_of(self.networks), rng), self._reference)
 
     def _readable(self, public: PublicModel) -> AnchorModel:
         """Return the model if the networks fit its anchors, or raise `InputError`."""
@@ -69,4 +74,4 @@ class HiddenKey(Key):
             expected = f"{feat_dim} features and {k} Gaussians per anchor"
             actual = f"{anchors.feat_dim} features and {anchors.k} Gaussians per anchor"
             raise InputError("secure_gs", "model", expected=expected, found=actual, hint="a key of another model")
-        return public
+        return self._reference.read_through(public)
