@@ -95,7 +95,7 @@ def table(results: Path) -> Iterator[Sequence[str]]:
         job = jobs[outcome.model, outcome.variant]
         ewa, ray, changed, pixels = largest_changes(job)
         cells = [outcome.scheme, outcome.scene, outcome.variant, f"{ewa:.1e}", f"{ray:.1e}", f"{changed}", f"{pixels}"]
-        cells.append(f"{outcome.damage:.3f}")
+        cells.append(f"{round(outcome.damage, 3) + 0.0:.3f}")  # not -0.000
         for extraction in OWNERS.values():
             cells += reading(outcome, rows[outcome.model, outcome.variant, extraction])
         traces = traces_by_seed(job) if outcome.variant == GAUGE else []
