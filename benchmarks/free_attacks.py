@@ -24,8 +24,8 @@ from gspure.evaluation.results import Result
 from gspure.files import write_text
 from gspure.images import read_back
 from gspure.metrics.csv_tables import csv_text
-from gspure.metrics.evidence import trace
 from gspure.metrics.names import GSPURE
+from gspure.metrics.proof import trace
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.training.dataset import read_photographs
