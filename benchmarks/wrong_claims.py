@@ -19,6 +19,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -375,7 +376,8 @@ def wrong_evidence(
 def fitted_claims(folder: Path) -> Iterator[Claim]:
     """Yield claims by keys that learn, on models that never held the message, and on redrawn twins of a marked one.
 
-    They are compared with no clean models, with two (the controls of an audit of a pair), and with all others.
+    They are compared with no clean model, with all others, and with each pair of a clean model and one with another
+    message: such are the controls of an audit.
     """
     for scheme in LEARNING:
         for number in FITTED_MESSAGES:
@@ -387,16 +389,13 @@ def fitted_claims(folder: Path) -> Iterator[Claim]:
                 adaptive = learned.evidence_alone(ADAPTIVE, is_fitted=True)
                 known[place.name] = {MESSAGE: Case(scheme, public, key, message).evidence(), ADAPTIVE: adaptive}
             without = {name: evidence for name, evidence in known.items() if not name.startswith("twin")}
-            other = next(other for other in range(len(PAIRS)) if other != number)
-            controls = [clean(scheme)[number], marked(scheme)[other]]
-            names = [model.place(folder).name for model in controls]
+            others_marked = [model for model in marked(scheme) if model.number != number]
+            controls = [{model.place(folder).name for model in pair} for pair in product(clean(scheme), others_marked)]
             for name, evidence in known.items():
                 group = "fitted key" if name in without else "redrawn twin, fitted key"
-                yield from adaptive_only(judge(group, scheme, evidence))
-                if name not in names:
-                    yield from adaptive_only(judge(group, scheme, evidence, [without[control] for control in names]))
-                others = [of_other for other_name, of_other in without.items() if other_name != name]
-                yield from adaptive_only(judge(group, scheme, evidence, others))
+                others = {*without} - {name}
+                for beside in (set(), others, *(pair for pair in controls if name not in pair)):
+                    yield from adaptive_only(judge(group, scheme, evidence, [without[other] for other in beside]))
 
 
 def adaptive_only(claims: Iterable[Claim]) -> Iterator[Claim]:
