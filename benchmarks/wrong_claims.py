@@ -39,9 +39,9 @@ from gspure.grouping import grouped
 from gspure.images import read_back
 from gspure.metrics.comparison import TRUTH, ViewMetrics
 from gspure.metrics.csv_tables import csv_text
-from gspure.metrics.evidence import compared_views, trace, traces
 from gspure.metrics.image_metrics import halved
 from gspure.metrics.names import OTHER_SCENE, UNATTACKED
+from gspure.metrics.proof import compared_views, trace, traces
 from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.model import Gaussians
 from gspure.opencl.device import choose_device
