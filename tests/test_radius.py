@@ -81,6 +81,13 @@ def test_a_key_that_shows_the_message_in_a_clean_model_proves_nothing() -> None:
     assert (row.clean_models, row.word) == (LEAST_CLEAN, "gone")  # clean models vary by 0.12
 
 
+def test_a_key_that_learned_proves_a_message_only_beside_eight_clean_models() -> None:
+    learned = attacked("unattacked", 0.0, message=shown(0.6, 0.9, is_fitted=True))
+    clean = [replace(attacked("clean", 0.0, message=shown(0.01 * i, 0.1)), variant="clean") for i in range(LEAST_CLEAN)]
+    assert words(learned, *clean)["unattacked", PUBLISHED] == "readable"
+    assert words(learned, *clean[1:])["unattacked", PUBLISHED] == "gone"
+
+
 def test_an_owner_who_adapts_is_never_worse_than_as_published() -> None:
     descent = shown(0.9, 1.0, twins=(0.9, 0.91, 0.89, 0.9, 0.92, 0.9, 0.88, 0.9))
     found = words(attacked("unattacked", 0.0, message=shown(0.3, 0.2), message_adaptive=descent))

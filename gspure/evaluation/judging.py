@@ -100,7 +100,7 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
     row = row._replace(message_values=o.targets[row.extraction].values)
     if row.extraction not in o.evidence:
         return row
-    names = [name for name in tried if name in o.evidence and not is_refuted(clean.get(name, ()))]
+    names = [name for name in tried if name in o.evidence and counts(o.evidence[name], clean.get(name, ()))]
     proofs = [proof_of(o.evidence[name], clean.get(name, ())) for name in names]
     if not proofs:
         return row._replace(word=GONE)
@@ -131,9 +131,16 @@ def proof_of(evidence: Evidence, clean: Sequence[Evidence]) -> Proof:
     return prove(traces)
 
 
-def is_refuted(clean: Sequence[Evidence]) -> bool:
-    """Return whether an extraction shows the message in a clean model, too few of which are there for a test."""
-    return len(clean) < LEAST_CLEAN and any(map(_shows_message, clean))
+def counts(evidence: Evidence, clean: Sequence[Evidence]) -> bool:
+    """Return whether an extraction can prove anything: it has a test against clean models, or needs none.
+
+    With too few of them, it must not show the message in any, and a key that learned proves nothing: many show their
+    message in models that never held it (docs/tables/wrong_claims.csv).
+    """
+    if len(clean) >= LEAST_CLEAN:
+        return True
+    is_untested = evidence.is_fitted and bool(evidence.candidates)
+    return not is_untested and not any(map(_shows_message, clean))
 
 
 def _shows_message(control: Evidence) -> bool:
