@@ -24,6 +24,7 @@ SETTINGS = {
     "gs_hider": {"iterations": 60, "max_gaussians": 400},
     "secure_gs": {"iterations": 60, "max_anchors": 200},
     "keyss": {"iterations": 60, "max_gaussians": 400},
+    "keyed_pattern": {"iterations": 60, "max_gaussians": 800},
     "marked_clones": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "marking_steps": 2},
     "rendered_bits": {"iterations": 30, "max_gaussians": 400, "decoder_steps": 2, "colour_steps": 2},
     "lsb_opacities": {"iterations": 30, "max_gaussians": 400},

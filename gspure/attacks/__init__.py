@@ -1,6 +1,6 @@
 """Attacks by name: the built-in ones, and those of installed plug-ins; pure functions of a public model."""
 
-from gspure.attacks import compression, geometry, learning, pruning, renders, symmetries, values
+from gspure.attacks import compression, geometry, learning, marks, pruning, renders, symmetries, values
 from gspure.attacks.attack import MEASUREMENTS, PUBLIC, Attack, Measurements
 from gspure.attacks.attacked import Attacked, NotApplicable, affected
 from gspure.attacks.strength import Strength
@@ -26,6 +26,7 @@ BUILT_IN = (
     *geometry.ATTACKS,
     *symmetries.ATTACKS,
     *learning.ATTACKS,
+    *marks.ATTACKS,
     *renders.ATTACKS,
 )
 GROUP = "gspure.attacks"  # entry points of plug-ins

@@ -14,6 +14,7 @@ from gspure.model import is_trained_model
 from gspure.progress import say
 from gspure.provenance import write_provenance
 from gspure.scenes.procedural import scene_builder
+from gspure.schemes.commitment import COMMITMENT, Commitment
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
 from gspure.schemes.readability import Readability, bit_readability, model_bit_readability, readability
 from gspure.schemes.registry import BUILT_IN, find_scheme
@@ -27,6 +28,7 @@ EXAMPLES = """\
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: how much of the message is legible
 with this key and with a wrong one, in a few training views. A warning is printed if the message is not readable.
+Publish commitment.json with the model: the digests of key and model show that the key was there before any dispute.
 gs_hider, secure_gs and keyss need PyTorch: pip install 'gspure[torch]'.
 """
 
@@ -81,10 +83,11 @@ def run(args: Arguments) -> None:
         options.record_command(args, folder, run_id, resolved)
         if key is not None:
             key.write(folder / "key")
+            write_json(folder / COMMITMENT, asdict(Commitment.of(scheme.name, files[0], folder / "key")))
             options.record_command(args, folder / "key", run_id, resolved)
         if check:
             write_json(folder / "key" / "readability.json", asdict(check))
-        options.remove_older(args.out, "public/*", "key/*")  # perhaps of another scheme
+        options.remove_older(args.out, "public/*", "key/*", COMMITMENT)  # perhaps of another scheme
         if makes_pair:
             options.remove_older(args.out, "pair/**/*")
     say(f"embedded in {time.monotonic() - began:.0f} s: {len(public.model)} rows in {args.out / model}")

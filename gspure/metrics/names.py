@@ -30,6 +30,7 @@ SCHEMES: Final = {  # display names of the built-in schemes and of the examples
     "secure_gs_canonical": "SecureGS (canonical)",
     "keyss": "KeySS",
     "keyss_canonical": "KeySS (canonical)",
+    "keyed_pattern": "Keyed Pattern",
     "marked_clones": "Marked Clones",
     "rendered_bits": "Rendered Bits",
 }

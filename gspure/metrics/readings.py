@@ -30,6 +30,7 @@ class Reading(NamedTuple):
     level: float  # share of correct bits in percent, or the score
     bits: int  # number of bits; 0 for a score
     decoded: str  # the bits, as a text of 0 and 1; empty for a score
+    p: float | None = None  # probability under another key, by rank (`gspure.metrics.sign_ranks`); None if unknown
 
     @property
     def value(self) -> float:

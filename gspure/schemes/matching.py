@@ -158,15 +158,15 @@ def _scales(model: Gaussians) -> NDArray[Any]:
 
 def _fitted(source: Float64, target: Float64) -> Similarity:
     """Return the similarity that fits the nearer half of pairs of points best."""
-    motion = _least_squares(source, target)
+    motion = least_squares(source, target)
     half = -(-len(source) // 2)  # rounded up
     for _ in range(STEPS):
         nearest = np.argsort(np.linalg.norm(motion.points(source) - target, axis=1))[:half]
-        motion = _least_squares(source[nearest], target[nearest])
+        motion = least_squares(source[nearest], target[nearest])
     return motion
 
 
-def _least_squares(source: Float64, target: Float64) -> Similarity:
+def least_squares(source: Float64, target: Float64) -> Similarity:
     """Return the similarity with the least squared distances (Umeyama 1991)."""
     source_centre = source.mean(axis=0)
     target_centre = target.mean(axis=0)

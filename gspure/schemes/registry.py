@@ -12,7 +12,7 @@ from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.provenance import PROVENANCE
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, keyss, secure_gs, splats_in_splats
+from gspure.schemes import gs_hider, keyed_pattern, keyss, secure_gs, splats_in_splats
 from gspure.schemes.adapter import read_adapter
 from gspure.schemes.scheme import Scheme
 
@@ -27,6 +27,7 @@ BUILT_IN = (
     secure_gs.CANONICAL,
     keyss.SCHEME,
     keyss.CANONICAL,
+    keyed_pattern.SCHEME,
 )
 GROUP = "gspure.schemes"
 ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters

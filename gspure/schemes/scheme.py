@@ -51,6 +51,10 @@ class Key(ABC):
         """Return the bits that a model holds, compared with the message."""
         return [bits_reading(MODEL, self.read_model_bits(public), self.bits)]
 
+    def certified(self, public: PublicModel, keys: int) -> Reading:  # noqa: ARG002
+        """Return the bits that a model holds, and their p-value by rank among so many other keys."""
+        raise InputError("key", "--certify", expected="a keyed pattern", found="a key of another kind")
+
     def readings(self, images: Path) -> list[Reading]:
         """Return the bits that each PNG file of a folder shows, compared with the message."""
         return read_bits(self.read_bits, self.bits, images)
