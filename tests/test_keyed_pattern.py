@@ -15,6 +15,7 @@ from gspure.public_model import PublicModel
 from gspure.schemes.keyed_pattern.key import KeyedPatternKey
 from gspure.schemes.keyed_pattern.pattern import Pattern
 from gspure.schemes.keyed_pattern.registration import closest_points
+from tests.models import blobs
 
 LEAST_P = 1 / (KEYS + 1)
 
@@ -104,10 +105,11 @@ def test_renders_of_some_of_the_keys_views_are_enough(owned, tmp_path):
     assert reading.level > 90
 
 
-def test_new_rows_are_registered_by_their_shape(owned):
-    original, rotvec = owned.key.clean, np.array([0.4, 1.9, -0.8])
-    half = original[np.random.default_rng(0).permutation(len(original))[: len(original) // 2]]
-    motion = closest_points(original, moved(half, rotvec, np.array([3.0, 0, -1]), 1.7))
+def test_new_rows_are_registered_by_their_shape():
+    x, y = np.random.default_rng(0).uniform(-1, 1, (2, 600)).astype(np.float32)
+    surface = blobs(600).with_columns({"x": x, "y": y, "z": x * x + x * y + y**3 / 2})
+    rotvec = np.array([0.4, 1.9, -0.8])
+    motion = closest_points(surface, moved(surface[200:], rotvec, np.array([3.0, 0, -1]), 1.7))
     np.testing.assert_allclose(motion.rotation, rotation(rotvec).T, atol=1e-3)
     assert motion.scale == pytest.approx(1 / 1.7, rel=1e-3)
 

@@ -171,7 +171,7 @@ STATEMENTS = {
     "report": 789,
     "scan": 208,
     "scenes": 687,
-    "schemes": 2418,
+    "schemes": 2867,
     "surface": 219,
     "training": 739,
     "viewer": 211,

@@ -24,6 +24,7 @@ from gspure.settings import SEED, parsed_settings
 EXAMPLES = """\
   gspure embed splats_in_splats pair --out marked                          # after `gspure pair room vault --out pair`
   gspure embed splats_in_splats pair --out clean --set message_weight=0    # a clean model, without a key
+  gspure embed keyed_pattern pair --out marked                             # bits, the reference defence
   gspure embed splats_in_splats --scene photos/garden --message photos/desk --out marked   # the pair: marked/pair
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: how much of the message is legible

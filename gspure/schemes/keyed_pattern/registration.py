@@ -17,7 +17,7 @@ OPAQUE: Final = 0.3  # least opacity of the rows that are compared; ours
 POINTS: Final = 2500  # of them at most; ours
 STARTS: Final = 24  # random rotations, besides twelfths of a turn about each axis; ours
 TRIAL_STEPS: Final = 8  # from each start; ours
-STEPS: Final = 60  # from the best one; ours
+STEPS: Final = 200  # from the best one; ours
 KEPT: Final = 0.8  # share of the points, the nearest, that a step fits; ours
 
 
@@ -44,18 +44,25 @@ def closest_points(original: Gaussians, model: Gaussians) -> Similarity:
     source = np.random.default_rng(0).permutation(source)[:POINTS]
     tree = KDTree(target)
 
-    def refined(motion: Similarity, steps: int) -> tuple[float, Similarity]:
-        """Return a motion after some steps, and the mean distance of the points that it keeps."""
+    def refined(motion: Similarity, steps: int, *, scales: bool) -> tuple[float, Similarity]:
+        """Return a motion after some steps, perhaps of its scale, too, and the mean distance of the nearest points."""
         for _ in range(steps):
             distances, places = tree.query(motion.points(source))
             near = distances <= np.quantile(distances, KEPT)
-            motion = least_squares(source[near], target[places[near]])
+            fitted = least_squares(source[near], target[places[near]])
+            motion = fitted if scales else _rescaled(fitted, motion.scale, source[near].mean(axis=0))
         distances, _ = tree.query(motion.points(source))
         return float(np.minimum(distances, np.quantile(distances, KEPT)).mean()), motion
 
-    trials = [refined(start, TRIAL_STEPS) for start in _starts(source, target)]
+    trials = [refined(start, TRIAL_STEPS, scales=False) for start in _starts(source, target)]
     _, best = min(trials, key=lambda trial: trial[0])
-    return refined(best, STEPS)[1]
+    return refined(best, STEPS, scales=True)[1]
+
+
+def _rescaled(motion: Similarity, scale: float, fixed: Float64) -> Similarity:
+    """Return a motion with another scale that moves a fixed point to the same place."""
+    shift = (motion.scale - scale) * motion.rotation @ fixed
+    return Similarity(scale, motion.rotation, motion.translation + shift)
 
 
 def _opaque(model: Gaussians) -> Float64:

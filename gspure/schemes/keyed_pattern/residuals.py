@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from gspure.arrays import Float32, Float64, Indices
 from gspure.cameras.camera import Camera
 from gspure.constants import SH_DC
-from gspure.model.gaussians import Gaussians
+from gspure.model.gaussians import LEAST_OPACITY, Gaussians
 from gspure.opencl.device import Device
 from gspure.renderer import Renderer
 from gspure.schemes.keyed_pattern.pattern import Cells, Grid, recoloured
 
 AROUND: Final = 16  # cells around a cell; ours
+LEAST_AREA: Final = 1e-6  # relative to the median row's: every cell has a colour
 LARGEST_AREA: Final = 10.0  # of a row that counts, relative to the median row's; ours
 LARGEST_WEIGHT: Final = 4.0  # of a cell that counts, relative to the median cell's; ours
 DEVIATIONS: Final = 4.0  # largest residual of a cell, in deviations of those around it; ours
@@ -53,7 +54,8 @@ def cell_colours(model: Gaussians, grid: Grid, around: int = AROUND) -> CellColo
     scales = np.sort(model.scales.astype(np.float64), axis=1)
     areas = scales[:, 1] * scales[:, 2]
     typical = np.median(areas) if len(areas) else 1.0
-    row_weights = model.opacities * np.clip(areas / max(typical, 1e-30), 1e-6, LARGEST_AREA)
+    sizes = np.clip(areas / max(typical, 1e-30), LEAST_AREA, LARGEST_AREA)
+    row_weights = np.maximum(model.opacities, LEAST_OPACITY) * sizes
     weights: Float64 = np.bincount(places, row_weights).astype(np.float64)
     shares = (row_weights / weights[places])[:, None]
 
