@@ -2,7 +2,7 @@
 
 ::
 
-    <key>/keyed_pattern.npz   the secret, the message and the strength
+    <key>/keyed_pattern.npz   the secret and the message
     <key>/clean.ply           the clean model, whose digest the pattern depends on
     <key>/cameras.json        views to compare
 """
@@ -84,7 +84,8 @@ class KeyedPatternKey(Key):
         A model that was moved is moved back first.
         """
         model = in_place(public, self.clean)
-        return _united(blind(model, self.grid), self._informed(renders(model, self.views), self.views))
+        images = renders(model, self.views)
+        return _united(blind(model, self.grid), self._informed(images, self.views))
 
     def _informed(self, images: Float32, views: Sequence[Camera]) -> tuple[Cells, Float64]:
         """Return what renders show in the cells of the clean model, against each of the references."""

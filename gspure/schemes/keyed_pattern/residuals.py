@@ -46,7 +46,7 @@ class CellColours(NamedTuple):
     weights: Float64  # [C]
 
 
-def cell_colours(model: Gaussians, grid: Grid, around: int = AROUND) -> CellColours:
+def cell_colours(model: Gaussians, grid: Grid) -> CellColours:
     """Return the colours of the cells that rows lie in."""
     from scipy.spatial import KDTree
 
@@ -65,7 +65,7 @@ def cell_colours(model: Gaussians, grid: Grid, around: int = AROUND) -> CellColo
 
     colours = means(SH_DC * model.sh_coeffs[:, 0].astype(np.float64))
     centres = means(model.means)
-    nearest = range(2, min(around + 1, len(cells)) + 1)
+    nearest = range(2, min(AROUND + 1, len(cells)) + 1)
     if not nearest:
         return CellColours(cells, places, np.zeros_like(colours), np.zeros((len(cells), 0), np.intp), weights)
     _, neighbours = KDTree(centres).query(centres, k=nearest)
