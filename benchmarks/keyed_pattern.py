@@ -156,7 +156,7 @@ def row(name: str, strength: str, damage: float, key: KeyedPatternKey, public: P
         scores["rows"] = float((findings.tries[0] * mark).sum())
         scores["clean model"] = float("nan")
     bank = max(scores[trial] for trial in TRIES[2:])
-    certificate = key.certificate(findings, CERTIFIED - 1 if name == "unattacked" else 99_999)
+    certificate = key.certificate(findings, CERTIFIED - 1 if name == "unattacked" else 9_999)
     correct = int((key.decoded(findings) == key.bits).sum())
     numbers = [damage, scores["rows"], scores["clean model"], bank]
     cells = [
@@ -183,14 +183,13 @@ def false_positives(trial: Trial) -> Iterator[list[str]]:
     yield ["keys", str(KEYS)]
     yield [f"false positives at p <= {LEVEL}", str(hits)]
     yield ["their rate", f"{hits / len(values):.5f} [{interval.low:.5f}, {interval.high:.5f}]"]
-    yield ["false positives at p <= 0.00001", str(int(np.count_nonzero(np.array(values) <= 1e-5)))]
     yield ["Kolmogorov-Smirnov, 500 keys, one model", f"{kstest(values[:500], 'uniform').pvalue:.2f}"]
 
 
 def p_values(key: KeyedPatternKey, findings: Findings) -> Iterator[float]:
     """Yield the p-value of each of some keys."""
     tries = findings.tries.reshape(len(findings.tries), -1)
-    others = np.sort(largest_sums(tries, 99_999))
+    others = np.sort(largest_sums(tries, 9_999))
     for number in range(KEYS):
         mark = Pattern.of(number.to_bytes(4, "big"), b"", key.bits).mark(findings.cells).ravel()
         yield (1 + len(others) - np.searchsorted(others, np.max(tries @ mark))) / (1 + len(others))

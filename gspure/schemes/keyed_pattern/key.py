@@ -28,7 +28,7 @@ from gspure.metrics.sign_ranks import KEYS, Certificate, certificate
 from gspure.model import Gaussians, read_model, write_model
 from gspure.public_model import PublicModel
 from gspure.schemes.keyed_pattern.pattern import Cells, Grid, Pattern
-from gspure.schemes.keyed_pattern.registration import in_place
+from gspure.schemes.keyed_pattern.registration import placements
 from gspure.schemes.keyed_pattern.residuals import blind, colour_mapped, informed, renders, smoothed, whitened
 from gspure.schemes.scheme import Key
 
@@ -81,10 +81,10 @@ class KeyedPatternKey(Key):
     def findings(self, public: PublicModel) -> Findings:
         """Return what a public or attacked model shows, from its rows and its renders.
 
-        A model that was moved is moved back first.
+        A model that was moved is moved back first, to where its renders resemble those of the clean model most.
         """
-        model = in_place(public, self.clean)
-        images = renders(model, self.views)
+        placed = [(model, renders(model, self.views)) for model in placements(public, self.clean)]
+        model, images = min(placed, key=lambda place: float(np.abs(place[1] - self.references[0]).mean()))
         return _united(blind(model, self.grid), self._informed(images, self.views))
 
     def _informed(self, images: Float32, views: Sequence[Camera]) -> tuple[Cells, Float64]:

@@ -21,18 +21,20 @@ STEPS: Final = 200  # from the best one; ours
 KEPT: Final = 0.8  # share of the points, the nearest, that a step fits; ours
 
 
-def in_place(public: PublicModel, original: Gaussians) -> Gaussians:
-    """Return the drawn rows of an attacked model, moved back to the place of the original.
+def placements(public: PublicModel, original: Gaussians) -> Iterator[Gaussians]:
+    """Yield the drawn rows of an attacked model, moved back to where the original may be.
 
-    Rows that match show the motion exactly. The centres of new rows are brought as near as possible.
+    Rows that match show the motion exactly. New rows are tried as they are, and with their centres as near to those of
+    the original as possible.
     """
     from scipy.spatial.transform import Rotation
 
     model = registered(public.drawn("model"), original).model
+    yield model
     if min(len(model), len(original)) < LEAST or (adaptive_matches(original, model) >= 0).any():
-        return model
+        return
     motion = closest_points(original, model)
-    return moved(model, Rotation.from_matrix(motion.rotation).as_rotvec(), motion.translation, motion.scale)
+    yield moved(model, Rotation.from_matrix(motion.rotation).as_rotvec(), motion.translation, motion.scale)
 
 
 def closest_points(original: Gaussians, model: Gaussians) -> Similarity:
