@@ -116,6 +116,13 @@ def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say
     assert float(repaired["drop of scene"]) < float(purified["drop of scene"])
 
 
+def test_decimals_of_the_page_on_marks_that_survive_are_in_its_tables() -> None:
+    tables = " ".join(table.read_text(encoding="utf-8") for table in TABLES if table.stem.startswith("keyed_pattern"))
+    shown = DECIMAL.findall((DOCS / "marks-that-survive.md").read_text(encoding="utf-8"))
+    assert len(shown) > 10
+    assert {*shown} <= {*DECIMAL.findall(tables)}
+
+
 @pytest.mark.parametrize("table", RESULTS, ids=lambda table: table.stem)
 def test_committed_results_can_be_read(table: Path) -> None:
     assert any(row.damage > 0 and row.message_values for row in read_results(table))

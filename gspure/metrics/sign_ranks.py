@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Float64
-from gspure.metrics.evidence import rank_p
+from gspure.metrics.proof import rank_p
 
 KEYS: Final = 9_999  # other keys, unless more are wanted; ours
 BATCH: Final = 1 << 14  # keys at a time; ours
