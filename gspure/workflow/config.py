@@ -262,8 +262,8 @@ class Config:
     schemes: Annotated[
         Mapping[Name, SchemeConfig],
         "Watermarking schemes to evaluate, by name (splats_in_splats, gs_hider, secure_gs, each also with _hardened; "
-        "keyss; the last three also with _canonical; keyed_pattern; or that of an installed plug-in), each with a random "
-        "seed and its training settings.",
+        "keyss; the last three also with _canonical; keyed_pattern; or that of an installed plug-in), each with a "
+        "random seed and its training settings.",
     ] = field(default_factory=dict)
     detectors: Annotated[
         Mapping[Name, DetectorConfig],
