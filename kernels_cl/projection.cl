@@ -2,7 +2,8 @@
 //
 // Per Gaussian: move the centre into view space; drop it at z <= NEAR_PLANE or opacity < ALPHA_MIN; rotate the principal
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
-// drop it if that touches no pixel centre; shade it; store. Channels are SH coefficients if SH_DEGREE >= 0, else features.
+// drop it if that touches no pixel centre; shade it; store. Channels are features or, if SH_DEGREE >= 0,
+// colours and, behind them, perhaps the inverse depth.
 
 #define MEAN(axis) (LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position) - CAMERA_ORIGIN(axis))
 #define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + axis, position)
@@ -275,6 +276,9 @@ __kernel void project(uint count, int width, int height,
         V x = world[0] - CAMERA_CENTRE(0), y = world[1] - CAMERA_CENTRE(1), z = world[2] - CAMERA_CENTRE(2);
         V inverse = 1.0f / sqrt(x * x + y * y + z * z);
         sh_colour(channels, position, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
+#if CHANNELS > 3
+        splat.v[SPLAT_CHANNELS + 3] = 1.0f / mean[2];
+#endif
 #else
         for (int c = 0; c < CHANNELS; c++)
             splat.v[SPLAT_CHANNELS + c] = LOAD_ATTRIBUTE(channels, CHANNEL_ATTRIBUTES, c, position);

@@ -88,6 +88,9 @@ __kernel void project_backward(uint count, int width, int height,
     }
     V gx = fx * gU + (jx == x ? gjx : (V)0.0f), gy = fy * gV + (jy == y ? gjy : (V)0.0f);
     giz += gx * mean[0] + gy * mean[1];
+#if SH_DEGREE >= 0 && CHANNELS > 3
+    giz += CHANNEL_GRADIENT(3);
+#endif
     V gmean[3] = {gx * iz, gy * iz, -giz * iz * iz};
 
     V gworld[3], gworld_axes[9];

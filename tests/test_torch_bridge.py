@@ -15,7 +15,7 @@ from tests.models import blobs, tilted_camera
 
 torch = pytest.importorskip("torch")
 
-from gspure.training.torch_bridge import TorchRenderer  # noqa: E402
+from gspure.training.torch_bridge import BlendInputs, TorchRenderer  # noqa: E402
 
 GEOMETRY = ("means", "quats", "scales", "opacities")
 
@@ -43,6 +43,24 @@ def test_images_and_their_gradients_are_those_of_the_renderer(device, style, cha
     assert channel_leaf.grad.numpy().tobytes() == gradients.channels.tobytes()
     shown = (renderer.transmittance(view)[..., None] * weights.astype(np.float64)).sum(axis=(0, 1))
     np.testing.assert_allclose(leaves["background"].grad.numpy(), shown, rtol=1e-3, atol=1e-3)
+
+
+def test_the_channel_behind_colours_is_the_inverse_depth(device, style):
+    model, view = blobs(120, sh_degree=1), tilted_camera(33, 31)
+    render = TorchRenderer(device, style)
+    axis, offset = (torch.tensor(view.viewmat[2, part], dtype=torch.float32) for part in (slice(3), 3))
+    images, gradients = [], []
+    for background in (torch.zeros(4), torch.zeros(1)):
+        leaves = [torch.tensor(getattr(model, name), requires_grad=True) for name in GEOMETRY]
+        features = 1 / (leaves[0] @ axis + offset)[:, None]
+        channels = features if len(background) == 1 else torch.tensor(model.sh_coeffs)
+        image = render.blend(view, BlendInputs(background, *leaves, channels))[..., -1]
+        image.square().sum().backward()
+        images.append(image.detach())
+        gradients.append([leaf.grad for leaf in leaves])
+    torch.testing.assert_close(*images, rtol=1e-5, atol=1e-6)
+    for behind, alone in zip(*gradients, strict=True):
+        torch.testing.assert_close(behind, alone, rtol=1e-3, atol=1e-4 * float(alone.abs().max()))
 
 
 @pytest.mark.parametrize("name", ["gs_hider", "secure_gs", "keyss"])

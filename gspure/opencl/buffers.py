@@ -40,6 +40,10 @@ class Buffers:
     P chunks of a counting sort.
     """
 
+    # Gaussians that every frame uploads
+    table: Scratch  # [K,attributes]
+    geometry: Scratch  # [K,GEOMETRY_ATTRIBUTES]
+    channels: Scratch  # [K,CHANNEL_ATTRIBUTES]
     # projection
     camera: Scratch  # [24]
     splats: Scratch  # [K,SPLAT]

@@ -14,6 +14,8 @@ from gspure.opencl.frame import Frame
 from gspure.opencl.projection import Projected
 from gspure.opencl.storage import Storage, blocked_shape
 
+_NOT_VISIBLE = 0xFFFFFFFF  # layout.cl
+
 
 @dataclass(frozen=True)
 class DeviceGradients:
@@ -89,3 +91,28 @@ def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int)
         blocked, *_ = blocked_shape(storage.count, attributes)
         engine.program("rows").launch("by_row", blocked, storage.count, attributes, blocks, storage.rows, out)
     return values
+
+
+def covariance_gradients(frame: Frame, projected: Projected) -> Float32:
+    """Return the gradients [K,3] of the covariances on the image plane, xx, xy and yy in square pixels, by row.
+
+    They are those of 2 / log2(e) H^T N H (docs/gradients.md), twice its xy, and zero for Gaussians that are not drawn.
+    They belong to the last backward pass.
+    """
+    engine = frame.engine
+    storage = frame.storage
+    traversal = frame.traversal
+    attributes = MOMENTS + traversal.channels
+    splat_gradients = engine.buffers.splat_gradients.sized(*blocked_shape(storage.count, attributes))
+    moments = by_row(engine, storage, splat_gradients, attributes)
+    splats = engine.read(projected.splats, (storage.count, traversal.splat_floats), np.float32)
+    drawn = engine.read(projected.depth_keys, (storage.count,), np.uint32) != _NOT_VISIBLE
+    rows = storage.order[drawn]
+    a, b, c = splats[drawn, 2:5].T  # SPLAT_A, SPLAT_B, SPLAT_C
+    aa, ab, bb = moments[rows, 3:6].T
+    xx = a * a * aa
+    xy = a * (b * aa + c * ab)
+    yy = b * b * aa + 2 * b * c * ab + c * c * bb
+    covariances = np.zeros((storage.count, 3), np.float32)
+    covariances[rows] = 2 * np.log(2) * np.stack([xx, 2 * xy, yy], axis=1)
+    return covariances

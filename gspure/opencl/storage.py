@@ -12,6 +12,7 @@ import pyopencl as cl
 from gspure.arrays import Float32, Float64, UInt32
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model.gaussians import Gaussians, sigmoid
+from gspure.opencl.buffers import Scratch
 from gspure.opencl.engine import Engine
 
 FEW = 1 << 14  # Gaussians; as few fit into caches in any order, so sorting them takes longer than it saves
@@ -90,6 +91,18 @@ def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Call
             block, lane = np.divmod(positions[rows], np.uint32(BLOCK))
             blocked[block, :, lane] = values(rows)
     return buffer
+
+
+def upload_table(engine: Engine, rows: cl.Buffer, table: Float32, blocks: Scratch) -> cl.Buffer:
+    """Upload a `table` [K,attributes] as `upload_attributes` does, into a buffer that the next upload reuses.
+
+    `rows` [K] is the storage order on the device, which also brings the table into it.
+    """
+    count, attributes = table.shape
+    shape = blocked_shape(count, attributes)
+    arguments = (engine.buffers.table.holding(table), rows, blocks.sized(*shape))
+    engine.program("rows").launch("by_position", shape[0], count, attributes, *arguments)
+    return blocks.sized(*shape)
 
 
 def positions_of(order: Rows) -> Rows:

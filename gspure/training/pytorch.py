@@ -27,7 +27,16 @@ _M_TRIM_THRESHOLD = -1  # malloc.h
 _M_MMAP_THRESHOLD = -3
 _GIB = 1 << 30
 
-__all__ = ["BFLOAT16", "DEVICE", "on_device", "on_host", "read_tensors", "single_threaded", "torch"]
+__all__ = [
+    "BFLOAT16",
+    "DEVICE",
+    "keep_freed_memory",
+    "on_device",
+    "on_host",
+    "read_tensors",
+    "single_threaded",
+    "torch",
+]
 
 
 def _working_device() -> torch.device:
@@ -81,7 +90,7 @@ def single_threaded() -> Iterator[None]:
 
     For small tensors this is also faster.
     """
-    _keep_freed_memory()
+    keep_freed_memory()
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -90,7 +99,7 @@ def single_threaded() -> Iterator[None]:
         torch.set_num_threads(threads)
 
 
-def _keep_freed_memory() -> None:
+def keep_freed_memory() -> None:
     """Let glibc keep freed tensors: it returns them to the system, and page faults then take a quarter of a step."""
     if os.name != "posix":
         return

@@ -9,7 +9,7 @@
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,34 @@ from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
-from gspure.opencl.gradients import by_row
+from gspure.opencl.gradients import by_row, covariance_gradients
 from gspure.opencl.passes import backward, forward
-from gspure.opencl.storage import Storage, storage_order, upload_attributes
+from gspure.opencl.storage import Rows, Storage, storage_order, upload_table
 from gspure.training.pytorch import on_host, torch
 
 _BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees 0 to 3
+
+
+class BlendInputs(NamedTuple):
+    """The tensors of an image, float32, as `TorchRenderer` takes them; `channels` are features or SH coefficients.
+
+    If `background` has four values for SH coefficients, the fourth channel of the image is the inverse depth.
+    `means2d` [K,2] and `covs2d` [K,3] are not read. They receive the gradients of the projected centres, in pixels, and
+    of the covariances on the image plane, xx, xy and yy in square pixels.
+    """
+
+    background: torch.Tensor
+    means: torch.Tensor
+    quats: torch.Tensor
+    scales: torch.Tensor
+    opacities: torch.Tensor
+    channels: torch.Tensor
+    means2d: torch.Tensor | None = None
+    covs2d: torch.Tensor | None = None
+
+
+_LASTING = 100  # images for which centres, as they are trained, keep their storage order; ours
+_READ = 6  # of these tensors; the others only receive gradients
 
 
 class TorchRenderer:
@@ -91,7 +113,11 @@ class TorchRenderer:
         _require("quats", quats, (count, 4))
         _require("scales", scales, (count, 3))
         _require("opacities", opacities, (count,))
-        image: torch.Tensor = _Image.apply(self._frames, camera, colour, means, quats, scales, opacities, channels)
+        return self.blend(camera, BlendInputs(colour, means, quats, scales, opacities, channels))
+
+    def blend(self, camera: Camera, inputs: BlendInputs) -> torch.Tensor:
+        """Return the image [H,W,C] of tensors whose shapes and types are right."""
+        image: torch.Tensor = _Image.apply(self._frames, camera, *inputs)
         return image
 
 
@@ -100,29 +126,29 @@ class _Frames:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
+        self._order: Rows = np.zeros(0, np.uint32)
         self.last = 0
 
     def draw(self, camera: Camera, *arrays: Float32) -> int:
-        """Render the arrays of `_Image`, and return the frame's number."""
+        """Render the first six of `BlendInputs`, and return the frame's number."""
         background, means, quats, scales, opacities, channels = arrays
         self.last += 1
         engine = self._engine
-        order = storage_order(means)
+        if len(means) != len(self._order) or self.last % _LASTING == 0:
+            self._order = storage_order(means)
+            self._rows = engine.uploaded(self._order)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
-        traversal = Traversal("ewa", channels=channels.shape[-1], sh_degree=sh_degree)
-
-        def uploaded(rows: Float32) -> Any:
-            return upload_attributes(engine, order, rows.shape[1], rows.__getitem__)
-
-        # One table is permuted many times faster than its narrow parts.
-        geometry = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
-        storage = Storage.along(engine, order, uploaded(geometry))
-        attributes = uploaded(channels.reshape(len(channels), traversal.channel_attributes))
+        traversal = Traversal("ewa", channels=len(background), sh_degree=sh_degree)
+        table = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
+        geometry = upload_table(engine, self._rows, table, engine.buffers.geometry)
+        table = np.ascontiguousarray(channels.reshape(len(channels), traversal.channel_attributes))
+        attributes = upload_table(engine, self._rows, table, engine.buffers.channels)
+        storage = Storage.along(engine, self._order, geometry)
         self.rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
         return self.last
 
     def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
-        """Return the `requested` gradients of the last frame, in the order of `draw`: [C], [K,...]; or None."""
+        """Return the `requested` gradients of the last frame, in the order of `BlendInputs`; the others may be None."""
         engine = self._engine
         rendered = self.rendered
         storage = rendered.frame.storage
@@ -137,21 +163,22 @@ class _Frames:
             gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
         if requested[5]:
             gradients[5] = by_row(engine, storage, by_splat.channels, rendered.frame.traversal.channel_attributes)
+        if requested[6]:
+            gradients[6] = by_row(engine, storage, by_splat.centres, 2)
+        if requested[7]:
+            gradients[7] = covariance_gradients(rendered.frame, rendered.projected)
         return gradients
 
 
 class _Image(torch.autograd.Function):  # type: ignore[misc]
-    """An image as autograd sees it.
-
-    Tensors: background, means, quats, scales, opacities, and features [K,C] or spherical harmonics [K,S,3].
-    """
+    """An image as autograd sees it: a function of `BlendInputs`."""
 
     @staticmethod
     def forward(ctx: Any, frames: _Frames, camera: Camera, *tensors: torch.Tensor) -> torch.Tensor:
         ctx.save_for_backward(*tensors)
         ctx.frames = frames
         ctx.camera = camera
-        ctx.number = frames.draw(camera, *map(on_host, tensors))
+        ctx.number = frames.draw(camera, *_read(tensors))
         return torch.from_numpy(frames.rendered.image()).to(tensors[1].device)
 
     @staticmethod
@@ -159,10 +186,15 @@ class _Image(torch.autograd.Function):  # type: ignore[misc]
     def backward(ctx: Any, image_gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         tensors = ctx.saved_tensors  # raises an error if they were changed since
         if ctx.frames.last != ctx.number:
-            ctx.number = ctx.frames.draw(ctx.camera, *map(on_host, tensors))
+            ctx.number = ctx.frames.draw(ctx.camera, *_read(tensors))
         gradients = ctx.frames.pull_back(on_host(image_gradient), ctx.needs_input_grad[2:])
         pairs = zip(gradients, tensors, strict=True)
         return (None, None, *(_placed(gradient, tensor) for gradient, tensor in pairs))
+
+
+def _read(tensors: Sequence[torch.Tensor]) -> list[Float32]:
+    """Return the arrays of the tensors that an image depends on."""
+    return [on_host(tensor) for tensor in tensors[:_READ]]
 
 
 def _placed(gradient: Float32 | None, tensor: torch.Tensor) -> torch.Tensor | None:
