@@ -39,6 +39,7 @@ COMMANDS = {
     "compare": "put two audits beside each other: before and after a change of a scheme",
     "submit": "write the radii of a run of a suite as one record for the leaderboard",
     "paper-check": "recompute the paper's tables, and list inconsistent numbers",
+    "cuda-free": "run a program that was written for CUDA, such as the trainer of 3DGS, without CUDA",
     "completion": "print a script for tab completion in a shell",
 }
 FIRST = 8  # that a person types; the others are listed as further tools

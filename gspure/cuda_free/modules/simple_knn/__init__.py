@@ -1,0 +1,1 @@
+"""Distances to neighbours: see `_C`."""

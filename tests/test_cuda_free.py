@@ -1,0 +1,317 @@
+"""Programs written for CUDA: the modules that they import, and the command that runs them."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gspure.cli import main
+from gspure.errors import InputError
+from gspure.metrics.image_metrics import ssim
+from gspure.renderer import Renderer
+from tests.models import blobs, covariances, gaussians, tilted_camera
+
+torch = pytest.importorskip("torch")
+
+from gspure.cuda_free.dialects import DIALECTS, SETTINGS, Dialect, find_wrapper, read_dialect  # noqa: E402
+from gspure.cuda_free.neighbours import distCUDA2  # noqa: E402
+from gspure.cuda_free.projection import world_covariances  # noqa: E402
+from gspure.cuda_free.rasterizer import interface  # noqa: E402
+from gspure.cuda_free.replacement import extensions_of  # noqa: E402
+from gspure.cuda_free.similarity import fused_ssim  # noqa: E402
+
+VIEW = tilted_camera(40, 30)
+EVERYTHING = Dialect((*SETTINGS, "antialiasing"), outputs=("color", "radii", "depth", "inverse_depth", "alpha"))
+
+
+def rasterizer(dialect=EVERYTHING, view=VIEW, sh_degree=1, **changes):
+    """Return the rasterizer of a view, with the matrices that 3DGS computes."""
+    tangents = np.array([view.width / view.K[0, 0], view.height / view.K[1, 1]]) / 2
+    projection = np.diag([*1 / tangents, 100 / 99.99, 0])
+    projection[2:, 2:] += [[0, -1 / 99.99], [1, 0]]
+    matrices = [torch.from_numpy(matrix.T.astype(np.float32)) for matrix in (view.viewmat, projection @ view.viewmat)]
+    centre = torch.from_numpy(view.centre.astype(np.float32))
+    values = (view.height, view.width, *tangents.tolist(), torch.tensor([0.1, 0.5, 0.9]), 1.0, *matrices)
+    settings, made = interface(dialect)
+    return made(settings(*values, sh_degree, centre, False, False)._replace(**changes))
+
+
+def inputs(model):
+    """Return the tensors of a model by the rasterizer's names, and `means2D`."""
+    names = {"means": "means3D", "quats": "rotations", "scales": "scales", "sh_coeffs": "shs", "opacities": "opacities"}
+    leaves = {ours: torch.tensor(getattr(model, name), requires_grad=True) for name, ours in names.items()}
+    return leaves | {"means2D": torch.zeros(len(model), 3, requires_grad=True)}
+
+
+def weights(image, seed=0):
+    return torch.from_numpy(np.random.default_rng(seed).normal(size=image.shape).astype(np.float32))
+
+
+def soft():
+    """Gaussians that cover the image at every pixel: no edge, nothing clamped."""
+    rng = np.random.default_rng(3)
+    means = np.stack([rng.uniform(-0.2, 0.2, 4), rng.uniform(-0.2, 0.2, 4), np.linspace(3.5, 5, 4)], axis=1)
+    return gaussians(means=means, quats=rng.normal(size=(4, 4)), scales=rng.uniform(1.2, 2.2, (4, 3)), colors=0.6)
+
+
+def test_outputs_and_gradients_are_those_of_the_renderer():
+    model = blobs(200, sh_degree=1)
+    tensors = inputs(model)
+    color, radii, depth, inverse_depth, alpha = rasterizer()(**tensors)
+    renderer = Renderer(model)
+    z = (model.means @ VIEW.viewmat[2, :3] + VIEW.viewmat[2, 3]).astype(np.float32)[:, None]
+    tight = {"rtol": 0, "atol": 2e-5}
+    for output, features in ((depth, z), (inverse_depth, 1 / np.maximum(z, 0.2)), (alpha, np.ones_like(z))):
+        expected = renderer.feature_map(VIEW, features)
+        np.testing.assert_allclose(output.detach().numpy()[0], expected[..., 0], **tight)
+    expected, pullback = renderer.vjp(VIEW, background=[0.1, 0.5, 0.9])
+    np.testing.assert_allclose(color.detach().numpy().transpose(1, 2, 0), expected, **tight)
+    gradient = weights(color)
+    color.backward(gradient)
+    gradients = pullback(gradient.numpy().transpose(1, 2, 0))
+    in_halves = np.pad(gradients.means2d * [VIEW.width / 2, VIEW.height / 2], ((0, 0), (0, 1)))
+    pairs = [("means3D", gradients.means), ("means2D", in_halves), ("shs", gradients.channels)]
+    pairs += [("scales", gradients.scales), ("rotations", gradients.quats), ("opacities", gradients.opacities)]
+    for name, expected in pairs:
+        error = np.abs(tensors[name].grad.numpy() - expected).max()
+        assert error < 2e-4 * np.abs(expected).max(), name
+    assert not radii.requires_grad
+
+
+@pytest.mark.parametrize(
+    "name", ["means3D", "opacities", "scales", "rotations", "shs", "colors_precomp", "cov3D_precomp"]
+)
+def test_gradients_are_slopes(name):
+    """Of all outputs, antialiased; float32 holds three digits of a difference."""
+    tensors = {key: tensor.detach() for key, tensor in inputs(soft()).items()}
+    if name == "colors_precomp":
+        tensors[name] = tensors.pop("shs")[:, 0] * 0.3 + 0.5
+    if name == "cov3D_precomp":
+        tensors[name] = world_covariances(tensors.pop("rotations"), tensors.pop("scales")).T
+    draw = rasterizer(sh_degree=0, antialiasing=True)
+
+    def images(step):
+        outputs = draw(**tensors | {name: tensors[name] + step})
+        return torch.cat([outputs[0], *outputs[2:]])
+
+    direction = weights(tensors[name], 1) * tensors[name].abs().mean()
+    leaf = torch.zeros_like(tensors[name], requires_grad=True)
+    drawn = images(leaf)
+    gradient = weights(drawn, 2)
+    drawn.backward(gradient)
+    size = 1e-2
+    difference = (images(size * direction) - images(-size * direction)).double()
+    slope = (difference * gradient).sum() / (2 * size)
+    terms = leaf.grad * direction
+    assert float(terms.sum()) == pytest.approx(float(slope), abs=3e-3 * float(terms.norm()) + 1e-4)
+
+
+@pytest.mark.parametrize("round_", [False, True], ids=["oblong", "round"])
+def test_gradients_of_precomputed_covariances_follow_the_chain_rule(round_):
+    """Also where eigenvectors are arbitrary."""
+    model = blobs(60, sh_degree=1)
+    direct, chained = inputs(model), inputs(model)
+    if round_:
+        for tensors in (direct, chained):
+            tensors["scales"].data[:] = tensors["scales"].data[:, :1]
+    packed = world_covariances(chained["rotations"], chained["scales"]).T
+    given = {name: tensor for name, tensor in chained.items() if name not in {"rotations", "scales"}}
+    draw = rasterizer(DIALECTS["inria-2023"])
+    image, radii = draw(**direct)
+    again, radii_again = draw(**given, cov3D_precomp=packed)
+    assert torch.equal(radii, radii_again)
+    torch.testing.assert_close(image, again, rtol=0, atol=2e-5)
+    gradient = weights(image)
+    image.backward(gradient)
+    again.backward(gradient)
+    for name in ("scales", "rotations", "means3D", "opacities"):
+        expected = direct[name].grad
+        scale = float(direct["scales" if name == "rotations" else name].grad.abs().max())
+        assert float((chained[name].grad - expected).abs().max()) < 1e-3 * scale, name
+
+
+def test_radii_are_three_deviations_of_what_touches_a_tile():
+    model = blobs(200, sh_degree=0, size=(0.01, 0.6))
+    tensors = {name: tensor.detach() for name, tensor in inputs(model).items()}
+    draw = rasterizer()
+    expected = []
+    for mean, covariance in zip(model.means.astype(np.float64), covariances(model), strict=True):
+        x, y, z = VIEW.viewmat[:3, :3] @ mean + VIEW.viewmat[:3, 3]
+        fx, fy = VIEW.K[0, 0], VIEW.K[1, 1]
+        tx = np.clip(x / z, *np.array([-1.3, 1.3]) * VIEW.width / (2 * fx))
+        ty = np.clip(y / z, *np.array([-1.3, 1.3]) * VIEW.height / (2 * fy))
+        rows = np.array([[fx, 0, -fx * tx], [0, fy, -fy * ty]]) / z @ VIEW.viewmat[:3, :3]
+        low, high = np.linalg.eigvalsh(rows @ covariance @ rows.T) + 0.3
+        radius = math.ceil(3 * math.sqrt((low + high) / 2 + max((high - low) / 2, math.sqrt(0.1))))
+        centre = np.array([fx * x / z + VIEW.width / 2, fy * y / z + VIEW.height / 2]) - 0.5
+        first, end = np.floor((centre - radius) / 16), np.floor((centre + radius + 15) / 16)
+        touches = z > 0.2 and (np.minimum(end, [3, 2]) > np.maximum(first, 0)).all()
+        expected.append(radius if touches else 0)
+    radii = draw.visible_filter(tensors["means3D"], tensors["scales"], tensors["rotations"]).numpy()
+    assert 20 < np.count_nonzero(radii) < 200
+    assert np.count_nonzero(radii != expected) <= 1  # rounding up
+    before = model.means @ VIEW.viewmat[2, :3] + VIEW.viewmat[2, 3] > 0.2
+    assert np.array_equal(draw.markVisible(tensors["means3D"]).numpy(), before)
+
+
+def test_features_are_blended_as_those_dialects_return_them():
+    model = blobs(60, sh_degree=1)
+    features = weights(torch.empty(60, 1, 6))
+    tensors = inputs(model)
+    color, feature_map, _, _ = rasterizer(DIALECTS["feature-3dgs"])(**tensors, semantic_feature=features[..., :5])
+    del tensors["shs"]
+    alone, _ = rasterizer(DIALECTS["gs-hider"])(**tensors, semantic_feature=features)
+    expected = Renderer(model).feature_map(VIEW, features[:, 0].numpy()).transpose(2, 0, 1)
+    np.testing.assert_allclose(alone.detach().numpy(), expected, rtol=0, atol=5e-5)
+    assert color.shape == (3, 30, 40)
+    assert feature_map.shape == (5, 30, 40)
+    with pytest.raises(ValueError, match="either shs or colors_precomp"):
+        rasterizer(DIALECTS["inria-2023"])(**tensors)
+    with pytest.raises(TypeError, match="takes no normals"):
+        rasterizer()(**tensors, normals=features)
+
+
+def test_ssim_and_distances_are_those_of_3dgs():
+    images = torch.from_numpy(np.random.default_rng(0).random((2, 3, 20, 24), np.float32))
+    a, b = (image.numpy().transpose(1, 2, 0) for image in images)
+    assert float(fused_ssim(images[:1], images[1:])) == pytest.approx(ssim(a, b), abs=1e-5)
+    points = np.random.default_rng(1).normal(size=(50, 3)).astype(np.float32)
+    squares = np.sort(((points[:, None] - points[None]) ** 2).sum(axis=2), axis=1)[:, 1:4]
+    np.testing.assert_allclose(distCUDA2(torch.from_numpy(points)), squares.mean(axis=1), rtol=1e-5)
+
+
+WRAPPER = """
+from . import _C
+class _RasterizeGaussians(torch.autograd.Function):
+    def forward(ctx, *args):
+        return color, radii, {last}
+class GaussianRasterizationSettings(NamedTuple):
+    {fields}
+class GaussianRasterizer(nn.Module):
+    def forward(self, means3D, means2D, opacities, shs=None, scales=None, rotations=None):
+        return rasterize_gaussians()
+"""
+
+
+def test_the_dialect_is_read_from_the_wrapper_of_a_checkout(tmp_path):
+    folder = tmp_path / "submodules" / "rasterizer"
+    wrapper = folder / "diff_gaussian_rasterization" / "__init__.py"
+    wrapper.parent.mkdir(parents=True)
+    (folder / "setup.py").write_text(
+        "setup(ext_modules=[CUDAExtension(name='pointops._C'), CUDAExtension('simple_knn._C')])"
+    )
+    fields = "\n    ".join(f"{name}: int" for name in SETTINGS)
+    wrapper.write_text(WRAPPER.format(last="invdepths", fields=fields))
+    assert find_wrapper(tmp_path) == wrapper
+    assert read_dialect(wrapper).outputs == ("color", "radii", "inverse_depth")
+    assert read_dialect(wrapper).inputs == ("means3D", "means2D", "opacities", "shs", "scales", "rotations")
+    assert extensions_of(tmp_path) == ("pointops",)
+    for last, more in (("normals", ""), ("depth", "\n    kernel_size: float")):
+        wrapper.write_text(WRAPPER.format(last=last, fields=fields + more))
+        with pytest.raises(InputError, match=r"(normals|kernel_size) \("):
+            read_dialect(wrapper)
+
+
+TRAINER = """
+import math, sys, torch
+from diff_gaussian_rasterization import GaussianRasterizationSettings, GaussianRasterizer
+from fused_ssim import fused_ssim
+from simple_knn._C import distCUDA2
+
+def refused(act):
+    try:
+        act()
+    except (ImportError, RuntimeError) as error:
+        print(error)
+
+refused(lambda: __import__("pointops"))
+refused(lambda: torch.distributed.init_process_group("nccl"))
+refused(lambda: __import__("torch.utils.cpp_extension").utils.cpp_extension.load(name="jit_kernels", sources=[]))
+assert torch.cuda.is_available()
+torch.cuda.set_device(torch.device("cuda:0"))
+torch.manual_seed(0)
+tan = math.tan(0.4)
+view = torch.eye(4).cuda()
+view[3, 2] = 4.0
+projection = torch.tensor([[1 / tan, 0, 0, 0], [0, 1 / tan, 0, 0], [0, 0, 1, 1], [0, 0, -0.01, 0]], device="cuda")
+background = torch.zeros(3, dtype=torch.float32, device="cuda")
+
+def render(xyz, features, opacity, scaling, rotation):
+    points = torch.zeros_like(xyz, requires_grad=True, device="cuda") + 0
+    points.retain_grad()
+    settings = GaussianRasterizationSettings(
+        image_height=32, image_width=32, tanfovx=tan, tanfovy=tan, bg=background, scale_modifier=1.0, viewmatrix=view,
+        projmatrix=view @ projection, sh_degree=0, campos=view.inverse()[3, :3], prefiltered=False, debug=False,
+        antialiasing=False)
+    image, radii, _ = GaussianRasterizer(raster_settings=settings)(
+        means3D=xyz, means2D=points, shs=features, colors_precomp=None, opacities=torch.sigmoid(opacity),
+        scales=torch.exp(scaling), rotations=torch.nn.functional.normalize(rotation), cov3D_precomp=None)
+    return image.clamp(0, 1), points, radii
+
+def parameters():
+    xyz = torch.rand(60, 3, device="cuda") - 0.5
+    scaling = torch.log(torch.sqrt(distCUDA2(xyz.float().cuda())))[..., None].repeat(1, 3)
+    rotation = torch.zeros((60, 4), device="cuda")
+    rotation[:, 0] = 1
+    values = [xyz, torch.rand(60, 1, 3).to("cuda"), torch.zeros(60, 1, device="cuda"), scaling, rotation]
+    return [torch.nn.Parameter(value.requires_grad_(True)) for value in values]
+
+truth = render(*parameters())[0].detach()
+model = parameters()
+optimizer = torch.optim.Adam(model, lr=0.01, eps=1e-15)
+start, end = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+start.record()
+for iteration in range(30):
+    image, points, radii = render(*model)
+    loss = 0.8 * (image - truth).abs().mean() + 0.2 * (1 - fused_ssim(image[None], truth[None]))
+    loss.backward()
+    norms = torch.norm(points.grad[radii > 0, :2], dim=-1)
+    optimizer.step()
+    optimizer.zero_grad(set_to_none=True)
+    if iteration in (0, 29):
+        print(loss.item(), norms.max().item())
+end.record()
+torch.cuda.synchronize()
+torch.cuda.empty_cache()
+assert start.elapsed_time(end) > 0
+torch.save(model, "model.pth")
+assert len(torch.load("model.pth", map_location="cuda", weights_only=False)) == 5
+sys.exit(3)
+"""
+"""A trainer in INRIA's style."""
+
+
+def test_a_trainer_for_cuda_runs_as_it_is(tmp_path):
+    (tmp_path / "train.py").write_text(TRAINER)
+    (tmp_path / "setup.py").write_text("setup(ext_modules=[CUDAExtension('pointops')])")
+    command = [sys.executable, "-m", "gspure", "cuda-free", "--", "python", "train.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 3, done.stderr  # the program's own
+    line = done.stderr.splitlines()[0]
+    assert "diff_gaussian_rasterization, fused_ssim, simple_knn are gspure's" in line
+    assert "cuda is cpu" in line
+    assert "not replaced: pointops" in line
+    *refusals, first, last = done.stdout.splitlines()
+    names = ("pointops", "NCCL", "jit_kernels")
+    assert all(f"gspure cuda-free: {name}" in text for name, text in zip(names, refusals, strict=True))
+    (loss_before, norm_before), (loss_after, _) = (map(float, text.split()) for text in (first, last))
+    assert loss_after < 0.6 * loss_before
+    assert norm_before > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "line"), [("", "command line: program: expected one after"), ("-- none", "none: program:")]
+)
+def test_a_missing_program_is_refused(words, line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["cuda-free", "--quiet", *words.split()]) == 2
+    assert line in capsys.readouterr().err
+
+
+def test_the_modules_are_not_importable_without_the_command():
+    code = "import gspure, importlib.util as u; print(*map(u.find_spec, ['diff_gaussian_rasterization', 'simple_knn']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ})
+    assert done.stdout.split() == ["None", "None"]
