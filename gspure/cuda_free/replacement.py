@@ -138,4 +138,17 @@ def _refuse_compilation(module: ModuleType) -> None:
     vars(module).update(load=refuse, load_inline=refuse)
 
 
-_AFTERWARDS: Final = {"torch": _map_cuda, "torch.utils.cpp_extension": _refuse_compilation}
+def _declare_operators(module: ModuleType) -> None:
+    """Let torchvision be imported where its compiled operators need libraries of CUDA; calls of them still fail."""
+    import torch
+
+    if not vars(module)["_has_ops"]():
+        for name in ("nms", "qnms"):  # to which torchvision adds shapes, whether they exist or not
+            torch.library.define(f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+
+
+_AFTERWARDS: Final = {
+    "torch": _map_cuda,
+    "torch.utils.cpp_extension": _refuse_compilation,
+    "torchvision.extension": _declare_operators,
+}
