@@ -17,6 +17,7 @@ Float64 = NDArray[np.float64]
 Int32 = NDArray[np.int32]
 UInt8 = NDArray[np.uint8]
 UInt32 = NDArray[np.uint32]
+UInt64 = NDArray[np.uint64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 

@@ -88,10 +88,12 @@ def test_a_hidden_wall_clumps_and_is_flat(wall, plain):
     assert np.isnan(measure(plain).values["never_drawn_clump"])
 
 
-def test_rows_at_the_same_centre_are_counted(plain):
-    both = joined(plain, plain[5:8].with_columns({"opacity": np.zeros(3)}))
-    assert np.flatnonzero(repeated(both)).tolist() == [5, 6, 7, ROWS, ROWS + 1, ROWS + 2]
-    assert not repeated(plain).any()
+def test_rows_at_one_centre_count_unless_they_are_equal_in_every_column(plain):
+    recoloured = plain[5:8].with_columns({"f_dc_1": np.ones(3)})
+    both = joined(plain, plain[5:8], recoloured)
+    assert repeated(both).sum() == 6
+    assert set(both.means[repeated(both), 0]) == set(plain.means[5:8, 0])
+    assert not repeated(joined(plain, plain[5:8])).any()
 
 
 def test_the_verdict_names_what_gives_a_model_away(plain, marked, wall):

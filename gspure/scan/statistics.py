@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gspure.arrays import Bools, Float32, Indices, UInt32
+from gspure.arrays import Bools, Float32, Indices, UInt32, UInt64
 from gspure.constants import ALPHA_MIN
 from gspure.model.gaussians import COLOUR, Gaussians
 from gspure.opencl.storage import morton_order
@@ -36,7 +36,7 @@ STATISTICS: Final = (
     Statistic("never_drawn", "never drawn: share of the rows", raised=True, is_share=True),
     Statistic("never_drawn_clump", "never drawn: clumping", raised=True, is_share=False),
     Statistic("never_drawn_flat", "never drawn: chance of being flatter", raised=True, is_share=False),
-    Statistic("repeated", "repeated centres: share of the rows", raised=True, is_share=True),
+    Statistic("repeated", "unequal rows at one centre: share", raised=True, is_share=True),
     Statistic("unseen", "unseen: share of the rows", raised=True, is_share=True, of_weights=True),
     Statistic("unseen_clump", "unseen: clumping", raised=True, is_share=False, of_weights=True),
     Statistic("unseen_flat", "unseen: chance of being flatter", raised=True, is_share=False, of_weights=True),
@@ -78,15 +78,29 @@ def never_drawn(model: Gaussians) -> Bools:
 
 
 def repeated(model: Gaussians) -> Bools:
-    """Return the rows [K] whose centre is bit for bit that of another row."""
+    """Return the rows [K] whose centre is bit for bit that of a row with another value in some column.
+
+    Of rows that are equal in every column, one counts: a trainer's clones stay equal until a view shows them.
+    """
     words = (model.means + np.float32(0)).view(np.uint32).astype(np.uint64)  # -0 becomes 0
-    mixed = words @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+    twins = np.flatnonzero(_shared(words))
+    values = np.ascontiguousarray(model.table[twins]).view(np.dtype((np.void, model.table.dtype.itemsize)))
+    _, firsts = np.unique(values, return_index=True)
+    distinct = twins[firsts]
+    differing = np.zeros(len(model), np.bool_)
+    differing[distinct] = _shared(words[distinct])
+    return differing
+
+
+def _shared(centres: UInt64) -> Bools:
+    """Return the rows of centres [K,3], as words, that equal another row."""
+    mixed = centres @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
     order = np.argsort(mixed, kind="stable")
-    equal = (words[order[1:]] == words[order[:-1]]).all(axis=1)
-    twins = np.zeros(len(model), np.bool_)
-    twins[order[1:][equal]] = True
-    twins[order[:-1][equal]] = True
-    return twins
+    equal = (centres[order[1:]] == centres[order[:-1]]).all(axis=1)
+    shared = np.zeros(len(centres), np.bool_)
+    shared[order[1:][equal]] = True
+    shared[order[:-1][equal]] = True
+    return shared
 
 
 def clumping(mask: Bools, order: Indices | UInt32) -> float:
