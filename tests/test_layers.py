@@ -171,7 +171,7 @@ STATEMENTS = {
     "model": 1360,
     "opencl": 1545,
     "report": 789,
-    "scan": 208,
+    "scan": 244,
     "scenes": 687,
     "schemes": 2867,
     "surface": 219,

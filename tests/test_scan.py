@@ -60,6 +60,9 @@ def test_the_entropy_of_uniform_bits_has_the_mean_and_deviation_of_its_null_dist
 def test_low_bits_with_another_colour_have_a_low_entropy_and_few_levels_have_none(plain, marked):
     assert bit_entropy(plain) > 7.9
     assert bit_entropy(marked) < 5
+    untrained = np.arange(ROWS) % 3 == 0
+    start = np.round(plain.table["f_dc_0"] * 40) / 40
+    assert bit_entropy(plain.with_columns({"f_dc_0": np.where(untrained, start, plain.table["f_dc_0"])})) > 7.9
     assert np.isnan(bit_entropy(blobs(200)))
     names = [name for name in plain.names if name.startswith("f_")]
     assert np.isnan(bit_entropy(plain.with_columns({n: np.round(32 * plain.table[n].clip(-3, 3)) / 32 for n in names})))
@@ -88,12 +91,14 @@ def test_a_hidden_wall_clumps_and_is_flat(wall, plain):
     assert np.isnan(measure(plain).values["never_drawn_clump"])
 
 
-def test_rows_at_one_centre_count_unless_they_are_equal_in_every_column(plain):
+def test_rows_at_one_centre_count_unless_they_are_drawn_and_equal_in_every_column(plain):
     recoloured = plain[5:8].with_columns({"f_dc_1": np.ones(3)})
     both = joined(plain, plain[5:8], recoloured)
     assert repeated(both).sum() == 6
     assert set(both.means[repeated(both), 0]) == set(plain.means[5:8, 0])
     assert not repeated(joined(plain, plain[5:8])).any()
+    transparent = plain[5:8].with_columns({"opacity": np.full(3, -9)})
+    assert np.flatnonzero(repeated(joined(plain[8:], transparent, transparent))).tolist() == [*range(3992, 3998)]
 
 
 def test_the_verdict_names_what_gives_a_model_away(plain, marked, wall):
@@ -107,11 +112,25 @@ def test_the_verdict_names_what_gives_a_model_away(plain, marked, wall):
     assert "gs_hider" in judge(features).reasons[0]
 
 
-def test_only_bits_decide_about_a_model_unlike_the_calibration(marked, wall):
-    base_only = type(wall)(wall.table[[name for name in wall.names if not name.startswith("f_rest_")]])
-    assert judge(base_only).word == UNLIKE
-    assert judge(random_anchors().table).word == UNLIKE  # Scaffold-GS looks the same
+def test_a_marked_model_does_not_escape_by_its_opacities_size_or_degree(plain, marked, wall):
+    drawn = wall.table["opacity"] > -9
+    opaque = wall.with_columns({"opacity": wall.table["opacity"] + 9 * drawn})
+    assert judge(opaque).word == LIKELY
+    transparent = {"opacity": plain.table["opacity"] / 100 - 5.2}
+    assert judge(plain.with_columns(transparent)).word == UNLIKE
+    assert judge(marked.with_columns(transparent)).word == LIKELY
+    mostly_hidden = joined(wall, *[wall[~drawn]] * 9)
+    assert "never drawn" in judge(mostly_hidden).reasons[0]
+    nearly_gone = judge(wall.with_columns({"opacity": np.where(drawn, transparent["opacity"], -9)}))
+    assert nearly_gone.word == UNLIKE
+    assert any("not counted" in reason and "clumping" in reason for reason in nearly_gone.reasons)
     assert judge(joined(*[marked] * 50)).word == LIKELY
+    base_only = type(wall)(wall.table[[name for name in wall.names if not name.startswith("f_rest_")]])
+    assert judge(base_only).word == LIKELY
+
+
+def test_anchors_are_unlike_the_calibration():
+    assert judge(random_anchors().table).word == UNLIKE  # Scaffold-GS looks the same
 
 
 def test_the_thresholds_separate_the_committed_files():

@@ -21,25 +21,46 @@ LEAST_MASK: Final = 20  # fewer rows do not show whether they clump; ours
 TRANSPARENT: Final = ALPHA_MIN * (1 + 1e-4)  # 1/255 from 8 bits, with rounding
 
 
+class Ranges(NamedTuple):
+    """Properties of a model: a statistic counts if those in `least` are not below, those in `most` not above, their range.
+
+    Their ranges are those of the calibration.
+    """
+
+    least: tuple[str, ...] = ()
+    most: tuple[str, ...] = ()
+
+
+ANY: Final = Ranges()
+ENOUGH: Final = Ranges(least=("rows",))
+OPACITY: Final = Ranges(least=("rows", "median_opacity"), most=("rows",))  # opaque models have few transparent rows
+WEIGHT: Final = Ranges(least=("rows", "median_opacity"), most=("rows", "median_opacity"))  # opaque rows hide others
+
+
 class Statistic(NamedTuple):
     """One statistic."""
 
     name: str
     meaning: str
+    ranges: Ranges
     raised: bool  # whether a message raises it; else it lowers it
     is_share: bool
-    of_weights: bool = False
+
+    @property
+    def of_weights(self) -> bool:
+        """Whether it needs the weights of the rows in the public views."""
+        return self.ranges is WEIGHT
 
 
 STATISTICS: Final = (
-    Statistic("bit_entropy", "colours: least entropy of 8 low bits", raised=False, is_share=False),
-    Statistic("never_drawn", "never drawn: share of the rows", raised=True, is_share=True),
-    Statistic("never_drawn_clump", "never drawn: clumping", raised=True, is_share=False),
-    Statistic("never_drawn_flat", "never drawn: chance of being flatter", raised=True, is_share=False),
-    Statistic("repeated", "unequal rows at one centre: share", raised=True, is_share=True),
-    Statistic("unseen", "unseen: share of the rows", raised=True, is_share=True, of_weights=True),
-    Statistic("unseen_clump", "unseen: clumping", raised=True, is_share=False, of_weights=True),
-    Statistic("unseen_flat", "unseen: chance of being flatter", raised=True, is_share=False, of_weights=True),
+    Statistic("bit_entropy", "colours: least entropy of 8 low bits", ANY, raised=False, is_share=False),
+    Statistic("never_drawn", "never drawn: share of the rows", OPACITY, raised=True, is_share=True),
+    Statistic("never_drawn_clump", "never drawn: clumping", OPACITY, raised=True, is_share=False),
+    Statistic("never_drawn_flat", "never drawn: chance of being flatter", OPACITY, raised=True, is_share=False),
+    Statistic("repeated", "repeated centres: share of the rows", ENOUGH, raised=True, is_share=True),
+    Statistic("unseen", "unseen: share of the rows", WEIGHT, raised=True, is_share=True),
+    Statistic("unseen_clump", "unseen: clumping", WEIGHT, raised=True, is_share=False),
+    Statistic("unseen_flat", "unseen: chance of being flatter", WEIGHT, raised=True, is_share=False),
 )
 
 
@@ -60,10 +81,14 @@ def bit_entropy(model: Gaussians) -> float:
 
 
 def _entropies(column: Float32) -> Iterator[float]:
-    """Yield the entropies of the windows of a column."""
+    """Yield the entropies of the windows of a column, without 8-bit colours of points that no view has trained."""
     words = np.ascontiguousarray(column[column != 0], np.float32).view(np.uint32)
-    if len(words) < LEAST_ROWS or len(np.unique(words)) <= FEW_VALUES:
+    values, counts = np.unique(words, return_counts=True)
+    if len(words) < LEAST_ROWS or len(values) <= FEW_VALUES:
         return
+    single = counts == 1
+    if len(values) - single.sum() <= FEW_VALUES and single.sum() >= LEAST_ROWS:
+        words = values[single]
     varying = int(np.bitwise_or.reduce(words ^ words[0]))
     lowest = (varying & -varying).bit_length() - 1
     for start in range(lowest, max(WINDOWS, lowest + 1)):
@@ -78,18 +103,21 @@ def never_drawn(model: Gaussians) -> Bools:
 
 
 def repeated(model: Gaussians) -> Bools:
-    """Return the rows [K] whose centre is bit for bit that of a row with another value in some column.
+    """Return the rows [K] whose centre is bit for bit that of another row, except for clones that await a view.
 
-    Of rows that are equal in every column, one counts: a trainer's clones stay equal until a view shows them.
+    A trainer's clones are equal in every column until a view shows them: just after they were made, or after a reset of
+    the opacities. So of equal rows, only one counts if it could be drawn. Trainers prune those that could not.
     """
     words = (model.means + np.float32(0)).view(np.uint32).astype(np.uint64)  # -0 becomes 0
-    twins = np.flatnonzero(_shared(words))
+    is_shared = _shared(words)
+    is_transparent = never_drawn(model)
+    twins = np.flatnonzero(is_shared & ~is_transparent)
     values = np.ascontiguousarray(model.table[twins]).view(np.dtype((np.void, model.table.dtype.itemsize)))
     _, firsts = np.unique(values, return_index=True)
-    distinct = twins[firsts]
-    differing = np.zeros(len(model), np.bool_)
-    differing[distinct] = _shared(words[distinct])
-    return differing
+    kept = np.concatenate([twins[firsts], np.flatnonzero(is_shared & is_transparent)])
+    counted = np.zeros(len(model), np.bool_)
+    counted[kept] = _shared(words[kept])
+    return counted
 
 
 def _shared(centres: UInt64) -> Bools:

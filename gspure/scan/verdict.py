@@ -11,15 +11,14 @@ import numpy as np
 from gspure.arrays import Float32
 from gspure.metrics.csv_tables import read_table
 from gspure.model.gaussians import Gaussians
-from gspure.scan.statistics import STATISTICS, Measured, Statistic, measure
+from gspure.scan.statistics import STATISTICS, Measured, Statistic, measure, never_drawn
 from gspure.schemes.registry import recognized
 
 LIKELY: Final = "hidden content likely"
 NOTHING: Final = "nothing found"
 UNLIKE: Final = "unlike the calibration models"
 
-LIKENESS: Final = ("rows", "sh_degree", "median_opacity")  # outside their ranges, the calibration says little
-NO_NOISE: Final = 4.0  # a lower entropy decides about any model, since low bits of trained numbers are uniform; ours
+LIKENESS: Final = ("rows", "median_opacity")  # outside their ranges, some statistics do not count
 TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by benchmarks/scan.py
 
 
@@ -53,8 +52,12 @@ def flagged(values: Mapping[str, float], limits: Mapping[str, float]) -> list[st
 
 
 def likeness(model: Gaussians) -> dict[str, float]:
-    """Return `LIKENESS` of K >= 1 Gaussians."""
-    values = (len(model), model.sh_degree, float(np.median(model.opacities)))
+    """Return `LIKENESS` of K >= 1 Gaussians: their number, and the median opacity of those that are drawn, or 0.
+
+    Other rows do not count, since the rows of a message would lower the median so far that none of them is tested.
+    """
+    drawn = model.opacities[~never_drawn(model)]
+    values = (len(model), float(np.median(drawn)) if len(drawn) else 0.0)
     return dict(zip(LIKENESS, values, strict=True))
 
 
@@ -116,20 +119,30 @@ def judge(model: Gaussians, weights: Float32 | None = None) -> Verdict:
     if model.has_anchors or model.sh_degree < 0:
         return _judge_without_colours(model)
     measured = measure(model, weights)
-    differences = [
-        _likeness_reason(name, value) for name, value in likeness(model).items() if not _is_alike(name, value)
-    ]
-    limits = {s.name: calibration()[s.name].threshold for s in STATISTICS}
-    if differences:
-        limits = {"bit_entropy": NO_NOISE}
-    names = flagged(measured.values, limits)
-    word = UNLIKE if differences else NOTHING
-    if names:
+    properties = likeness(model)
+    differences: dict[str, str] = {}
+    limits = {}
+    uncounted = {}
+    for statistic in STATISTICS:
+        threshold = calibration()[statistic.name].threshold
+        deviations = _deviations(statistic, properties)
+        if not deviations:
+            limits[statistic.name] = threshold
+        elif not np.isnan(measured.values.get(statistic.name, np.nan)):
+            uncounted[statistic.name] = threshold
+            differences |= deviations
+    reasons = _flag_reasons(measured.values, limits)
+    word = NOTHING
+    if reasons:
         word = LIKELY
-    reasons = [_flag_reason(s, measured.values[s.name], limits[s.name]) for s in STATISTICS if s.name in names]
-    reasons += differences
+    elif differences:
+        word = UNLIKE
+    reasons += differences.values()
+    reasons += [f"not counted: {reason}" for reason in _flag_reasons(measured.values, uncounted)]
     if np.isnan(measured.values["bit_entropy"]):
         reasons.append("the colours have too few values, as in compressed formats, or rows, to test their low bits")
+    if np.isnan(measured.values["never_drawn"]):
+        reasons.append("the opacities have too few values, as in compressed formats, to test what is never drawn")
     return Verdict(word, tuple(reasons), measured, limits)
 
 
@@ -144,12 +157,21 @@ def _judge_without_colours(model: Gaussians) -> Verdict:
     return Verdict(LIKELY if scheme else UNLIKE, (reason,), Measured({}, {}), {})
 
 
-def _flag_reason(statistic: Statistic, value: float, limit: float) -> str:
-    return f"{statistic.meaning} {_text(statistic, value)}, {_limit(statistic, limit)} in clean models"
+def _flag_reasons(values: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
+    """Return a sentence for each statistic beyond its threshold."""
+    names = flagged(values, limits)
+    return [
+        f"{s.meaning} {_text(s, values[s.name])}, {_limit(s, limits[s.name])} in clean models"
+        for s in STATISTICS
+        if s.name in names
+    ]
 
 
-def _is_alike(name: str, value: float) -> bool:
-    return calibration()[name].low <= value <= calibration()[name].high
+def _deviations(statistic: Statistic, properties: Mapping[str, float]) -> dict[str, str]:
+    """Return why a statistic does not count for a model of these properties, by their names."""
+    below = [name for name in statistic.ranges.least if properties[name] < calibration()[name].low]
+    above = [name for name in statistic.ranges.most if properties[name] > calibration()[name].high]
+    return {name: _likeness_reason(name, properties[name]) for name in (*below, *above)}
 
 
 def _likeness_reason(name: str, value: float) -> str:
