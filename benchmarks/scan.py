@@ -3,12 +3,16 @@
 ``python benchmarks/scan.py models FOLDER`` trains, attacks and stores models, except those that are stored already. It
 needs PyTorch and the plug-in marked_clones. ``python benchmarks/scan.py tables FOLDER [FILE ...]`` measures the stored
 models, and FILEs from elsewhere, and writes docs/results/scan/models.csv, docs/tables/scan.csv and
-gspure/scan/calibration.csv.
+gspure/scan/calibration.csv. Rows of models that FOLDER lacks, and those of FILEs if none is given, stay as
+committed.
 """
 
+import csv
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,20 +29,27 @@ from gspure.method.purify import purify
 from gspure.method.weights import accumulate
 from gspure.metrics.csv_tables import csv_text, write_table
 from gspure.model import Gaussians, read_model
+from gspure.opencl.trainable import TrainableModel
 from gspure.public_model import PublicModel
 from gspure.scan.statistics import STATISTICS, measure
 from gspure.scan.verdict import LIKELY, LIKENESS, TABLE, Clean, flagged, judge, likeness
 from gspure.scenes import photography
-from gspure.schemes.pair import read_pair
+from gspure.schemes.pair import Pair, read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide
 from gspure.schemes.splats_in_splats.bits import SHIFT
 from gspure.surface.distances import mesh_distances
 from gspure.surface.meshing import extract_mesh, smoothed
+from gspure.training.output import as_gaussians
+from gspure.training.schedule import Schedule
+from gspure.training.trainer import Trainer, beginning
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+MODELS = DOCS / "results" / "scan" / "models.csv"
+NAMES = ("family", "model", "scene", "attack", "verdict")  # its columns of text
 RATE = 0.01  # of false positives, of all statistics together
 CLEAN = "clean"
+FOUND = "found"
 ENCRYPTED = "encrypted_bits"
 SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, scheme, its settings
     CLEAN: (50, "splats_in_splats", {"message_weight": 0}),
@@ -51,6 +62,7 @@ SCHEMES: dict[str, tuple[int, str, dict[str, Any]]] = {  # number of models, sch
     "gs_hider_hardened": (1, "gs_hider_hardened", {"iterations": 150}),
     "secure_gs": (2, "secure_gs", {"iterations": 200}),
 }
+FAMILIES = tuple(SCHEMES)
 PAIRS = (  # scene and message; even ones share their poses
     "room interior-500",
     "vault interior-500",
@@ -79,6 +91,11 @@ ATTACKS: dict[str, tuple[str, dict[str, Any]]] = {
     "compressed_ply": ("compression", {"codec": "compressed_ply"}),
     **{name: (name, {}) for name in ("reorder", "gof")},
 }
+FORMATS: dict[str, tuple[str, dict[str, Any]]] = {  # further files of `OTHERS`
+    name: ("compression", {"codec": name}) for name in ("sog", "splat", "ksplat")
+}
+LARGE_FILES = ("unattacked", "compressed_ply", "spz", "splat")  # of those with more than `ATTACKED_ROWS`
+ATTACKED_ROWS = 50_000
 RATES = (  # columns of docs/tables/scan.csv: detected by the file alone, with Wilson's interval of the rate
     "family",
     "attack",
@@ -96,6 +113,38 @@ Row = dict[str, Any]
 GOF_ROWS = 7000  # most rows of a model whose mesh is computed
 
 
+class Other(NamedTuple):
+    """A clean model with the habits of other trainers: its SH degree, size, and a stop amid a longer schedule."""
+
+    sh_degree: int
+    rows: int
+    points: int  # of each of 24 views
+    size: tuple[int, int]
+    schedule: int  # iterations
+    stop: int  # iteration of the file
+
+
+SMALL = (96, 72)
+MIDDLE = (160, 120)
+OTHERS = {  # by number of the clean model
+    50: Other(0, 6000, 200, SMALL, 1000, 1000),
+    51: Other(2, 6000, 200, SMALL, 1000, 1000),
+    52: Other(0, 20_000, 400, SMALL, 1000, 1000),
+    53: Other(2, 20_000, 400, SMALL, 1000, 1000),
+    54: Other(3, 120_000, 4000, MIDDLE, 600, 600),
+    55: Other(2, 250_000, 11_000, MIDDLE, 300, 300),
+    56: Other(3, 10_000, 400, SMALL, 100, 100),
+    57: Other(3, 6000, 200, SMALL, 300, 300),
+    58: Other(3, 500_000, 21_500, (200, 150), 200, 200),
+    59: Other(0, 500_000, 21_500, (200, 150), 200, 200),
+    60: Other(3, 12_000, 400, SMALL, 3000, 700),  # resets of the opacities follow iterations 600 and 1200
+    61: Other(3, 12_000, 400, SMALL, 3000, 1250),
+    62: Other(0, 12_000, 400, SMALL, 3000, 650),
+    63: Other(2, 30_000, 1000, SMALL, 3000, 800),
+    64: Other(3, 30_000, 1000, SMALL, 3000, 1300),
+}
+
+
 class Case(NamedTuple):
     """One trained model."""
 
@@ -105,6 +154,10 @@ class Case(NamedTuple):
     @property
     def pair(self) -> int:
         return self.number % len(PAIRS)
+
+    @property
+    def other(self) -> Other | None:
+        return OTHERS.get(self.number)
 
     @property
     def is_large(self) -> bool:
@@ -117,12 +170,21 @@ class Case(NamedTuple):
 
     @property
     def points(self) -> int:
+        if self.other:
+            return self.other.points
         return LARGE[self][1] if self.is_large else SIZES[self.pair % 8][1]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        if self.other:
+            return self.other.size
+        return MIDDLE if self.is_large else SMALL
 
 
 def cases() -> list[Case]:
     """Return all cases, in turns by family, large models last."""
     known = [Case(family, number) for family, (count, *_) in SCHEMES.items() for number in range(count)]
+    known += [Case(CLEAN, number) for number in OTHERS]
     return sorted(known, key=lambda case: (case.is_large, case.number / SCHEMES[case.family][0]))
 
 
@@ -133,8 +195,9 @@ def traced(case: Case, folder: Path) -> Path:
     protocol = ("shared", "own")[case.pair % 2]
     placement = ("raised", "behind", "front", "raised")[case.pair // 2 % 4]
     pair = folder / "pairs" / f"{scene}-{message}-{protocol}-{case.points}"
-    size = "--views 24 --width 160 --height 120" if case.is_large else "--views 24 --width 96 --height 72"
-    options = ("--protocol", protocol, "--placement", placement, *size.split(), "--out", str(pair), "--quiet")
+    width, height = map(str, case.size)
+    size = ("--views", "24", "--width", width, "--height", height)
+    options = ("--protocol", protocol, "--placement", placement, *size, "--out", str(pair), "--quiet")
     assert pair.is_dir() or main(("pair", scene, message, *options)) == 0
     return pair
 
@@ -155,7 +218,9 @@ def build(case: Case, folder: Path) -> None:
     _, scheme, settings = SCHEMES[case.family]
     scene_only = case.family == CLEAN and (case.pair % 2 or case.number // len(PAIRS) % 2)
     pair = read_pair(traced(case, folder), "scene" if scene_only else "both")
-    if case.family == ENCRYPTED:
+    if case.other:
+        public = stopped(pair, case.other, case.number)
+    elif case.family == ENCRYPTED:
         public = PublicModel.read(folder / f"{scheme}-{case.number:02d}" / "unattacked" / "point_cloud.ply")
         public = public.with_model(encrypted(public.model, np.random.default_rng(case.number)))
     else:
@@ -166,21 +231,43 @@ def build(case: Case, folder: Path) -> None:
         limit = {"max_anchors": case.rows // 3} if scheme == "secure_gs" else {"max_gaussians": case.rows}
         public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings, **limit)
     with filling(place) as out:
-        for name, attacked in attack_all(public, pair.scene.views, case.number):
+        attacks = ATTACKS | FORMATS if case.other else ATTACKS
+        if case.other and len(public.model) > ATTACKED_ROWS:
+            attacks = {name: attacks[name] for name in LARGE_FILES}
+        for name, attacked in attack_all(public, pair.scene.views, case.number, attacks):
             attacked.write(out / name / "point_cloud.ply")
 
 
-def attack_all(public: PublicModel, views: Sequence[Camera], seed: int) -> Iterator[tuple[str, PublicModel]]:
+def stopped(pair: Pair, other: Other, seed: int) -> PublicModel:
+    """Return a model of the pair's scene at one iteration of a longer schedule."""
+    capture = pair.scene
+    begin = pair.initial_gaussians(other.rows, seed)
+    begin = replace(begin, sh_coeffs=begin.sh_coeffs[:, : (other.sh_degree + 1) ** 2].copy())
+    start = beginning(begin, seed)
+    model = TrainableModel(start.state)
+    model.set_targets(capture.images)
+    schedule = replace(Schedule.scaled(other.schedule), sh_every=other.stop // (other.sh_degree + 1) + 1)
+    trainer = Trainer(model, capture.views, schedule, start, extent=capture.dataset.extent, max_gaussians=other.rows)
+    for _ in islice(trainer, other.stop):
+        pass
+    return PublicModel(as_gaussians(model.state().parameters))
+
+
+def attack_all(
+    public: PublicModel, views: Sequence[Camera], seed: int, attacks: Mapping[str, tuple[str, dict[str, Any]]]
+) -> Iterator[tuple[str, PublicModel]]:
     """Yield the attacked models by name; GOF only for a few small models, since meshes take long."""
-    decision = purify(public, views)
-    surface = None
-    if public.rows_are_gaussians and public.visible and len(public.model) <= GOF_ROWS and seed in range(0, 10, 2):
-        smooth = smoothed(public.model, views)
-        surface = mesh_distances(smooth, extract_mesh(smooth, views))
-    opacities = public.opacities(views)
-    known = Measurements(decision.weights, decision.prune_mask, opacities, surface, decision.labels)
-    for name, (attack, settings) in ATTACKS.items():
-        if name == "gof" and surface is None:
+    known = Measurements()
+    if "gspure" in attacks:
+        decision = purify(public, views)
+        surface = None
+        if public.rows_are_gaussians and public.visible and len(public.model) <= GOF_ROWS and seed in range(0, 10, 2):
+            smooth = smoothed(public.model, views)
+            surface = mesh_distances(smooth, extract_mesh(smooth, views))
+        opacities = public.opacities(views)
+        known = Measurements(decision.weights, decision.prune_mask, opacities, surface, decision.labels)
+    for name, (attack, settings) in attacks.items():
+        if name == "gof" and known.surface is None:
             continue
         try:
             attacked = find_attack(attack).apply(public, known, seed=seed, cameras=views, **settings)
@@ -192,16 +279,25 @@ def attack_all(public: PublicModel, views: Sequence[Camera], seed: int) -> Itera
 def measured(file: Path, family: str, scene: str, views: Sequence[Camera] = ()) -> Row:
     """Return the statistics of one file with six digits; NaN if a statistic cannot be measured."""
     model = read_model(file)
-    verdict = ""
+    verdict = judge(model).word if family == FOUND else ""
     values: dict[str, float] = {}
     if model.has_anchors or model.sh_degree < 0:
         verdict = judge(model).word  # by its columns
     else:
         weights = accumulate(map(PublicModel(model).contributions(), views), len(model)) if views else None
         values = measure(model, weights).values
-    numbers = likeness(model) | dict.fromkeys((s.name for s in STATISTICS), np.nan) | values
+    size = {"rows": len(model), "sh_degree": model.sh_degree}
+    numbers = size | likeness(model) | dict.fromkeys((s.name for s in STATISTICS), np.nan) | values
     names = {"family": family, "model": file.parent.parent.name, "scene": scene, "attack": file.parent.name}
     return names | {"verdict": verdict} | {name: float(f"{value:.6g}") for name, value in numbers.items()}
+
+
+def committed() -> dict[str, list[Row]]:
+    """Return the committed rows by model; the median opacity of those from before `OTHERS` is that of all rows."""
+    with MODELS.open(encoding="utf-8", newline="") as stream:
+        lines = list(csv.DictReader(stream))
+    rows = [{name: value if name in NAMES else float(value or "nan") for name, value in line.items()} for line in lines]
+    return grouped(rows, lambda row: row["model"])
 
 
 def flagged_in(row: Row, limits: Mapping[str, float], *, weights: bool) -> list[str]:
@@ -239,7 +335,8 @@ def rates(rows: Sequence[Row]) -> Iterator[list[Any]]:
     clean = [row for row in rows if row["family"] == CLEAN]
     references = {scene: [row for row in clean if row["scene"] != scene] for scene in {row["scene"] for row in rows}}
     limits = {scene: thresholds(reference) for scene, reference in references.items()}
-    for (family, attack), group in grouped(rows, lambda row: (row["family"], row["attack"])).items():
+    groups = grouped(rows, lambda row: (row["family"], row["attack"]))
+    for (family, attack), group in sorted(groups.items(), key=lambda item: FAMILIES.index(item[0][0])):
         by_file = [
             ["columns"] if row["verdict"] == LIKELY else flagged_in(row, limits[row["scene"]], weights=False)
             for row in group
@@ -278,18 +375,24 @@ def calibrate(rows: Sequence[Row]) -> Iterator[Clean]:
         yield Clean(name, low, median, high, limits.get(name, np.nan), len(values), models)
 
 
-def tabulate(folder: Path, foreign_files: Sequence[str]) -> None:
+def tabulate(folder: Path, found_files: Sequence[str]) -> None:
     """Measure the stored models and files from elsewhere, and write all tables."""
+    known = committed()
     rows = []
     for case in cases():
-        files = sorted((folder / f"{case.family}-{case.number:02d}").glob("*/*.ply"))
-        views = split(read_cameras(traced(case, folder) / "cameras.json"))[0] if files else []
+        name = f"{case.family}-{case.number:02d}"
+        files = sorted((folder / name).glob("*/*.ply"))
+        if not files:
+            rows += known.get(name, [])
+            continue
+        views = split(read_cameras(traced(case, folder) / "cameras.json"))[0]
         rows += [measured(file, case.family, PAIRS[case.pair].split()[0], views) for file in files]
     write_text(DOCS / "tables" / "scan.csv", csv_text(RATES, rates(rows)))
     write_table(TABLE, Clean, calibrate(rows))
-    rows += [measured(Path(name), "found", Path(name).stem) for name in foreign_files]
+    found = [measured(Path(name), FOUND, Path(name).stem) for name in found_files]
+    rows += found or [row for group in known.values() for row in group if row["family"] == FOUND]
     cells = ([str(value).replace("nan", "").removesuffix(".0") for value in row.values()] for row in rows)
-    write_text(DOCS / "results" / "scan" / "models.csv", csv_text(rows[0], cells))
+    write_text(MODELS, csv_text(rows[0], cells))
 
 
 if __name__ == "__main__":

@@ -22,9 +22,9 @@ TRANSPARENT: Final = ALPHA_MIN * (1 + 1e-4)  # 1/255 from 8 bits, with rounding
 
 
 class Ranges(NamedTuple):
-    """Properties of a model: a statistic counts if those in `least` are not below, those in `most` not above, their range.
+    """Properties of a model that bound where a statistic counts, each by its range in the calibration.
 
-    Their ranges are those of the calibration.
+    Those in `least` must not be below their range, those in `most` not above it.
     """
 
     least: tuple[str, ...] = ()
