@@ -293,7 +293,11 @@ def measured(file: Path, family: str, scene: str, views: Sequence[Camera] = ()) 
 
 
 def committed() -> dict[str, list[Row]]:
-    """Return the committed rows by model; the median opacity of those from before `OTHERS` is that of all rows."""
+    """Return the committed rows by model.
+
+    Those of clean models below 50 except 26 and 42, KeySS, hardened and encrypted models are of an earlier version: the
+    median opacity is that of all rows, and bits include colours of untrained points.
+    """
     with MODELS.open(encoding="utf-8", newline="") as stream:
         lines = list(csv.DictReader(stream))
     rows = [{name: value if name in NAMES else float(value or "nan") for name, value in line.items()} for line in lines]
