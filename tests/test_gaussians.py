@@ -87,21 +87,6 @@ def test_parameters_of_gsplat_that_are_missing_or_of_another_shape_are_refused(n
         Gaussians.from_gsplat(splats)
 
 
-def test_numbered_columns_come_in_the_order_of_their_numbers():
-    model = Gaussians(table_of(["f_10", "f_9", "f_1", "f_x", "af_2", "f_"]))
-    assert model.columns_named("f_") == ("f_1", "f_9", "f_10")
-
-
-def test_with_columns_leaves_the_original_and_the_other_columns_alone():
-    model = blobs(4)
-    before = model.table.tobytes()
-    changed = model.with_columns({"opacity": np.arange(4)})
-    assert model.table.tobytes() == before
-    np.testing.assert_array_equal(changed.table["opacity"], np.arange(4))
-    others = [name for name in model.table.dtype.names if name != "opacity"]
-    assert changed.columns(*others).tobytes() == model.columns(*others).tobytes()
-
-
 @pytest.mark.parametrize(("name", "value"), [("x", np.nan), ("f_dc_1", np.inf), ("f_rest_44", -np.inf)])
 def test_a_number_that_is_not_finite_is_refused_by_property_count_and_row(name, value):
     column = np.ones(5000)

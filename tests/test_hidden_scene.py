@@ -105,12 +105,6 @@ def test_gradients_agree_with_differences(count):
         assert gradient[place] == pytest.approx((losses[0] - losses[1]) / 2e-5, rel=1e-3, abs=1e-7)
 
 
-def test_the_opacity_mapping_is_learned():
-    shown, hidden = sequence(400)
-    mapped = fit(shown, hidden, np.random.default_rng(0))(shown)
-    assert np.sqrt(np.mean((mapped - hidden) ** 2)) < 0.15 * hidden.std()
-
-
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     monkeypatch.setattr(opacity_mapping, "STEPS", 5)
     shown, hidden = sequence(1000)  # of this length, several threads of OpenBLAS add in another order
@@ -196,14 +190,6 @@ def test_the_adaptive_extraction_matches_rows_that_moved(public, key, pair, atta
     back = registered(moved, public.model)
     assert quality(key.message(back, ADAPTIVE), pair.message) == pytest.approx(before, abs=0.3)
     assert quality(key.message(moved, LITERAL), pair.message) < before - 3
-
-
-def test_low_weights_carry_the_message(public, key, pair):
-    contributions = public.contributions()
-    weights = accumulate([contributions(camera) for camera in pair.scene.views], len(public.model))
-    purified = without(public, plain_prune_mask(weights))
-    lost = quality(key.message(public, ADAPTIVE), pair.message) - quality(key.message(purified, ADAPTIVE), pair.message)
-    assert lost > 5 + quality(public.scene(), pair.scene) - quality(purified.scene(), pair.scene)
 
 
 def test_the_shift_is_the_papers_and_its_range_the_widest_that_works():

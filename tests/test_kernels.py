@@ -141,10 +141,6 @@ def test_only_the_gpu_style_sorts_in_parallel(device, style, monkeypatch):
     assert len(calls) == (style == "gpu")
 
 
-def test_a_view_without_gaussians_has_an_empty_depth_order(device, style):
-    assert sorted_rows(device, style, np.full(40, NOT_VISIBLE, np.uint32)).size == 0
-
-
 def test_a_total_beyond_32_bits_is_exact(device):
     """Bounds of tile entries may add up to more than a band can hold: then the frame is split."""
     engine = Engine(device.cl_device)

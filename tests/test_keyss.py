@@ -11,12 +11,6 @@ from gspure.schemes.pair import read_pair
 from tests.models import blobs
 
 
-def trained(rng: np.random.Generator) -> NetworkKey:
-    """A key whose network adds offsets other than zero."""
-    layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}
-    return NetworkKey(random_key(rng), layers)
-
-
 def test_an_untrained_network_shows_the_scene(pair_folder):
     public = PublicModel(blobs(50, sh_degree=3))
     camera = read_pair(pair_folder).scene.views[0]
@@ -27,7 +21,8 @@ def test_an_untrained_network_shows_the_scene(pair_folder):
 def test_numpy_and_pytorch_add_the_same():
     torch = pytest.importorskip("torch")
     rng = np.random.default_rng(0)
-    key = trained(rng)
+    layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    key = NetworkKey(random_key(rng), layers)
     rows = rng.normal(size=(20, 59)).astype(np.float32)
     from gspure.schemes.keyss.training import Learner
 

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from gspure.renderer import Renderer
 from gspure.surface.meshing import first_outside
@@ -67,18 +65,6 @@ def test_the_opacity_of_one_gaussian_is_one_half_at_the_depth_that_analysis_give
         Renderer(model, device, energy="ray", style=style).opacities_at(view, points),
     ):
         np.testing.assert_allclose(found, [0.5, opacity, opacity], atol=2e-6)
-
-
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 2**31), count=st.integers(1, 60))
-def test_opacity_grows_along_a_ray(device, style, seed, count):
-    model, view = blobs(count, seed), camera()
-    ray = np.array([*np.random.default_rng(seed).uniform(-0.3, 0.3, 2), 1.0])
-    found = Renderer(model, device, energy="ray", style=style).opacities_at(
-        view, np.linspace(0.3, 12, 60)[:, None] * ray
-    )
-    assert (np.diff(found) > -STEP).all()  # a point's own rounding may take it across a cut-off
-    assert (np.diff(found) > -1e-5).mean() > 0.95
 
 
 def test_bands_change_no_bit(device, style):

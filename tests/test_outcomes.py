@@ -1,4 +1,4 @@
-"""Outcomes of variants from their files: identities, drops, effects, titles and failures; and the paper's numbers."""
+"""Outcomes of variants from their files: identities, drops, effects, titles and failures."""
 
 import math
 import os
@@ -11,9 +11,8 @@ from gspure.codec import plain
 from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence, SceneChange
-from gspure.evaluation.identity import Condition, ModelId
+from gspure.evaluation.identity import ModelId
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
-from gspure.evaluation.paper import Check, Claim, beside, check_claims, mean_psnr, read_rows, score
 from gspure.evaluation.plan import ModelPlan
 from gspure.files import write_json, write_text
 from gspure.metrics.bit_evidence import bit_evidence
@@ -22,21 +21,6 @@ from gspure.metrics.detection import Detection, detection
 from gspure.metrics.readings import Reading
 from gspure.metrics.targets import BITS
 from tests.outcome_cases import attacked, measured, model_plan, outcome, write_model
-
-
-@pytest.mark.parametrize(
-    ("named", "key", "title"),
-    [
-        (ModelId("gs_hider", "room"), "gs_hider/room", "GS-Hider, room"),
-        (ModelId("gs_hider", "room", 2), "gs_hider/room@2", "GS-Hider, room, repetition 2"),
-        (Condition("vanilla"), "vanilla", "Own model"),
-        (Condition("gs_hider", "own", "both"), "gs_hider-own-both", "GS-Hider, own poses"),
-        (Condition("gs_hider", "shared", "scene"), "gs_hider-shared-scene", "GS-Hider, shared poses, scene's points"),
-    ],
-)
-def test_models_and_conditions_have_a_folder_and_a_title(named: ModelId | Condition, key: str, title: str) -> None:
-    folder = Path("results") / named.key if isinstance(named, Condition) else named.folder
-    assert (folder, named.title) == (Path("results") / key, title)
 
 
 def mark(level: float) -> Detection:
@@ -182,42 +166,3 @@ def test_the_run_is_known_and_two_runs_in_one_model_are_warned_of(tmp_path, plan
     write_json(folder / "noise" / "provenance.json", {"run": "def"})
     collect(tmp_path, [plan])
     assert "room: results of 2 runs: abc, def" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("relation", "recomputed", "holds"),
-    [
-        *[("=", 1.015, True), ("=", 0.985, True), ("=", 1.025, False), ("=", 0.975, False)],
-        *[("<", 0.5, True), ("<", 1.0, False), ("<", 1.5, False)],
-    ],
-)
-def test_a_claim_holds_within_rounding_or_below_its_bound(relation: str, recomputed: float, holds: bool) -> None:
-    claim = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", relation, 1.0)
-    assert Check(claim, recomputed).holds is holds
-
-
-def test_the_papers_numbers_that_do_not_follow_from_its_tables() -> None:
-    failed: dict[str, list[float]] = {}
-    for check in check_claims(read_rows()):
-        if not check.holds:
-            failed.setdefault(check.claim.place, []).append(check.claim.value)
-    assert failed == {
-        "Table 1": [15.21, 5.03],
-        "Table 3": [25.62, 10.19],
-        "Abstract": [16.34, 1.0],
-        "Original Scene Fidelity": [9.68, 2.21],
-        "Watermark Purification Effectiveness": [5.44, 12.97, 4.39],
-    }
-
-
-def test_claims_of_ablations_name_the_column_of_their_table() -> None:
-    words = [check.claim.words for check in check_claims(read_rows()) if check.claim.place in ("Table 2", "Table 3")]
-    columns = [text.rpartition(", ")[2] for text in words]
-    assert columns == ["GS-Hider PSNR", "SecureGS PSNR", "Scene PSNR", "Message PSNR"]
-
-
-def test_the_papers_score_of_an_attack_is_that_of_its_means() -> None:
-    printed = read_rows()
-    means = mean_psnr(printed)
-    scores = {(row.condition.scheme, row.variant): row.paper_score for row in beside(printed)}
-    assert scores == {key: pytest.approx(score(means, *key)) for key in scores}

@@ -29,7 +29,6 @@ from gspure.images import write_image
 from gspure.metrics.names import CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
 from gspure.metrics.targets import ADAPTIVE, BITS, MESSAGE, SCENE
 from gspure.model import write_model
-from gspure.workflow.config import DetectorConfig
 from gspure.workflow.decisions import ARTIFACTS, sharing_decision, suited
 from gspure.workflow.inputs import capture_files, model_files
 from tests.models import blobs, tilted_camera
@@ -513,12 +512,6 @@ def test_factors_are_listed_from_those_of_gspure_on_where_one_changes_alone() ->
     assert planned(**deciding(both={"tau_n": 2, "tau_c": 2})).factors == {}
 
 
-def test_the_meaning_of_a_variant_has_no_marks_of_code() -> None:
-    meanings = planned().meanings
-    assert meanings["gspure"] == "Remove the rows that GSPure decided on."
-    assert not any("`" in meaning or "(paper" in meaning for meaning in meanings.values())
-
-
 def test_a_plan_is_read_back_from_its_file_and_from_one_line() -> None:
     schemes: dict[str, Any] = {"planted": {}, "secure_gs": {}, "marked_clones": {}}
     detectors = {"mark": {"command": "read", "message": "0110"}}
@@ -531,9 +524,3 @@ def test_a_plan_is_read_back_from_its_file_and_from_one_line() -> None:
     assert repr(codec.read(Plan, json.loads(codec.text(plan)), "plan.json")) == repr(plan)
     with pytest.raises(InputError, match=r"plan\.json"):
         read_plan(Path())
-
-
-def test_defaults_of_a_plan_are_those_of_a_configuration() -> None:
-    entry = DetectorConfig("read")
-    assert Detector("read") == Detector(entry.command, entry.message, entry.timeout)
-    assert not Owner("planted", Path("key"), Path("cameras.json"), "picture").reveals

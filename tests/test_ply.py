@@ -62,16 +62,6 @@ def dtypes(draw):
     return np.dtype(draw(st.permutations(list(columns.items()))))
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 3])
-def test_a_vanilla_file_round_trips_byte_for_byte(tmp_path, degree):
-    table = random_table(floats(vanilla_columns(degree)), 9)
-    content = header(table.dtype, 9, lines=["comment written by a trainer"]) + table.tobytes()
-    model = read_model(save(tmp_path / "in.ply", content))
-    assert (len(model), model.sh_degree, model.comments) == (9, degree, ("written by a trainer",))
-    write_model(tmp_path / "out.ply", model)
-    assert (tmp_path / "out.ply").read_bytes() == content
-
-
 @given(dtype=dtypes(), count=st.integers(1, 5), big_endian=st.booleans(), seed=st.integers(0, 99))
 def test_any_layout_is_read_bit_for_bit_and_round_trips(folder, dtype, count, big_endian, seed):
     table = random_table(dtype, count, seed)

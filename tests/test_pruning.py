@@ -2,20 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
 from gspure.method.pruning import cluster_weights, mean_weight, plain_prune_mask, prune_mask
-
-WEIGHTS = hnp.arrays(np.float32, 20, elements=st.floats(0, 1e6, width=32))
-LABELS = hnp.arrays(np.int32, 20, elements=st.integers(-1, 3)).map(
-    lambda labels: np.where(labels < 0, -1, np.unique(labels, return_inverse=True)[1] - (labels.min() < 0)).astype(
-        np.int32
-    )
-)
-FACTORS = st.floats(0.1, 100)
 
 
 def test_equation_of_the_mean_weight() -> None:
@@ -52,41 +41,6 @@ def test_each_factor_governs_its_own_kind() -> None:
 
 def test_a_weight_equal_to_the_threshold_is_kept() -> None:
     assert plain_prune_mask(np.array([1.0, 3.0]), tau=2).tolist() == [False, False]
-
-
-@given(WEIGHTS, FACTORS)
-def test_without_clusters_pruning_is_the_plain_rule(weights: np.ndarray, tau: float) -> None:
-    noise = np.full(20, -1, np.int32)
-    np.testing.assert_array_equal(prune_mask(noise, weights, 1.0, tau), plain_prune_mask(weights, tau))
-
-
-@given(LABELS, WEIGHTS, FACTORS, FACTORS)
-def test_a_cluster_is_pruned_or_kept_as_a_whole(
-    labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float
-) -> None:
-    pruned = prune_mask(labels, weights, tau_c, tau_n)
-    for cluster in range(labels.max() + 1):
-        assert len(set(pruned[labels == cluster].tolist())) == 1
-
-
-@given(LABELS, WEIGHTS, FACTORS, FACTORS, st.floats(1, 10))
-def test_larger_factors_prune_no_more(
-    labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float, more: float
-) -> None:
-    assert not (
-        prune_mask(labels, weights, tau_c * more, tau_n * more) & ~prune_mask(labels, weights, tau_c, tau_n)
-    ).any()
-
-
-@given(LABELS, WEIGHTS, st.floats(1.01, 100), st.floats(1.01, 100))
-def test_something_always_remains(labels: np.ndarray, weights: np.ndarray, tau_c: float, tau_n: float) -> None:
-    assert not prune_mask(labels, weights, tau_c, tau_n).all()
-
-
-@given(LABELS, WEIGHTS, st.sampled_from([0.25, 2.0, 1024.0]))
-def test_the_unit_of_the_weights_does_not_matter(labels: np.ndarray, weights: np.ndarray, scale: float) -> None:
-    weights = weights.astype(np.float64)
-    np.testing.assert_array_equal(prune_mask(labels, weights * scale), prune_mask(labels, weights))
 
 
 def test_weights_that_are_all_zero_prune_nothing() -> None:

@@ -1,11 +1,13 @@
-"""The README does what it says: its commands, its configuration and its program run."""
+"""README and notebook do what they say: commands, configuration and programs run."""
 
+import json
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 
@@ -80,3 +82,29 @@ def test_the_configuration_is_all_that_the_workflow_needs(folder):
     assert first == f"{sum(int(line.split()[0]) for line in jobs)} jobs to run; 0 up to date"
     assert {"     8  evaluate variant", "     1  write report"} <= {*jobs}
     assert not Path("results").exists()
+
+
+NOTEBOOK = ROOT / "examples" / "audit_a_model.ipynb"
+CELLS = [cell for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+
+
+def drops(printed):
+    """PSNR of scene and message after each attack."""
+    lines = re.findall(r"(\w+) +scene +([\d.]+) dB +message +([\d.]+) dB", printed)
+    return {name: (float(scene), float(message)) for name, scene, message in lines}
+
+
+def test_every_cell_of_the_notebook_runs_and_is_stored_with_its_results(tmp_path, monkeypatch, capsys):
+    outputs = [output for cell in CELLS for output in cell["outputs"]]
+    assert all(cell["execution_count"] for cell in CELLS)
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 2
+    monkeypatch.chdir(tmp_path)
+    mpl.use("agg")
+    names = {}
+    for cell in CELLS:
+        exec("".join(cell["source"]), names)  # noqa: S102
+    after = drops(capsys.readouterr().out)
+    assert after["GSPure"][0] > after["random"][0] + 5
+    assert after["GSPure"][1] < after["random"][1]
+    stored = drops("".join(line for output in CELLS[-1]["outputs"] for line in output["text"]))
+    assert after["GSPure"] == pytest.approx(stored["GSPure"], abs=1)

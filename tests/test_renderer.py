@@ -109,12 +109,6 @@ def test_the_near_plane_belongs_to_what_is_culled(device, style, energy):
     assert renderer.contributions(camera(17, 17))["index"].tolist() == [2]
 
 
-def test_a_gaussian_fainter_than_the_cut_off_is_not_drawn(device, style, energy):
-    model = gaussians(means=[[0, 0, 4], [0, 0, 5]], scales=1.0, opacities=[0.999 / 255, 1.001 / 255])
-    contributions = Renderer(model, device, energy=energy, style=style).contributions(camera(17, 17))
-    assert contributions["index"].tolist() == [1]
-
-
 def test_nothing_in_sight_leaves_the_background(device, style, energy):
     model = gaussians(means=[[0, 0, -4], [900, 0, 4]], scales=0.1)
     renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
@@ -135,29 +129,6 @@ def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, colum
     among = Renderer(joined(model, broken), device, energy=energy, style=style)
     for product in ("image", "depth", "contributions"):
         assert_same_bits([getattr(alone, product)(view)], [getattr(among, product)(view)])
-
-
-@pytest.mark.parametrize("case", AWKWARD)
-def test_weights_and_transmittance_add_up_to_one(device, style, energy, case):
-    model, view = AWKWARD[case]()
-    renderer = Renderer(model, device, energy=energy, style=style)
-    transmittance = renderer.transmittance(view).astype(np.float64)
-    weights = renderer.feature_map(view, np.ones((len(model), 1), np.float32))[..., 0]
-    np.testing.assert_allclose(weights + transmittance, 1.0, atol=5e-6)
-    contributions = renderer.contributions(view)
-    total = contributions["sum"].sum(dtype=np.float64)
-    np.testing.assert_allclose(total, (1 - transmittance).sum(), rtol=2e-6, atol=1e-5)
-    assert (contributions["max"] <= contributions["sum"] * (1 + 1e-6) + 1e-6).all()
-    assert (contributions["sum"] <= contributions["max"] * contributions["pixels"] * (1 + 1e-6) + 1e-5).all()
-    assert (contributions["pixels"] <= view.width * view.height).all()
-
-
-def test_a_second_run_gives_the_same_bits(device, style, energy):
-    model, view = blobs(257, 7), tilted_camera()
-    first, second = (Renderer(model, device, energy=energy, style=style) for _ in range(2))
-    expected = everything(first, view)
-    assert_same_bits(everything(second, view), expected)
-    assert_same_bits(everything(first, view), expected)
 
 
 def test_the_storage_order_does_not_matter(device, style, energy, monkeypatch):

@@ -1,4 +1,4 @@
-"""The report of a folder of results: its tables, its figures and its page, also of an unfinished run."""
+"""The report of a folder of results: its tables, its figures and its page, also of an unfinished run; any table."""
 
 import csv
 import html
@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gspure.cameras import write_cameras
 from gspure.cli import main
@@ -16,6 +18,9 @@ from gspure.evaluation.plan import Plan
 from gspure.evaluation.radius import Record
 from gspure.figures import style
 from gspure.files import read_json, write_json, write_text
+from gspure.metrics.statistics import Interval
+from gspure.report.page import environment
+from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
 from tests.models import camera
@@ -141,3 +146,37 @@ def test_two_runs_are_compared_and_one_of_a_suite_is_submitted(run: Path, tmp_pa
     record = read(Record, read_json(out), out)
     assert (record.suite, record.scenes, record.size) == ("small-1", 2, "32x24")
     assert {str(one) for one in record.conditions if one.kind == "message"} == {radius[1]}
+
+
+def cells_of_html(table: Table) -> list[list[str]]:
+    text = str(environment().get_template("parts.html.j2").module.table_of(table))
+    rows = re.findall(r"<tr.*?>(.*?)</tr>", text, flags=re.DOTALL)
+    cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row, flags=re.DOTALL) for row in rows]
+    return [[html.unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row] for row in cells]
+
+
+@pytest.mark.parametrize(
+    ("mean", "text"),
+    [
+        (Interval(1.0, 0.5, 1.5, 0.95, 6), "1.00 [0.50, 1.50]"),
+        (Interval(1.0, -0.5, 1.5, 0.75, 3), "1.00 (−0.50 to 1.50) (3 of 6 scenes)"),
+        (Interval(1.0, 1.0, 1.0, 0.0, 1), "1.00 (1 of 6 scenes)"),
+        (None, "–"),
+    ],
+)
+def test_intervals_have_brackets_ranges_parentheses_and_fewer_scenes_a_count(mean, text: str) -> None:
+    assert str(interval(mean, 6)) == text
+
+
+TEXTS = st.text(alphabet="ab |\\{}$&#_%~^-<>\"'", max_size=8).map(str.strip)
+
+
+@given(TEXTS, TEXTS)
+def test_every_format_shows_the_same_cells_and_takes_no_character_for_markup(first: str, second: str) -> None:
+    cells = [Cell(first), Cell(second, "(11.00 to 14.00)", best=True)]
+    table = Table("Drops", [Column("attack"), Column("message", "PSNR drop")], [TableRow(cells, "best")])
+    assert cells_of_html(table) == [["attack", "PSNR drop message"], [*map(str, cells)]]
+    titles, _, row = table.markdown().splitlines()
+    assert [title.strip() for title in titles.strip("|").split("|")] == ["attack", "PSNR drop message"]
+    shown = [cell.strip(" *") for cell in re.split(r"(?<!\\)\|", row)[1:-1]]
+    assert shown == [str(cell).replace("|", r"\|").strip(" *") for cell in cells]

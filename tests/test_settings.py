@@ -46,13 +46,6 @@ def test_values_out_of_bounds_and_of_other_types_are_refused(name):
             parsed_settings("test", function, {setting: word})
 
 
-@pytest.mark.parametrize("value", [1, 10, 5.5])
-def test_a_range_includes_its_ends_and_only_whole_numbers_if_they_are(value):
-    assert (value in Range(1, 10)) == isinstance(value, int)
-    assert value in Range(1.0, 10.0)
-    assert 1.0 not in Range(1.0, 10.0, above=True)
-
-
 def test_whole_numbers_are_floats_where_a_function_takes_floats() -> None:
     def turn(*, angle: Annotated[float, Range(0.0, 360.0)] = 90.0, steps: int = 1, axis: str = "z") -> None:
         del angle, steps, axis

@@ -60,11 +60,6 @@ def test_signs_that_tie_on_a_decimal_grid_tie():
         assert paired_test(differences) == pytest.approx(min(1.0, brute_force(before - after)), abs=1e-12)
 
 
-@pytest.mark.parametrize(("scenes", "smallest"), [(1, 1.0), (3, 0.25), (5, 0.0625), (6, 0.03125)])
-def test_few_scenes_cannot_be_significant(scenes, smallest):
-    assert paired_test([[100.0 + scene] for scene in range(scenes)]) == smallest
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(0, 1), max_size=6))
 def test_holm_rejects_what_the_step_down_procedure_rejects(p):

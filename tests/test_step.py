@@ -1,8 +1,6 @@
 """Steps of the workflow: how one starts and ends, the decision from files, and what the owner's key reveals."""
 
-import gc
 import json
-import warnings
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -86,13 +84,6 @@ def test_a_mistake_in_a_step_is_not_hidden() -> None:
         run(raising(ZeroDivisionError()))
 
 
-@pytest.mark.filterwarnings("default")
-def test_a_warning_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    run(step(lambda: warnings.warn("doubtful", UserWarning, stacklevel=1)))
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "doubtful" in line
-
-
 @pytest.mark.parametrize(("name", "kind"), [("model", int), ("limit", Annotated[int, Range(4, 9)])])
 def test_an_argument_that_does_not_fit_names_step_and_place(name: str, kind: Any) -> None:
     sketch = step(lambda: None)
@@ -100,13 +91,6 @@ def test_an_argument_that_does_not_fit_names_step_and_place(name: str, kind: Any
     with pytest.raises(InputError) as refusal:
         run(sketch)
     assert (refusal.value.source, refusal.value.field) == ("sketch", name)
-
-
-def test_after_a_step_nothing_is_collected_at_exit() -> None:
-    run(step(lambda: None))
-    frozen = gc.get_freeze_count()
-    gc.unfreeze()
-    assert frozen > 0
 
 
 ROWS = 40

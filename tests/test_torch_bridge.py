@@ -1,16 +1,9 @@
 """The torch bridge: gradients of the renderer as autograd carries them."""
 
-import sys
-
 import numpy as np
 import pytest
 
-from gspure.metrics.targets import ADAPTIVE
-from gspure.public_model import Lesson
 from gspure.renderer import Renderer
-from gspure.schemes.pair import read_pair
-from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import hide
 from tests.models import blobs, tilted_camera
 
 torch = pytest.importorskip("torch")
@@ -61,20 +54,3 @@ def test_the_channel_behind_colours_is_the_inverse_depth(device, style):
     torch.testing.assert_close(*images, rtol=1e-5, atol=1e-6)
     for behind, alone in zip(*gradients, strict=True):
         torch.testing.assert_close(behind, alone, rtol=1e-3, atol=1e-4 * float(alone.abs().max()))
-
-
-@pytest.mark.parametrize("name", ["gs_hider", "secure_gs", "keyss"])
-def test_schemes_place_every_tensor_by_one_function(name, pair_folder, monkeypatch):
-    def outside_of_schemes(create):
-        def created(*args, **kwargs):
-            assert "gspure/schemes" not in sys._getframe(1).f_code.co_filename
-            return create(*args, **kwargs)
-
-        return created
-
-    for function in ("from_numpy", "tensor", "as_tensor", "zeros", "ones"):
-        monkeypatch.setattr(torch, function, outside_of_schemes(getattr(torch, function)))
-    pair = read_pair(pair_folder)
-    public, key = hide(find_scheme(name), pair, iterations=2)
-    lesson = Lesson(pair.message.views, pair.message.images, (), 2, np.random.default_rng(0))
-    key.fitted(public, lesson).message(public, ADAPTIVE)(pair.message.views[0])

@@ -82,12 +82,6 @@ def names(views):
     return [view.name for view in views]
 
 
-def test_the_splits_of_a_blender_scene_are_used(blender):
-    dataset = read_dataset(blender, "native")
-    assert names(dataset.train) == [f"train_r_{i}" for i in range(5)]
-    assert names(dataset.test) == [f"test_r_{i}" for i in range(3)]
-
-
 @pytest.fixture
 def nerfstudio(blender):
     """Return a function that writes a transforms.json of the five training views, with lists of files."""

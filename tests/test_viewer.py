@@ -81,12 +81,6 @@ def test_at_the_decision_the_slider_removes_what_gspure_prunes(tmp_path: Path, f
         assert np.all(np.diff(shares) >= 0)
 
 
-def test_a_view_has_the_same_bytes_again(tmp_path: Path) -> None:
-    for name in ("first.json", "again.json"):
-        write_viewer(tmp_path / name, purified(600), [])
-    assert (tmp_path / "first.json").read_bytes() == (tmp_path / "again.json").read_bytes()
-
-
 def test_splats_keep_their_places_shapes_and_opacities_beside_far_floaters() -> None:
     means = np.append(RNG.normal(size=(300, 3)), [[1e4, 0, 3]], axis=0)
     model = gaussians(means=means, scales=np.exp(RNG.uniform(-7, 2, (301, 3))), opacities=RNG.uniform(0.01, 1, 301))

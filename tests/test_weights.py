@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
 from gspure.method.diagnosis import diagnose
 from gspure.method.weights import (
-    REDUCTIONS,
     accumulate,
     evenly_spread,
     few_in_view,
@@ -26,20 +24,6 @@ def stage(*rows: tuple[int, float, float, int]) -> np.ndarray:
     return np.array(list(rows), CONTRIBUTION)
 
 
-@st.composite
-def views(draw: st.DrawFn, count: int = 12) -> list[np.ndarray]:
-    found = []
-    for _ in range(draw(st.integers(1, 6))):
-        touched = np.flatnonzero(draw(hnp.arrays(np.bool_, count)))
-        view = np.zeros(len(touched), CONTRIBUTION)
-        view["index"] = touched
-        view["sum"] = draw(hnp.arrays(np.float32, len(touched), elements=st.floats(0, 1e4, width=32)))
-        view["max"] = np.minimum(view["sum"], 1)
-        view["pixels"] = draw(hnp.arrays(np.uint32, len(touched), elements=st.integers(1, 1000)))
-        found.append(view)
-    return found
-
-
 def test_equation_of_view_accumulated_weights_counts_the_views_that_do_not_see_a_gaussian() -> None:
     seen_twice, seen_once = stage((0, 3.0, 0.5, 6), (2, 1.0, 0.25, 4)), stage((0, 1.0, 0.75, 2))
     weights = accumulate(iter([seen_twice, seen_once]), 3)
@@ -50,14 +34,6 @@ def test_equation_of_view_accumulated_weights_counts_the_views_that_do_not_see_a
 @pytest.mark.parametrize(("reduction", "expected"), [("sum", 3.0), ("max", 0.5), ("mean_touched", 0.375)])
 def test_reduction_over_the_pixels_of_a_view(reduction: str, expected: float) -> None:
     assert view_weights(stage((0, 3.0, 0.5, 8)), reduction).tolist() == [expected]
-
-
-@given(views(), st.sampled_from(REDUCTIONS))
-def test_weights_are_the_mean_of_the_dense_views(stages: list[np.ndarray], reduction: str) -> None:
-    dense = np.zeros((len(stages), 12))
-    for row, view in zip(dense, stages, strict=True):
-        row[view["index"]] = view_weights(view, reduction)
-    np.testing.assert_allclose(accumulate(stages, 12, reduction), dense.mean(axis=0), rtol=1e-6, atol=1e-38)
 
 
 def test_many_small_contributions_survive_beside_a_large_one() -> None:

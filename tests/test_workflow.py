@@ -1,4 +1,4 @@
-"""The workflow run once, killed on the way and started again by `make demo`; and what a change would run again."""
+"""The workflow run once, killed on the way and started again by `make demo`; what changes run; shipped settings."""
 
 import csv
 import os
@@ -6,17 +6,20 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
+import yaml
 
 import gspure
 from gspure.cli import main
+from gspure.datasets import SCENES
 from gspure.model import read_model, write_model
 from gspure.workflow import auditing
+from gspure.workflow.config import DEFAULT_VARIANTS
 from tests.models import blobs
+from tests.training_cases import colmap_project, ring
 from tests.workflow_cases import CONFIG, PRINTED, ROOT, edit_cameras, make_ready, started
 
 pytestmark = pytest.mark.workflow
@@ -214,8 +217,33 @@ def test_an_audit_in_python_returns_results_and_is_silent(project, rows, monkeyp
         gspure.audit("none.yaml")
 
 
-@pytest.mark.parametrize("tool", [["snakefmt", "--check", "Snakefile", "rules"], ["snakemake", "--lint"]], ids=str)
-def test_the_workflow_is_clean(tool):
-    program, *arguments = tool
-    done = subprocess.run([sys.executable, "-m", program, *arguments], cwd=ROOT, **PRINTED, check=False)
-    assert done.returncode == 0, done.stdout
+def started_with(folder, file, *captures):
+    """Return a project with a shipped configuration, whose captures are small here, and that configuration."""
+    project = started(folder)
+    for name in captures:
+        colmap_project(folder / name, ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
+    config = yaml.safe_load((ROOT / "config" / file).read_text())
+    project.configure(config)
+    return project, config
+
+
+def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_view(tmp_path):
+    project, config = started_with(tmp_path / "project", "mipnerf360.yaml", *(f"data/{name}" for name in SCENES))
+    messages = {pair["message"] for pair in config["pairs"].values()}
+    models, variants = len(config["pairs"]) * len(config["schemes"]), len(DEFAULT_VARIANTS)
+    jobs = project.planned()
+    once = ["embed_message", "train_clean_model", "prepare_cameras_of_pair", "accumulate_weights", "span_tree"]
+    once += ["decide_pruning", "measure_surface", "draw_model", "evaluate_controls"]
+    expected = {"make_pair": 9, "train_message": len(messages), "write_report": 1}
+    expected |= dict.fromkeys(once, models)
+    expected["measure_contributions"] = config["views"]["parts"] * models
+    expected["evaluate_variant"] = variants * models
+    assert jobs.items() >= expected.items()
+    assert "train_model" not in jobs
+    assert jobs["total"] < 35 * models
+
+
+def test_two_user_captures_are_hidden_in_each_other(tmp_path):
+    project, _ = started_with(tmp_path / "project", "photos.yaml", "photos/scene", "photos/message")
+    jobs = project.planned()
+    assert jobs.items() >= {"train_message": 2, "make_pair": 2, "embed_message": 2, "write_report": 1}.items()
