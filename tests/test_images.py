@@ -39,9 +39,8 @@ def test_transparent_pixels_have_the_background_of_renders(tmp_path):
     Image.new("RGBA", (2, 2)).save(tmp_path / "clear.png")
     for channel in np.linspace(0, 1, 511):
         background = np.full(3, channel)
-        assert (
-            read_image(tmp_path / "clear.png", background=background)[0, 0].tolist() == read_back(background).tolist()
-        )
+        shown = read_image(tmp_path / "clear.png", background=background)[0, 0]
+        assert shown.tolist() == read_back(background).tolist()
 
 
 def test_a_photograph_is_reduced_to_the_size_of_its_view(tmp_path):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from gspure.attacks import BUILT_IN, NotApplicable, find_attack
-from gspure.method.purify import purify
 from gspure.model import read_model, require_finite, write_model
 from gspure.model.finite import drawable, undrawable_rows
 from gspure.public_model import PublicModel
@@ -56,16 +55,6 @@ def test_they_are_drawn_and_measured_as_the_finite_numbers_they_stand_for(device
         assert finite.contributions(view).tobytes() == infinite.contributions(view).tobytes()
     assert {0, 2}.intersection(infinite.contributions(VIEWS[0])["index"].tolist())
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.filterwarnings("error")
-def test_purification_prunes_the_same_rows_and_keeps_them_as_stored(device):
-    purified = [purify(model, VIEWS, device=device, min_cluster_size=5, min_samples=3) for model in MODELS]
-    for name in ("weights", "labels", "prune_mask"):
-        np.testing.assert_array_equal(getattr(purified[0], name), getattr(purified[1], name))
-    kept = INFINITE.table[~purified[1].prune_mask]
-    assert purified[1].model.table.tobytes() == kept.tobytes()
-    assert np.isinf(kept["opacity"]).any()
 
 
 @pytest.mark.parametrize("attack", BUILT_IN, ids=lambda attack: attack.name)

@@ -1,4 +1,4 @@
-"""The summary of a model's numbers, and the folder of a training run."""
+"""The summary of a model's numbers, doubts about them, and the folder of a training run."""
 
 import os
 import subprocess
@@ -7,33 +7,18 @@ import sys
 import numpy as np
 import pytest
 
+from gspure.cameras import write_cameras
+from gspure.cameras.worlds import shifted
 from gspure.cli import main
 from gspure.errors import InputError
+from gspure.images import read_image
 from gspure.model import Gaussians, read_model, write_model
+from gspure.model.gaussians import SCALES
 from gspure.model.inria import point_cloud, saved_iterations, trained_background, training_arguments
-from gspure.model.summary import QUANTILE_LEVELS, summarize
-from tests.models import blobs
-
-
-def report(capsys, *arguments):
-    assert main(["info", *map(str, arguments)]) == 0
-    return capsys.readouterr().out
-
-
-@pytest.fixture
-def corrupt(tmp_path):
-    """A file of 6 Gaussians: rows 1 and 4 hold no numbers, row 2 no rotation, row 5 stands where row 3 does."""
-    table = blobs(6).table
-    table["x"][[1, 4]] = np.nan
-    table["opacity"][4] = np.nan
-    table["opacity"][[0, 5]] = (-np.inf, np.inf)  # opacities of 0 and 1
-    table["scale_0"][0] = -np.inf  # a size of 0
-    for i in range(4):
-        table[f"rot_{i}"][2] = 0
-    for name in "xyz":
-        table[name][5] = table[name][3]
-    write_model(tmp_path / "corrupt.ply", Gaussians(table))
-    return tmp_path / "corrupt.ply"
+from gspure.model.summary import QUANTILE_LEVELS, doubts, summarize
+from tests.attack_cases import anchors, features
+from tests.models import blobs, camera, tilted_camera
+from tests.test_ply import header
 
 
 def test_the_numbers_of_a_model_are_summarized():
@@ -54,8 +39,18 @@ def test_the_numbers_of_a_model_are_summarized():
         )
 
 
-def test_bad_rows_are_counted_and_named(corrupt):
-    summary = summarize(read_model(corrupt))
+def test_bad_rows_are_counted_and_named():
+    """Rows 1 and 4 hold no numbers, row 2 no rotation, row 5 stands where row 3 does."""
+    table = blobs(6).table
+    table["x"][[1, 4]] = np.nan
+    table["opacity"][4] = np.nan
+    table["opacity"][[0, 5]] = (-np.inf, np.inf)  # opacities of 0 and 1
+    table["scale_0"][0] = -np.inf  # a size of 0
+    for i in range(4):
+        table[f"rot_{i}"][2] = 0
+    for name in "xyz":
+        table[name][5] = table[name][3]
+    summary = summarize(Gaussians(table))
     assert summary.non_finite_rows == 2
     assert summary.non_finite_columns == {"x": (2, 1), "opacity": (1, 4)}
     assert summary.zero_quaternion_rows == 1
@@ -63,19 +58,12 @@ def test_bad_rows_are_counted_and_named(corrupt):
     assert np.isfinite(summary.quantiles["x"]).all()
 
 
-def test_info_on_a_training_folder_shows_its_arguments(capsys, tmp_path):
-    write_model(tmp_path / "point_cloud/iteration_30000/point_cloud.ply", blobs(2).with_comment("made by hand"))
-    (tmp_path / "cfg_args").write_text("Namespace(sh_degree=3, eval=True)")
-    text = report(capsys, tmp_path)
-    assert text.startswith(str(tmp_path / "point_cloud/iteration_30000/point_cloud.ply"))
-    assert "  comment: made by hand\n  trained with eval = True\n  trained with sh_degree = 3\n" in text
-
-
 def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
     model = tmp_path / "point_cloud" / "iteration_1" / "point_cloud.ply"
     write_model(model, blobs(3).with_comment("\x1b[2J"))
     (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
-    assert all(line.isprintable() for line in report(capsys, tmp_path).split("\n"))
+    assert main(["info", str(tmp_path)]) == 0
+    assert all(line.isprintable() for line in capsys.readouterr().out.split("\n"))
 
 
 def test_a_terminal_of_ascii_gets_escapes(tmp_path):
@@ -96,7 +84,6 @@ def trained(tmp_path):
     for iteration, count in ((7000, 7), (30000, 9)):
         write_model(tmp_path / f"point_cloud/iteration_{iteration}/point_cloud.ply", blobs(count))
     (tmp_path / "cfg_args").write_text(CFG_ARGS)
-    (tmp_path / "cameras.json").write_text("[]")
     return tmp_path
 
 
@@ -132,3 +119,103 @@ def test_cfg_args_is_never_evaluated(trained):
     arguments = training_arguments(trained)
     assert not (trained / "made").exists()
     assert arguments == {"a": f"open({str(trained / 'made')!r}, 'w')", "b": "PosixPath('x')", "c": "[1, 2]"}
+
+
+VIEWS = [camera(32, 24, name="a"), tilted_camera(32, 24, name="b")]
+
+
+def scaled(model, factor):
+    """The model in other units."""
+    values = {name: model.table[name] + np.log(factor) for name in SCALES}
+    return model.with_columns(values | {name: factor * model.table[name] for name in "xyz"})
+
+
+def linear(model):
+    return model.with_columns({name: np.exp(model.table[name]) for name in SCALES})
+
+
+def uniform(size, extent):
+    """Round Gaussians of one size, as made from points."""
+    model = blobs(200)
+    values = {name: np.full(200, np.log(size)) for name in SCALES}
+    return model.with_columns(values | {name: extent / 8 * model.table[name] for name in "xyz"})
+
+
+PLAUSIBLE = {
+    **{f"scaled by {factor:g}": scaled(blobs(200), factor) for factor in (1e-3, 0.1, 1, 10, 60, 1e3, 1e6)},
+    **{f"round, {size:g} in {extent:g}": uniform(size, extent) for size, extent in ((1, 100), (2, 1000), (0.01, 1))},
+    "anchors": anchors(50),
+    "features": features(50),
+    "one row": blobs(1),
+    "opacity 1/2": blobs(50).with_columns({"opacity": np.zeros(50)}),
+    "infinities": blobs(50).with_columns(
+        {"opacity": np.repeat([np.inf, -np.inf], 25), "scale_0": np.full(50, -np.inf)}
+    ),
+    "a kilometre away": blobs(50).with_columns({"x": blobs(50).table["x"] + 1000}),
+    "no numbers": blobs(3).with_columns({"x": np.full(3, np.nan)}),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("model", PLAUSIBLE.values(), ids=PLAUSIBLE)
+def test_ordinary_models_raise_no_doubt(model):
+    assert doubts(model) == []
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("factor", [1e-2, 1, 100, 1e5])
+def test_linear_scales_are_named_with_their_inverse(factor):
+    (line,) = doubts(linear(scaled(blobs(200), factor)))
+    assert "ln(scale)" in line
+
+
+def test_linear_scales_of_one_size_are_named():
+    assert "ln(scale)" in doubts(linear(uniform(0.01, 5)))[0]
+
+
+@pytest.mark.parametrize("value", [None, 1.0])
+def test_activated_opacities_are_named_with_their_inverse(value):
+    opacities = blobs(200).opacities if value is None else np.full(200, value)
+    (line,) = doubts(blobs(200).with_columns({"opacity": opacities}))
+    assert "ln(opacity / (1 - opacity))" in line
+    assert doubts(linear(blobs(200)).with_columns({"opacity": opacities}))[0].count("where 3DGS has") == 2
+
+
+@pytest.mark.parametrize(("offset", "is_coarse"), [(500_000, True), (5e6, True), (1e4, False)])
+def test_coordinates_that_float32_rounds_to_more_than_a_part_of_the_gaussians_are_named(offset, is_coarse):
+    model = blobs(200, size=(0.05, 0.4))
+    lines = doubts(model.with_columns({"y": model.table["y"] + offset}))
+    assert len(lines) == is_coarse
+    assert all("float32 steps" in line for line in lines)
+
+
+def test_commands_print_doubts_once(tmp_path, capsys):
+    write_model(tmp_path / "m.ply", linear(blobs(50)))
+    write_cameras(tmp_path / "cameras.json", VIEWS)
+    for command, *more in (["info"], ["render"], ["purify", "--no-figures"]):
+        views = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(tmp_path / command)]
+        main([command, str(tmp_path / "m.ply"), *(views if command != "info" else []), *more])
+        assert capsys.readouterr().err.count("ln(scale)") == 1
+
+
+@pytest.mark.parametrize("offset", [(500_000.4, 5_400_000.7, 300.2), (0, 0, -2e7), (3.2, 0, 0)])
+@pytest.mark.parametrize("encoding", ["ascii", "binary_big_endian"])
+def test_coordinates_of_many_digits_keep_them_and_cameras_follow(tmp_path, capsys, encoding, offset):
+    model = blobs(60, sh_degree=0)
+    table = model.table.astype([(name, "<f8" if name in "xyz" else "<f4") for name in model.names])
+    for name, start in zip("xyz", offset, strict=True):
+        table[name] += start
+    rows = "\n".join(" ".join(map(repr, row)) for row in table.tolist()).encode()
+    body = rows if encoding == "ascii" else table.astype(table.dtype.newbyteorder(">")).tobytes()
+    (tmp_path / "far.ply").write_bytes(header(table.dtype, 60, encoding) + body)
+    write_model(tmp_path / "near.ply", model)
+    write_cameras(tmp_path / "far.json", shifted(VIEWS, np.array(offset)))
+    write_cameras(tmp_path / "near.json", VIEWS)
+    images = []
+    for name in ("near", "far"):
+        paths = [tmp_path / f"{name}.ply", "--cameras", tmp_path / f"{name}.json", "--out", tmp_path / name]
+        assert main(["render", *map(str, paths)]) == 0
+        images.append([read_image(tmp_path / name / f"{view.name}.png") for view in VIEWS])
+    np.testing.assert_allclose(*images, atol=2 / 255)
+    warnings = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning")]
+    assert ["become relative to" in line for line in warnings] == [max(offset) > 100 or min(offset) < -100]

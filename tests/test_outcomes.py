@@ -11,21 +11,14 @@ from gspure.codec import plain
 from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence, SceneChange
-from gspure.evaluation.identity import ModelId
-from gspure.evaluation.outcomes import UNCHANGED, Outcome, extractions, ordered, with_references
+from gspure.evaluation.outcomes import UNCHANGED, Outcome, with_references
 from gspure.evaluation.plan import ModelPlan
 from gspure.files import write_json, write_text
 from gspure.metrics.bit_evidence import bit_evidence
 from gspure.metrics.csv_tables import write_table
-from gspure.metrics.detection import Detection, detection
 from gspure.metrics.readings import Reading
 from gspure.metrics.targets import BITS
-from tests.outcome_cases import attacked, measured, model_plan, outcome, write_model
-
-
-def mark(level: float) -> Detection:
-    return detection([Reading(view, level, 32, "") for view in "abcd"], [])
-
+from tests.outcome_cases import attacked, measured, outcome, write_model
 
 NOISE = attacked("noise", 1.5, 6.0)
 MISSED = attacked("noise@1dB", 0.75, 2.0, strength=StrengthValue("sigma", 0.123456), search_damage=0.5)
@@ -73,29 +66,11 @@ def test_a_change_beyond_rounding_contradicts_that_an_extraction_is_unaffected(c
     assert o.reaches("message") is reaches
 
 
-@pytest.mark.parametrize(
-    ("o", "name", "expected"),
-    [
-        (MISSED, "strength_text", "sigma=0.1235, 0.50 dB reached"),
-        (replace(MISSED, search_damage=1.0), "strength_text", "sigma=0.1235"),
-        (replace(MISSED, wanted=math.nan), "strength_text", "sigma=0.1235"),
-        (replace(MISSED, strength=None), "strength_text", ""),
-        (MISSED, "damage", 0.75),
-        (MISSED, "title", "noise, 1 dB"),
-        (attacked("gaussian_noise", 1.0, 2.0), "title", "Gaussian noise"),
-        (FAILED, "failures", {"crop": "no memory", "mark of crop": "too slow"}),
-        (NOISE, "failures", {}),
-    ],
-)
-def test_an_outcome_names_its_strength_and_damage_and_why_numbers_are_missing(o, name, expected) -> None:
-    assert getattr(o, name) == expected
-
-
-def test_targets_are_ordered_from_the_scene_to_detectors() -> None:
-    names = ["mark", "model_bits", "bits", "message_other", "message", "a", "scene"]
-    assert ordered(names) == ["scene", "message", "message_other", "bits", "model_bits", "a", "mark"]
-    o = outcome("noise", targets={"scene": 30.0, "message": 10.0}, unreadable={"message_x": "no"})
-    assert extractions([o, replace(o, detections={"mark": mark(60.0)})]) == ["message", "message_x", "mark"]
+def test_an_outcome_names_its_strength_if_it_missed_the_damage_and_why_numbers_are_missing() -> None:
+    assert (MISSED.strength_text, MISSED.damage) == ("sigma=0.1235, 0.50 dB reached", 0.75)
+    assert replace(MISSED, search_damage=1.0).strength_text == "sigma=0.1235"
+    assert FAILED.failures == {"crop": "no memory", "mark of crop": "too slow"}
+    assert NOISE.failures == {}
 
 
 ATTACKS = {"gspure": (0.055, 0.5), "noise": (0.2, 0.02)}
@@ -130,16 +105,6 @@ def test_the_bits_of_a_control_without_metrics_are_read(tmp_path, plan) -> None:
     write_json(folder / EVIDENCE, plain(JobEvidence(bits=bits)))
     o = by_variant(tmp_path, replace(plan, controls=(wrong_key,)))["wrong_key"]
     assert (o.targets, o.bits, [*o.detections]) == ({}, bits, ["bits"])
-
-
-def test_outcomes_are_sorted_by_model_with_the_unattacked_first(tmp_path: Path) -> None:
-    models = [model_plan(name, ("crop", "unattacked", "blur"), ("clean",)) for name in ("b/room", "a/vault", "a/room")]
-    repetition = replace(models[2], id=ModelId("a", "room", 1))
-    outcomes = collect(tmp_path, [repetition, *models])
-    order = [(o.scheme, o.scene, o.seed) for o in outcomes[::4]]
-    assert order == [("a", "room", 0), ("a", "room", 1), ("a", "vault", 0), ("b", "room", 0)]
-    assert [o.variant for o in outcomes[:4]] == ["unattacked", "crop", "blur", "clean"]
-    assert {o.failure for o in outcomes} == {"not run"}
 
 
 def test_a_missing_variant_names_the_last_line_of_its_failed_log(tmp_path, plan) -> None:

@@ -1,11 +1,10 @@
-"""The paper's printed numbers: complete, consistent with what the text says of them, and recomputed correctly.
+"""The paper's printed numbers: consistent with what the text says of them, and recomputed correctly.
 
 They are references. Nothing here compares our own results with them.
 """
 
 import csv
 import re
-from itertools import product
 
 import numpy as np
 import pytest
@@ -15,10 +14,7 @@ from gspure.evaluation.judging import judged
 from gspure.evaluation.outcomes import with_references
 from gspure.evaluation.paper import (
     ATTACKS,
-    SCHEMES,
     TARGETS,
-    Check,
-    Claim,
     beside,
     check_claims,
     mean_psnr,
@@ -30,18 +26,9 @@ from gspure.evaluation.paper import (
 from gspure.evaluation.results import write_results
 from tests.outcome_cases import attacked
 
-VARIANTS = ("unattacked", *ATTACKS)
 PRINTED = read_rows()
 CHECKS = check_claims(PRINTED)
 NINE = {"bicycle", "bonsai", "room", "flowers", "treehill", "garden", "stump", "counter", "kitchen"}
-
-
-def test_table_1_has_every_scheme_attack_scene_and_target_once_and_a_score_per_row():
-    rows = {(r.scheme, r.variant, r.target): {*r.values} for r in PRINTED if r.table == 1 and r.metric == "psnr"}
-    assert rows == dict.fromkeys(product(SCHEMES, VARIANTS, TARGETS), NINE)
-    scores = [(r.scheme, r.variant) for r in PRINTED if r.metric == "score"]
-    assert sorted(scores) == sorted(product(SCHEMES, VARIANTS))
-    assert sum(r.table == 1 for r in PRINTED) == 18 * 3
 
 
 def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scene_drop():
@@ -54,18 +41,6 @@ def test_the_recomputed_score_is_the_mean_over_scenes_of_message_drop_minus_scen
     assert score(mean_psnr(PRINTED), "splats_in_splats", "gspure") == pytest.approx(by_hand)
     interval = score_interval(PRINTED, "splats_in_splats", "gspure")
     assert (interval.mean, interval.scenes) == (pytest.approx(by_hand), 9)
-
-
-@pytest.mark.parametrize(
-    ("relation", "recomputed", "holds"),
-    [
-        *[("=", 1.015, True), ("=", 0.985, True), ("=", 1.025, False), ("=", 0.975, False)],
-        *[("<", 0.5, True), ("<", 1.0, False), ("<", 1.5, False)],
-    ],
-)
-def test_a_claim_holds_within_rounding_or_below_its_bound(relation: str, recomputed: float, holds: bool) -> None:
-    claim = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", relation, 1.0)
-    assert Check(claim, recomputed).holds is holds
 
 
 def test_the_papers_numbers_that_do_not_follow_from_its_tables() -> None:

@@ -13,17 +13,7 @@ from gspure import codec
 from gspure.cameras import write_cameras
 from gspure.errors import InputError
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.plan import (
-    METHOD,
-    AttackSpec,
-    CameraSource,
-    Control,
-    Detector,
-    ModelPlan,
-    Owner,
-    Plan,
-    read_plan,
-)
+from gspure.evaluation.plan import METHOD, CameraSource, Control, Detector, ModelPlan, Plan, read_plan
 from gspure.files import write_json
 from gspure.images import write_image
 from gspure.metrics.names import CLEAN, CONTROLS, OTHER_SCENE, WRONG_KEY
@@ -62,9 +52,8 @@ FOLDER = Path("results/splats_in_splats/raised@1")
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def capture(name: str) -> str:
@@ -123,17 +112,6 @@ def model_of(**content: Any) -> ModelPlan:
 def model_of_asset(entry: dict[str, Any]) -> ModelPlan:
     (model,) = plan_of({"assets": {"mine": entry}}).models
     return model
-
-
-def attack(model: ModelPlan, variant: str) -> AttackSpec:
-    case = model.by_variant[variant].case
-    assert isinstance(case, AttackSpec)
-    return case
-
-
-def owner_of(model: ModelPlan) -> Owner:
-    assert model.owner is not None
-    return model.owner
 
 
 def controls(model: ModelPlan) -> list[str]:
@@ -195,7 +173,7 @@ def test_a_repetition_has_the_pair_and_its_number_in_the_seeds_of_training_and_a
     models = [plan.by_name[f"splats_in_splats/raised{suffix}"] for suffix in ("", "@1")]
     embeddings = [model.embedding for model in models if model.embedding]
     assert [embedding.seed for embedding in embeddings] == [3, 4]
-    assert [attack(model, "noise").seed for model in models] == [5, 6]
+    assert [model.by_variant["noise"].case.seed for model in models] == [5, 6]
     assert {embedding.pair for embedding in embeddings} == {Path("results/pairs/raised")}
     assert (embeddings[1].initialization, embeddings[1].settings) == ("both", {"iterations": 60})
 
@@ -245,7 +223,7 @@ def test_beside_a_model_or_a_capture_lie_files_that_are_read_with_it() -> None:
 def test_a_key_names_the_scheme_of_a_users_model(marked: dict[str, Any]) -> None:
     model = model_of_asset(marked)
     assert str(model.folder) == "results/splats_in_splats/mine"
-    owner = owner_of(model)
+    owner = model.owner
     assert (model.public, owner.key) == (Path("marked.ply"), Path("key"))
     assert (owner.candidates, owner.twins) == (None, 8)
     assert {Path("marked.ply"), Path("key/provenance.json")} <= {*model.users_files}
@@ -263,7 +241,7 @@ def test_a_key_of_unknown_origin_needs_the_name_of_its_scheme(marked: dict[str, 
     assert model.by_variant["gspure"].views.photographed == ()
     assert model.id.scheme == "planted"
     assert model.folder / "message_cameras.json" in model.by_variant["gspure"].inputs
-    owner = owner_of(model)
+    owner = model.owner
     assert (owner.bit_targets, owner.reveals, owner.photographs) == ((), True, None)
 
 
@@ -292,8 +270,6 @@ def test_a_model_of_photographs_is_trained_first_and_a_missing_photograph_is_nam
     assert (control.rendered, control.compared) == ((SCENE,), (SCENE,))
     training = plan.trained["garden"]
     assert (training.sources, training.options["seed"], training.options["max_gaussians"]) == (("garden",), 2, None)
-    assert not model.has_small_images
-    assert not training.has_small_images
     photographs = [file for file in training.users_files if file.suffix == ".png"]
     assert len(photographs) == 9
     assert all(image.is_file() and not image.is_absolute() for image in photographs)
@@ -324,7 +300,7 @@ def test_of_hidden_bits_only_variants_and_the_clean_model_are_compared() -> None
     jobs = {job.variant: (job.compared, job.bit_targets) for job in (model.by_variant["gspure"], *model.controls)}
     expected = {"gspure": ((SCENE,), (BITS,)), CLEAN: ((SCENE,), (BITS,))}
     assert jobs == {**expected, WRONG_KEY: ((), (BITS,)), OTHER_SCENE: ((), (BITS,))}
-    owner = owner_of(model)
+    owner = model.owner
     assert (owner.bit_targets, owner.reveals, owner.candidates) == ((BITS,), False, None)
 
 
@@ -380,30 +356,19 @@ def test_pairs_share_a_message_unless_its_training_differs() -> None:
     plan = planned(pairs=pairs)
     assert len(plan.messages) == 2
     assert plan.candidates == {}
-    assert {owner_of(model).candidates for model in plan.models} == {None}
-
-
-def test_a_model_of_a_pair_is_compared_with_photographs() -> None:
-    model = model_of()
-    job = model.by_variant["gspure"]
-    assert job.views.photographed == (SCENE, MESSAGE)
-    assert model.photographs == Path("results/pairs/raised")
-    assert {model.folder / "cameras.json", Path("results/pairs/raised/scene"), model.public} <= {*job.inputs}
-    assert job.views.unattacked not in job.inputs
-    assert job.modules == ("planted", "gspure.attacks.pruning")
-    assert (job.rendered, job.compared, job.bit_targets) == (model.targets, model.targets, ())
+    assert {model.owner.candidates for model in plan.models} == {None}
 
 
 def test_chosen_extractions_are_compared_and_an_adaptive_owner_has_what_the_scheme_uses() -> None:
     schemes: dict[str, Any] = {"splats_in_splats": {}, "gs_hider": {}}
     fixed, fitted = planned(schemes=schemes).models
     assert fixed.targets == (SCENE, MESSAGE, ADAPTIVE)
-    assert owner_of(fixed).published_model == fixed.public
-    photographs = [owner_of(model).photographs for model in (fixed, fitted)]
+    assert fixed.owner.published_model == fixed.public
+    photographs = [model.owner.photographs for model in (fixed, fitted)]
     assert photographs == [None, Path("results/pairs/raised/message")]
     fixed, fitted = planned(schemes=schemes, extractions=[MESSAGE]).models
     assert fixed.targets == (SCENE, MESSAGE)
-    assert owner_of(fixed).published_model is owner_of(fitted).published_model is owner_of(fitted).photographs is None
+    assert fixed.owner.published_model is fitted.owner.published_model is fitted.owner.photographs is None
 
 
 def test_another_scenes_model_is_a_control_only_if_it_hides_another_message(again: ModelPlan) -> None:
@@ -432,8 +397,8 @@ def test_pairs_of_one_kind_share_a_file_of_candidates_in_the_compared_views(spli
     names = [f"interior-raised-160x120x32-{split}-19", f"object-raised-160x120x9-{split}-19"]
     assert [*plan.candidates] == names
     files = [Path(f"results/candidates/{name}.npy") for name in names]
-    assert [owner_of(model).candidates for model in plan.models] == [files[0], files[0], files[1], files[1]]
-    assert all(owner_of(model).twins == 2 for model in plan.models)
+    assert [model.owner.candidates for model in plan.models] == [files[0], files[0], files[1], files[1]]
+    assert all(model.owner.twins == 2 for model in plan.models)
     assert files[0] in plan.models[0].by_variant["gspure"].inputs
     assert planned(pairs=pairs, proof={"candidates": 0}).candidates == {}
 
@@ -441,7 +406,7 @@ def test_pairs_of_one_kind_share_a_file_of_candidates_in_the_compared_views(spli
 def test_measurements_are_the_files_of_their_steps(again: ModelPlan) -> None:
     mask = {"prune_mask": FOLDER / "prune_mask.npy"}
     weights = {"weights": FOLDER / "weights.npy"}
-    assert {job.variant: attack(again, job.variant).measured for job in again.variants} == {
+    assert {job.variant: job.case.measured for job in again.variants} == {
         "unattacked": {},
         "noise": {},
         **dict.fromkeys(("gspure", "random_matched"), mask),
@@ -458,16 +423,16 @@ def test_measurements_are_the_files_of_their_steps(again: ModelPlan) -> None:
 def test_an_attack_takes_the_factors_of_its_decision_unless_it_has_its_own_or_they_are_searched(plan: Plan) -> None:
     model = plan.by_name["splats_in_splats/raised"]
     names = ("gspure", "plain_weight", "strong", "scaled")
-    assert {name: attack(model, name).settings for name in names} == {
+    assert {name: model.by_variant[name].case.settings for name in names} == {
         "gspure": {},
         "plain_weight": {"tau": 1.5},
         "strong": {"tau": 9},
         "scaled": {"tau_c": 4.0, "tau_n": 4.0, "scale": 0.5},
     }
-    weak = attack(model, "weak@0.3dB")
+    weak = model.by_variant["weak@0.3dB"].case
     assert (weak.name, weak.entry, weak.settings, weak.damage) == ("plain_weight", "weak", {}, 0.3)
     suited_to_scheme = {"tau_c": 3.0, "tau_n": 2.0, "scale": 0.5}
-    assert attack(plan.by_name["secure_gs/raised"], "scaled").settings == suited_to_scheme
+    assert plan.by_name["secure_gs/raised"].by_variant["scaled"].case.settings == suited_to_scheme
 
 
 @pytest.mark.parametrize(
@@ -521,6 +486,7 @@ def test_a_plan_is_read_back_from_its_file_and_from_one_line() -> None:
     assert copy == plan
     assert [*copy.schemes] == [*schemes]
     assert "planted/raised@1" in copy.by_name
+    assert copy.meanings["gspure"] == "Remove the rows that GSPure decided on."
     assert repr(codec.read(Plan, json.loads(codec.text(plan)), "plan.json")) == repr(plan)
     with pytest.raises(InputError, match=r"plan\.json"):
         read_plan(Path())

@@ -7,12 +7,9 @@ from gspure.errors import InputError
 from gspure.method.pruning import cluster_weights, mean_weight, plain_prune_mask, prune_mask
 
 
-def test_equation_of_the_mean_weight() -> None:
+def test_equations_of_the_mean_weight_and_of_cluster_weights() -> None:
     assert mean_weight(np.array([1.0, 2.0, 6.0])) == 3.0
     assert mean_weight(np.zeros(0)) == 0.0
-
-
-def test_equation_of_cluster_weights() -> None:
     labels = np.array([0, 1, -1, 1, 0, 1])
     assert cluster_weights(labels, np.array([1.0, 2.0, 100.0, 3.0, 5.0, 4.0])).tolist() == [3.0, 3.0]
 
@@ -39,15 +36,13 @@ def test_each_factor_governs_its_own_kind() -> None:
     assert prune_mask(labels, weights, tau_c=6, tau_n=4).tolist() == [False, False, True, False, False]
 
 
-def test_a_weight_equal_to_the_threshold_is_kept() -> None:
+def test_the_plain_rule_removes_weights_below_a_share_of_the_mean_and_keeps_one_that_equals_it() -> None:
     assert plain_prune_mask(np.array([1.0, 3.0]), tau=2).tolist() == [False, False]
+    assert plain_prune_mask(np.array([1.0, 3.0]), tau=0.8).tolist() == [True, False]
 
 
-def test_weights_that_are_all_zero_prune_nothing() -> None:
+def test_weights_that_are_all_zero_and_no_gaussians_prune_nothing() -> None:
     assert not prune_mask(np.array([0, 0, -1]), np.zeros(3)).any()
-
-
-def test_no_gaussians_give_an_empty_mask() -> None:
     assert prune_mask(np.zeros(0, np.int32), np.zeros(0)).shape == (0,)
 
 

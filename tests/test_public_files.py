@@ -85,9 +85,8 @@ def test_a_hostile_or_corrupt_decoder_is_refused_in_one_line_and_not_executed(tm
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, member in members.items():
                 archive.writestr(name, member)
-    with pytest.raises(
-        InputError, match=r"_net\.pth: file: expected a state dict of PyTorch, found another file; "
-    ) as error:
+    line = r"_net\.pth: file: expected a state dict of PyTorch, found another file; "
+    with pytest.raises(InputError, match=line) as error:
         _ = DecoderFile.read(path).network
     assert "\n" not in str(error.value)
     assert not trace.exists()

@@ -11,7 +11,7 @@ from gspure.cameras import Camera, intrinsics, split, write_cameras
 from gspure.cli import main
 from gspure.constants import TAU_C
 from gspure.errors import InputError
-from gspure.files import file_digest, read_json
+from gspure.files import read_json
 from gspure.method.purify import Purification, purify
 from gspure.method.weights import accumulate
 from gspure.metrics.comparison import read_metrics
@@ -96,10 +96,6 @@ def command(tmp_path: Path, monkeypatch) -> list[str]:
 OUT = Path("out")
 
 
-def contents(folder: Path) -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def test_command_leaves_model_arrays_renders_and_metrics(command: list[str], capsys) -> None:
     write_cameras("cameras.json", cameras(18))
     assert main([*command, "--min-cluster-size", "20", "--min-samples", "5", "--selection", "leaf"]) == 0
@@ -116,14 +112,10 @@ def test_command_leaves_model_arrays_renders_and_metrics(command: list[str], cap
     low = min(rows, key=lambda row: row.psnr)
     mean = np.mean([row.psnr for row in rows])
     assert diagnosis["psnr"] == pytest.approx({"mean": mean, "worst": low.psnr, "worst_view": low.view})
-    record = read_json(OUT / "provenance.json")
-    assert record["inputs"]["model"] == {"path": "model.ply", "sha256": file_digest(Path("model.ply"))}
-    assert record["command"] == "purify"
-    assert record["settings"]["min_samples"] == 5
-    assert record["settings"]["tau_c"] == TAU_C
+    settings = read_json(OUT / "provenance.json")["settings"]
+    assert (settings["min_samples"], settings["tau_c"]) == (5, TAU_C)
     printed = capsys.readouterr()
-    share = f"pruned            {pruned.mean():.1%} of 400 rows"
-    assert share in printed.out
+    assert f"pruned            {pruned.mean():.1%} of 400 rows" in printed.out
     assert f"PSNR {mean:.1f} dB, worst view {low.psnr:.1f} dB ({low.view})" in printed.out
     assert len([*printed.out.splitlines(), *re.findall("^warning", printed.err, re.MULTILINE)]) <= 8
     assert "contributions: 15 done" in printed.err  # the held-out views do not count towards the weights
@@ -146,7 +138,7 @@ def test_a_decision_that_leaves_no_row_is_refused_in_one_line(command: list[str]
     assert main([*command, "--tau-c", "1e-9", "--tau-n", "1e-9"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert re.search(r"rows: expected some to remain, found 0 of \d+ \(.*tau_c.*\)", last)
-    assert not contents(OUT)
+    assert not [path for path in OUT.rglob("*") if path.is_file()]
 
 
 def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(command: list[str], capsys) -> None:

@@ -18,9 +18,8 @@ from gspure.evaluation.plan import Plan
 from gspure.evaluation.radius import Record
 from gspure.figures import style
 from gspure.files import read_json, write_json, write_text
-from gspure.metrics.statistics import Interval
 from gspure.report.page import environment
-from gspure.report.table import Cell, Column, Table, TableRow, interval
+from gspure.report.table import Cell, Column, Table, TableRow
 from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
 from tests.models import camera
@@ -68,9 +67,8 @@ def text_of(page: str) -> str:
 def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
     assert {path.name for path in (run / "tables").iterdir()} == {"results.csv", "results.md"}
     rows = [*csv.DictReader((run / "tables" / "results.csv").read_text().splitlines())]
-    assert [row["failure"] for row in rows if (row["scene"], row["variant"]) == ("vault", "noise")] == [
-        "gspure attack: <b>no memory</b>"
-    ]
+    (missing,) = (row for row in rows if (row["scene"], row["variant"]) == ("vault", "noise"))
+    assert missing["failure"] == "gspure attack: <b>no memory</b>"
     assert "Without results: noise on sis, vault" in (run / "tables" / "results.md").read_text()
 
 
@@ -80,21 +78,16 @@ def test_the_radius_of_every_model_and_condition_is_written(run: Path) -> None:
     assert {(one["owner"], one["killer"]) for one in models.values()} == {("published", "gspure")}
     (radius,) = (one for one in record["conditions"] if one["kind"] == "message")
     known = [models[scene, "message"]["radius"] for scene in ("room", "vault")]
-    assert (radius["scenes"], radius["radius"], radius["low"], radius["high"]) == (
-        2,
-        min(known),
-        min(known),
-        max(known),
-    )
+    assert (radius["radius"], radius["low"], radius["high"]) == (min(known), min(known), max(known))
+    assert radius["scenes"] == 2
 
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
     for name in (NAME, "sis/vault"):
         drawn = {path.name for path in (run / name / "figures").glob("*.*")}
         assert drawn == {"attacks.png"}
-    assert {path.name for path in (run / "figures" / "sis-shared-both").iterdir()} == {
-        *(f"{name}.{suffix}" for name in ("evidence", "sweep") for suffix in ("png", "svg"))
-    }
+    of_condition = {path.name for path in (run / "figures" / "sis-shared-both").iterdir()}
+    assert of_condition == {"evidence.png", "evidence.svg", "sweep.png", "sweep.svg"}
 
 
 def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) -> None:
@@ -111,15 +104,8 @@ def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) 
     assert "What is left: message" in text
 
 
-def test_the_page_is_self_contained_and_well_formed(run: Path, page: str) -> None:
+def test_the_page_is_self_contained_and_its_links_have_targets(run: Path, page: str) -> None:
     markup = re.sub(r"(<(script|style)[^>]*>).*?(?=</\2>)", r"\1", page, flags=re.DOTALL)
-    opened: list[str] = []
-    for closing, tag in re.findall(r"<(/?)(\w+)[^>]*>", markup):
-        if closing:
-            assert opened.pop() == tag
-        elif tag not in {"meta", "link", "img", "input", "br"}:
-            opened.append(tag)
-    assert not opened
     ids = re.findall(r' id="([^"]+)"', markup)
     sources = re.findall(r' src="([^"]+)"', markup)
     assert len({*ids}) == len(ids)
@@ -153,19 +139,6 @@ def cells_of_html(table: Table) -> list[list[str]]:
     rows = re.findall(r"<tr.*?>(.*?)</tr>", text, flags=re.DOTALL)
     cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row, flags=re.DOTALL) for row in rows]
     return [[html.unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row] for row in cells]
-
-
-@pytest.mark.parametrize(
-    ("mean", "text"),
-    [
-        (Interval(1.0, 0.5, 1.5, 0.95, 6), "1.00 [0.50, 1.50]"),
-        (Interval(1.0, -0.5, 1.5, 0.75, 3), "1.00 (−0.50 to 1.50) (3 of 6 scenes)"),
-        (Interval(1.0, 1.0, 1.0, 0.0, 1), "1.00 (1 of 6 scenes)"),
-        (None, "–"),
-    ],
-)
-def test_intervals_have_brackets_ranges_parentheses_and_fewer_scenes_a_count(mean, text: str) -> None:
-    assert str(interval(mean, 6)) == text
 
 
 TEXTS = st.text(alphabet="ab |\\{}$&#_%~^-<>\"'", max_size=8).map(str.strip)

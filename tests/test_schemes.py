@@ -1,4 +1,4 @@
-"""Properties of every scheme: the built-in ones, and the examples of the guide."""
+"""Properties of every scheme: the built-in ones, and the examples of the guide; and the network of KeySS."""
 
 from fnmatch import filter as matching
 from functools import partial
@@ -14,25 +14,19 @@ from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes import gs_hider
 from gspure.schemes.hidden_weight import low_rows
+from gspure.schemes.keyss.key import NetworkKey
+from gspure.schemes.keyss.network import SHAPES, added, random_key
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import hide
 from tests.models import blobs, without
-from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out
+from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out, quality
 
 
 @pytest.fixture(scope="module", params=SETTINGS)
 def embedded(request, trained):
     """A scheme, a pair, and the public model and key of that pair."""
     return trained(request.param)
-
-
-@pytest.fixture
-def pictured(embedded):
-    """The same, of a scheme that hides a picture."""
-    if not any(map(is_picture, embedded.scheme.extractions)):
-        pytest.skip("hides bits")
-    return embedded
 
 
 def message_views(public, key, scheme):
@@ -64,15 +58,11 @@ def test_a_hardened_message_outlives_the_pruning_of_rows_of_low_weight(name, set
     pytest.importorskip("torch")
     pair = read_pair(own_pair_folder)
 
-    def level(public, key):
-        view = key.message(public, "message")
-        photographs = zip(pair.message.views, pair.message.images, strict=True)
-        return np.mean([psnr(view(camera).clip(0, 1), photograph) for camera, photograph in photographs])
-
     def drop(scheme):
         public, key = hide(find_scheme(scheme), pair, **settings)
         pruned = without(public, low_rows(public, pair.scene.views, 2.0, None))
-        return level(public, key) - level(pruned, key)
+        before, after = (quality(key.message(model, "message"), pair.message) for model in (public, pruned))
+        return before - after
 
     assert drop(f"{name}_hardened") < drop(name) - 1
 
@@ -92,15 +82,17 @@ def test_a_written_model_renders_the_same_images(embedded, tmp_path):
         assert view(camera).tobytes() == view_of_files(camera).tobytes()
 
 
-def test_a_wrong_key_shows_something_else(pictured):
-    camera = pictured.pair.scene.views[0]
-    extraction = next(iter(pictured.scheme.extractions))
+def test_a_wrong_key_shows_something_else(embedded):
+    if not any(map(is_picture, embedded.scheme.extractions)):
+        pytest.skip("hides bits")
+    camera = embedded.pair.scene.views[0]
+    extraction = next(iter(embedded.scheme.extractions))
 
     def shown_with(key):
-        return key.message(pictured.public, extraction)(camera).tobytes()
+        return key.message(embedded.public, extraction)(camera).tobytes()
 
-    right = shown_with(pictured.key)
-    wrong = [shown_with(pictured.key.wrong(np.random.default_rng(seed))) for seed in (1, 1, 2)]
+    right = shown_with(embedded.key)
+    wrong = [shown_with(embedded.key.wrong(np.random.default_rng(seed))) for seed in (1, 1, 2)]
     assert wrong[0] == wrong[1]
     assert right not in wrong
 
@@ -198,3 +190,15 @@ def test_a_model_is_opened_by_its_columns(tmp_path):
         table[name] = model.table[name]
     write_model(tmp_path / "hider.ply", Gaussians(table))
     assert type(read_public_model(tmp_path / "hider.ply")) is gs_hider.FeatureModel
+
+
+def test_numpy_and_pytorch_add_the_same_offsets_of_keyss():
+    torch = pytest.importorskip("torch")
+    from gspure.schemes.keyss.training import Learner
+
+    rng = np.random.default_rng(0)
+    layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}
+    key = NetworkKey(random_key(rng), layers)
+    rows = rng.normal(size=(20, 59)).astype(np.float32)
+    by_torch = Learner(key.network).added(torch.from_numpy(rows), key.vector).detach().numpy()
+    np.testing.assert_allclose(by_torch, added(key.network, key.vector, rows), rtol=1e-4, atol=1e-5)

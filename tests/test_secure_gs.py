@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
 from gspure.metrics.image_metrics import psnr
 from gspure.schemes.scheme import hide
@@ -16,10 +17,6 @@ from tests.scheme_cases import quality
 
 VIEW = camera()
 VIEWS = (VIEW, tilted_camera())
-
-
-def sigmoid(x):
-    return 1 / (1 + np.exp(-np.asarray(x, np.float64)))
 
 
 def by_hand(public, view, row, i):
@@ -39,9 +36,9 @@ def by_hand(public, view, row, i):
     return {
         "opacities": np.tanh(outputs("opacity", inputs)[i]),
         "means": anchors.positions[row] + anchors.offsets[row, i] * scalings[:3],
-        "scales": scalings[3:] * sigmoid(shape[:3]),
+        "scales": scalings[3:] * expit(shape[:3]),
         "quats": shape[3:] / np.linalg.norm(shape[3:]),
-        "colors": sigmoid(outputs("color", inputs)[3 * i : 3 * i + 3]),
+        "colors": expit(outputs("color", inputs)[3 * i : 3 * i + 3]),
     }
 
 

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from benchmarks.roc import detectability
 from gspure.metrics.statistics import holm, mean_interval, paired_test
 
-DECIBELS = st.floats(-30, 30, allow_subnormal=False)
-SCENES = st.lists(st.lists(DECIBELS, min_size=1, max_size=3), min_size=1, max_size=9)
-
 
 def coverage(draw: Callable[[], NDArray[np.float64]], truth: float, trials: int = 250) -> float:
     intervals = [mean_interval(list(draw())) for _ in range(trials)]
@@ -70,18 +67,6 @@ def test_holm_rejects_what_the_step_down_procedure_rejects(p):
                 break
             rejected.add(int(test))
         assert {int(i) for i in np.flatnonzero(holm(p) <= level)} == rejected
-
-
-VALUES = st.lists(st.integers(0, 6).map(float) | st.just(np.inf), min_size=1, max_size=8)
-
-
-@settings(max_examples=60, deadline=None)
-@given(VALUES, VALUES)
-def test_the_area_is_the_share_of_pairs_won_with_ties_for_half(assets, controls):
-    won = [1.0 if x > y else 0.5 if x == y else 0.0 for x, y in product(assets, controls)]
-    area = detectability(assets, controls)
-    assert area.auc == pytest.approx(np.mean(won))
-    assert 0 <= area.low <= area.auc <= area.high <= 1
 
 
 def test_hanley_and_mcneils_109_images():

@@ -35,20 +35,13 @@ def arguments(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["rules/steps/sketch.py", json.dumps(settings), json.dumps(files)])
 
 
-def step(action: Callable[[], object]) -> Callable[..., None]:
-    """A step that takes the arguments and does something else."""
+def raising(error: Exception) -> Callable[..., None]:
+    """A step that takes the arguments and fails."""
 
     def sketch(model: Path, detector: Detector, limit: float) -> None:
-        action()
-
-    return sketch
-
-
-def raising(error: Exception) -> Callable[..., None]:
-    def action() -> None:
         raise error
 
-    return step(action)
+    return sketch
 
 
 def test_a_step_gets_the_entries_of_all_objects_as_values_of_its_types() -> None:
@@ -61,20 +54,17 @@ def test_a_step_gets_the_entries_of_all_objects_as_values_of_its_types() -> None
     assert repr(calls) == repr([(Path("a/b.ply"), Detector("read"), 3.0, None)])
 
 
-@pytest.mark.parametrize(
-    ("error", "line"),
-    [
-        (InputError("a.ply", "x", expected="a number", found="none"), "a.ply: x: expected a number, found none"),
-        (MemoryError("too large"), "out of memory: too large"),
-        (FileNotFoundError(2, "No such file", "a.ply"), "a.ply: No such file"),
-    ],
-    ids=["input", "memory", "file"],
-)
-def test_a_refusal_is_the_last_line_and_status_2(
-    capsys: pytest.CaptureFixture[str], error: Exception, line: str
-) -> None:
+REFUSALS = {
+    "a.ply: x: expected a number, found none": InputError("a.ply", "x", expected="a number", found="none"),
+    "out of memory: too large": MemoryError("too large"),
+    "a.ply: No such file": FileNotFoundError(2, "No such file", "a.ply"),
+}
+
+
+@pytest.mark.parametrize("line", REFUSALS)
+def test_a_refusal_is_the_last_line_and_status_2(capsys: pytest.CaptureFixture[str], line: str) -> None:
     with pytest.raises(SystemExit) as end:
-        run(raising(error))
+        run(raising(REFUSALS[line]))
     assert end.value.code == 2
     assert capsys.readouterr().err == f"gspure sketch: {line}\n"
 
@@ -86,7 +76,7 @@ def test_a_mistake_in_a_step_is_not_hidden() -> None:
 
 @pytest.mark.parametrize(("name", "kind"), [("model", int), ("limit", Annotated[int, Range(4, 9)])])
 def test_an_argument_that_does_not_fit_names_step_and_place(name: str, kind: Any) -> None:
-    sketch = step(lambda: None)
+    sketch = raising(ZeroDivisionError())
     sketch.__annotations__[name] = kind
     with pytest.raises(InputError) as refusal:
         run(sketch)
@@ -99,6 +89,7 @@ FACTORS = PruningFactors(tau_c=1.5, tau_n=3.0)
 RNG = np.random.default_rng(0)
 CENTRES = np.repeat([[0.0, 0.0], [5.0, 0.0], [0.0, 5.0]], [15, 15, 10], axis=0) + RNG.normal(0, 0.1, (ROWS, 2))
 WEIGHTS = RNG.lognormal(0, 2, ROWS).astype(np.float32)
+WEIGHTS[0] = 0
 
 
 def decided(folder: Path, weights: Float32) -> DecisionFiles:
@@ -125,19 +116,13 @@ def test_clusters_and_mask_of_a_decision_are_those_of_the_tree_and_the_weights(t
     assert record["pruned_share"] == pytest.approx(mask.mean())
     provenance = json.loads((out.prune_mask.parent / "provenance.json").read_text())
     assert provenance["settings"] == {**asdict(SELECTING), **asdict(FACTORS)}
-    names = {"model": "model.ply", "tree": "tree.npy", "weights": "weights.npy"}
-    paths = {name: file["path"] for name, file in provenance["inputs"].items()}
-    assert paths == {name: str(tmp_path / file) for name, file in names.items()}
+    assert provenance["inputs"].keys() == {"model", "tree", "weights"}
 
 
 @pytest.mark.parametrize("weights", [np.full(ROWS, -0.5, np.float32), np.ones(ROWS - 1, np.float32)])
 def test_weights_of_another_model_or_below_zero_are_refused(tmp_path: Path, weights: Float32) -> None:
     with pytest.raises(InputError, match=r"weights\.npy"):
         decided(tmp_path, weights)
-
-
-def test_a_weight_of_zero_is_admitted(tmp_path: Path) -> None:
-    assert decided(tmp_path, np.where(np.arange(ROWS) > 0, WEIGHTS, np.float32(0))).prune_mask.is_file()
 
 
 def with_lost_row(model: Gaussians, row: int) -> Gaussians:

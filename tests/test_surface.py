@@ -4,37 +4,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial import Delaunay, KDTree
+from scipy.spatial import Delaunay
 
 from gspure.attacks import Measurements, find_attack
 from gspure.errors import InputError
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
 from gspure.surface.meshing import Mesh, extract_mesh, filter_sizes, smoothed
-from gspure.surface.tetrahedra import box_points, march, spaced
+from gspure.surface.tetrahedra import box_points, march
 from tests.anchor_cases import random_public
 from tests.models import camera, gaussians, joined, tilted_camera
 from tests.reference.opacity_field import opacity_field
 
 RADIUS = 1.0
 THICKNESS = 0.02
-DEVIATION = np.hypot(THICKNESS, np.sqrt(0.2) * (4 - RADIUS) / 58)
-"""Across a disc of `ball`, filtered. The field is one half one or two of them before the centres: discs overlap."""
-
-
-def around(distance=4.0, size=48):
-    """Six views of the origin, along the axes."""
-    views = []
-    for i, (axis, up) in enumerate(((0, 1), (1, 2), (2, 0))):
-        for sign in (1, -1):
-            rows = np.zeros((3, 3))
-            rows[2, axis] = -sign
-            rows[1, up] = 1
-            rows[0] = np.cross(rows[1], rows[2])
-            viewmat = np.eye(4)
-            viewmat[:3, :3], viewmat[2, 3] = rows, distance
-            views.append(camera(size, size, focal=1.2 * size, viewmat=viewmat, name=f"view_{2 * i + (sign < 0)}"))
-    return views
 
 
 def directions(count):
@@ -62,12 +45,18 @@ def populated():
 
 @pytest.fixture(scope="module")
 def views():
-    return around()
-
-
-@pytest.fixture(scope="module")
-def mesh(views):
-    return extract_mesh(smoothed(ball(), views), views)
+    """Six views of the origin, along the axes."""
+    found = []
+    for i, (axis, up) in enumerate(((0, 1), (1, 2), (2, 0))):
+        for sign in (1, -1):
+            rows = np.zeros((3, 3))
+            rows[2, axis] = -sign
+            rows[1, up] = 1
+            rows[0] = np.cross(rows[1], rows[2])
+            viewmat = np.eye(4)
+            viewmat[:3, :3], viewmat[2, 3] = rows, 4.0
+            found.append(camera(48, 48, focal=57.6, viewmat=viewmat, name=f"view_{2 * i + (sign < 0)}"))
+    return found
 
 
 def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_largest_filter():
@@ -94,16 +83,6 @@ def test_a_gaussian_lies_in_a_box_of_three_deviations():
     np.testing.assert_allclose(points[-1], [1, 2, 3])
     np.testing.assert_allclose(points[:8].min(axis=0), [0.4, 1.7, 2.1], rtol=1e-6)
     np.testing.assert_allclose(points[:8].max(axis=0), [1.6, 2.3, 3.9], rtol=1e-6)
-
-
-def test_a_point_is_dropped_only_beside_a_kept_one():
-    rng = np.random.default_rng(0)
-    points, sizes = rng.uniform(-1, 1, (3000, 3)), rng.choice([0.01, 0.1, 0.3], 3000)
-    kept = spaced(points, sizes)
-    distances, _ = KDTree(points[kept]).query(points)
-    assert (distances <= np.sqrt(3) * sizes).all()
-    assert kept[sizes == 0.01].mean() > 0.99
-    assert kept[sizes == 0.3][9:].mean() < 0.02
 
 
 @settings(max_examples=25, deadline=None)
@@ -134,22 +113,10 @@ def test_marching_separates_inside_from_outside_by_closed_oriented_surfaces(seed
     np.testing.assert_allclose(flux, (shares * volumes).sum(), rtol=1e-9, atol=1e-12)
 
 
-def test_a_ball_of_gaussians_has_a_closed_round_mesh(mesh):
-    sides = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
-    assert (np.unique(sides, axis=0, return_counts=True)[1] == 2).all()
-    radii = np.linalg.norm(mesh.vertices, axis=1)
-    assert RADIUS + DEVIATION < radii.mean() < RADIUS + 2.5 * DEVIATION
-    assert radii.std() < 0.01
-
-
 def test_vertices_lie_where_the_field_is_one_half(views):
     model = gaussians(means=[[0, 0, 0], [0.2, 0.1, 0.3]], scales=[[0.2, 0.3, 0.25], [0.2, 0.2, 0.2]], opacities=0.8)
     found = extract_mesh(model, views)
     np.testing.assert_allclose(opacity_field(model, views, found.vertices), 0.5, atol=0.02)
-
-
-def test_a_needle_has_a_surface(views):
-    assert len(extract_mesh(gaussians(means=[0, 0, 0], scales=[0.5, 0.02, 0.02], opacities=0.9), views).faces)
 
 
 @pytest.mark.parametrize(

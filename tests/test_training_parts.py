@@ -1,23 +1,146 @@
-"""The parts of training: schedule, initial Gaussians, checkpoints, densification, opacity resets."""
+"""What training reads and refuses; its schedule, initial Gaussians, checkpoints, densification and resets."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from PIL import Image
 
+from gspure.cameras import read_cameras
+from gspure.cameras.fitting import Cloud
+from gspure.cameras.worlds import in_world_of, shifted
 from gspure.constants import SH_DC
 from gspure.errors import InputError
+from gspure.files import read_json, write_json
+from gspure.model import read_model
 from gspure.model.gaussians import sigmoid
+from gspure.model.ply import offset_comment, read_point_ply, write_point_ply
 from gspure.opencl.trainable import Parameters, TrainState
 from gspure.training import densification
-from gspure.training.dataset import extent
+from gspure.training.dataset import extent, read_dataset, read_photographs
 from gspure.training.densification import plan, reset_opacities
 from gspure.training.initialization import COMMON_SHARE, consistent_points, gaussians_at, random_points, view_counts
-from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint
+from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint, write_output
 from gspure.training.schedule import Schedule
 from tests.camera_cases import rotation_from
-from tests.training_cases import ring, same_bits, state, statistics
+from tests.models import gaussians
+from tests.training_cases import blender_scene, colmap_project, ring, same_bits, state, statistics, turned_away
+
+POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+
+
+@pytest.fixture
+def project(tmp_path):
+    return colmap_project(tmp_path / "project", ring(), POINTS)
+
+
+def refusal(source, scale="native", **settings):
+    with pytest.raises(InputError) as caught:
+        read_dataset(source, scale, **settings)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_the_extent_is_that_of_the_training_cameras(project):
+    dataset = read_dataset(project, "native")
+    centres = np.array([view.centre for view in dataset.train])
+    expected = 1.1 * max(np.linalg.norm(centre - centres.mean(axis=0)) for centre in centres)
+    assert dataset.extent == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("views", "points", "refused"),
+    [
+        ([turned_away(view) for view in ring()], POINTS, "some that see points, found all look away from them"),
+        ([turned_away(view) for view in ring(3)], [], "overlapping ones, or at least 4 points, found neither"),
+        (ring(1), POINTS, "several, from different places, found none"),
+        (ring(2), POINTS, "several, from different places, found 1 in one place"),
+    ],
+)
+def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, points, refused):
+    source = colmap_project(tmp_path / "project", views, points)
+    assert f"training views: expected {refused}" in refusal(source)
+
+
+def test_points_read_back_are_those_written(tmp_path):
+    rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
+    write_point_ply(tmp_path / "input.ply", POINTS, rgb)
+    xyz, colours = read_point_ply(tmp_path / "input.ply")
+    np.testing.assert_array_equal(xyz, POINTS.astype(np.float32))
+    np.testing.assert_array_equal(colours, rgb)
+
+
+@pytest.fixture
+def blender(tmp_path):
+    """Five training views, three of each held-out split, all 32x24."""
+    views = ring(11)
+    splits = {"train": views[:5], "val": views[5:8], "test": views[8:]}
+    return blender_scene(tmp_path / "blender", splits, gaussians(means=POINTS, scales=0.1, opacities=0.9))
+
+
+@pytest.mark.parametrize(
+    ("lists", "train", "test"),
+    [
+        ({"train": [0, 1, 2], "test": [3, 4]}, [0, 1, 2], [3, 4]),
+        ({"train": [0, 1, 2], "val": [4]}, [0, 1, 2], [4]),
+        ({"test": [3]}, [0, 1, 2, 4], [3]),
+    ],
+)
+def test_the_file_lists_of_nerfstudio_split_the_views(blender, lists, train, test):
+    content = read_json(blender / "transforms_train.json")
+    files = [frame["file_path"] for frame in content["frames"]]
+    content |= {f"{name}_filenames": [files[i] for i in rows] for name, rows in lists.items()}
+    write_json(blender / "transforms.json", content)
+    dataset = read_dataset(blender / "transforms.json", "native")
+    for views, rows in ((dataset.train, train), (dataset.test, test)):
+        assert [view.name for view in views] == [f"train_r_{i}" for i in rows]
+
+
+@pytest.mark.parametrize("shade", [0.0, 0.4, 1.0])
+def test_transparent_photographs_are_composited_on_the_background(blender, shade):
+    views = read_dataset(blender, "native").train
+    for view, image in zip(views, read_photographs(views, (shade, 0, 1)), strict=True):
+        red, _, blue, alpha = np.moveaxis(np.asarray(Image.open(view.image)) / 255, -1, 0)
+        assert 0 < alpha.mean() < 0.9
+        np.testing.assert_allclose(image[..., 0], red * alpha + shade * (1 - alpha), atol=1.5 / 255)
+        np.testing.assert_allclose(image[..., 2], blue * alpha + (1 - alpha), atol=1.5 / 255)
+
+
+@pytest.mark.parametrize("offset", [(456789, 5432100, 86), (0, 1e4, 0), (-3e7, 3e7, 0)])
+def test_a_capture_far_from_the_origin_is_moved_to_it(project, tmp_path, capsys, offset):
+    near = read_dataset(project, "native")
+    assert not near.offset.any()
+    far = read_dataset(colmap_project(tmp_path / "far", shifted(ring(), np.array(offset)), POINTS + offset), "native")
+    assert capsys.readouterr().err.count("training around") == 1
+    rest = np.array(offset) - far.offset
+    assert (np.abs(rest) < 2).all()
+    np.testing.assert_allclose(far.xyz, near.xyz + rest, atol=1e-7)
+    for there, here in zip(far.train, near.train, strict=True):
+        np.testing.assert_allclose(there.centre, here.centre + rest, atol=1e-7)
+
+
+def test_a_model_around_an_offset_is_seen_by_the_cameras_of_its_capture(tmp_path):
+    offset = np.array([456789.0, 5432100, 86])
+    source = colmap_project(tmp_path / "far", shifted(ring(), offset), POINTS + offset)
+    data = read_dataset(source, "native")
+    write_output(tmp_path / "out", data, gaussians_at(data.xyz, data.rgb), 1, (0, 0, 0), place=tmp_path / "out")
+    assert read_model(tmp_path / "out").comments == (offset_comment(data.offset),)
+    for cameras in (source, tmp_path / "out" / "cameras.json"):
+        views = in_world_of(tmp_path / "out", read_cameras(cameras), cameras)
+        assert Cloud(read_model(tmp_path / "out")).share_covered(views) > 0.3
+
+
+def test_photographs_that_exif_data_turn_are_mentioned(project, capsys):
+    exif = Image.Exif()
+    exif[0x112] = 6
+    for number, file in enumerate(sorted((project / "images").iterdir())):
+        Image.open(file).save(file.with_suffix(".jpg"), **({"exif": exif} if number < 2 else {}))
+        file.unlink()
+    read_dataset(project, "native")
+    assert "2 of 9 photographs are turned, such as orbit_000: EXIF orientation 6 is ignored" in capsys.readouterr().err
+    Image.new("RGB", (24, 32)).save(project / "images" / "orbit_001.jpg", exif=exif)
+    assert "orbit_001.image: expected the shape of its camera, 32x24, found 24x32 (EXIF" in refusal(project, "16px")
 
 
 def times(schedule, what):
@@ -39,15 +162,12 @@ def test_the_rate_of_positions_decays_log_linearly():
     np.testing.assert_allclose([first, middle, last], [3.2e-4, 3.2e-5, 3.2e-6], rtol=1e-12)
 
 
-def grey(points):
-    return np.full((len(points), 3), 128, np.uint8)
-
-
 @settings(max_examples=50, deadline=None)
 @given(arrays(np.float64, st.tuples(st.integers(4, 30), st.just(3)), elements=st.floats(-100, 100, width=32)))
 def test_a_gaussian_is_initialized_with_the_distance_to_its_three_nearest_points(points):
     squared = np.sort(np.square(points[:, None] - points[None]).sum(axis=2), axis=1)[:, 1:4].mean(axis=1)
-    scales = np.exp(gaussians_at(points, grey(points)).log_scales.astype(np.float64))
+    grey = np.full((len(points), 3), 128, np.uint8)
+    scales = np.exp(gaussians_at(points, grey).log_scales.astype(np.float64))
     np.testing.assert_allclose(scales, np.sqrt(np.maximum(squared, 1e-7))[:, None].repeat(3, axis=1), rtol=1e-5)
 
 
@@ -91,22 +211,9 @@ def test_consistent_points_lie_at_the_surface_that_all_views_show():
 SETTINGS = {"iterations": 100, "seed": 3, "background": (0.0, 0.5, 1.0), "max_gaussians": None, "data": "abc"}
 
 
-@pytest.fixture
-def snapshot():
-    rng = np.random.default_rng(7)
-    rng.random(13)
-    return Snapshot(42, state(11), (3, 1, 2), rng.bit_generator.state)
-
-
-def test_a_checkpoint_read_back_is_bit_identical(tmp_path, snapshot):
-    write_checkpoint(tmp_path / "checkpoint.npz", snapshot, SETTINGS)
-    stored = read_checkpoint(tmp_path / "checkpoint.npz", SETTINGS)
-    assert (stored.iteration, stored.pending_views, stored.rng) == (42, (3, 1, 2), snapshot.rng)
-    assert same_bits(stored.state, snapshot.state)
-
-
 @pytest.mark.parametrize("content", [b"", b"half", {"run": np.array("{}")}, {"run": np.array([{}], dtype=object)}])
-def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, snapshot, content):
+def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path, content):
+    snapshot = Snapshot(42, state(11), (3, 1, 2), np.random.default_rng(7).bit_generator.state)
     path = tmp_path / "checkpoint.npz"
     write_checkpoint(path, snapshot, SETTINGS)
     if isinstance(content, bytes):

@@ -125,9 +125,7 @@ def test_a_page_shows_two_models_beside_each_other(tmp_path: Path, monkeypatch: 
     visible = [int((blobs(count).opacities >= ALPHA_MIN).sum()) for count in (40, 30)]
     assert [cloud["of"] for cloud in data["clouds"]] == visible
     assert [view["name"] for view in data["cameras"]["views"]] == ["view_0", "view_8", "overview"]
-    assert "before.ply" in page
     assert "divider" in page
-    assert not re.search(r'(src|href)="(?!data:)', page)
     assert capsys.readouterr().out == "view.html\n"
 
 

@@ -59,12 +59,9 @@ def test_more_views_than_there_are_and_none_are_refused(views: int) -> None:
         evenly_spread("abc", views)
 
 
-def test_no_views_are_refused() -> None:
+def test_no_views_and_an_unknown_reduction_are_refused() -> None:
     with pytest.raises(InputError, match="at least one"):
         accumulate([], 3)
-
-
-def test_unknown_reduction_is_refused() -> None:
     with pytest.raises(InputError, match="one of sum, max, mean_touched"):
         accumulate([stage((0, 1.0, 1.0, 1))], 1, "median")
 
