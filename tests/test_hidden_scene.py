@@ -128,17 +128,8 @@ def embedded(pair):
     return hide(SCHEME, pair, **SETTINGS)
 
 
-@pytest.fixture(scope="module")
-def public(embedded):
-    return embedded[0]
-
-
-@pytest.fixture(scope="module")
-def key(embedded):
-    return embedded[1]
-
-
-def test_scene_and_message_can_both_be_seen(public, key, pair):
+def test_scene_and_message_can_both_be_seen(embedded, pair):
+    public, key = embedded
     mean_colour = np.mean([psnr(image, np.full_like(image, image.mean())) for image in pair.message.images])
     assert kind(public.model).startswith("vanilla 3DGS")
     assert quality(public.scene(), pair.scene) > 20
@@ -164,7 +155,8 @@ def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their
     assert quality(embedded[0].scene(), pair.scene) - quality(hardened[0].scene(), pair.scene) < 1
 
 
-def test_the_message_is_read_from_what_survives_in_any_order(public, key):
+def test_the_message_is_read_from_what_survives_in_any_order(embedded):
+    public, key = embedded
     rng = np.random.default_rng(0)
     kept = rng.permutation(len(public.model))[: len(public.model) // 2]
     attacked = public.with_model(type(public.model)(public.model.table[kept]))
@@ -186,7 +178,8 @@ def test_the_message_is_read_from_what_survives_in_any_order(public, key):
         ("rigid_transform", {"angle": 75.0, "axis": "1,2,-1", "translation": "1,1,0"}),
     ],
 )
-def test_the_adaptive_extraction_matches_rows_that_moved(public, key, pair, attack, settings):
+def test_the_adaptive_extraction_matches_rows_that_moved(embedded, pair, attack, settings):
+    public, key = embedded
     attacked = find_attack(attack).apply(public, Measurements(), cameras=pair.scene.views, **settings)
     moved = public.with_model(attacked.model)
     before = quality(key.message(public, ADAPTIVE), pair.message)

@@ -14,12 +14,13 @@ pytestmark = pytest.mark.oclgrind
 LIBRARY = "liboclgrind-rt-icd.so"
 
 TESTS = {
-    "images": "test_renderer.py::test_any_number_of_gaussians_agrees",
-    "points": "test_opacity_field.py::test_any_image_size_and_number_of_points_agrees",
-    "gradients": "test_gradients.py::test_gradients_of_any_number_of_gaussians_agree",
-    "training": "test_trainable.py::test_statistics_add_up_gradients_of_centres_in_units_of_the_image",
+    "images": "test_renderer.py::test_any_number_of_gaussians_agrees[{style}-ewa-device0-17]",
+    "rays": "test_renderer.py::test_any_number_of_gaussians_agrees[{style}-ray-device0-17]",
+    "points": "test_opacity_field.py::test_any_image_size_and_number_of_points_agrees[{style}-device0-size2-17]",
+    "gradients": "test_gradients.py::test_gradients_of_any_number_of_gaussians_agree[{style}-device0-17]",
+    "training": "test_trainable.py::test_statistics_add_up_gradients_of_centres_in_units_of_the_image[{style}-device0]",
+    "clustering": "test_clustering.py::test_clusters_are_numbered_as_they_form",
 }
-CLUSTERING = "test_clustering.py::test_clusters_are_numbered_as_they_form"
 
 WRITE = """
 import numpy as np
@@ -79,8 +80,4 @@ def test_the_simulator_reports_races_and_invalid_accesses(simulate):
 
 @pytest.mark.parametrize("kernels", TESTS)
 def test_the_kernels_have_no_race_and_no_invalid_access(simulate, style, kernels):
-    assert simulate("-m", "pytest", "-q", "-s", f"tests/{TESTS[kernels]}", "-k", style) == ""
-
-
-def test_clustering_has_no_race_and_no_invalid_access(simulate):
-    assert simulate("-m", "pytest", "-q", "-s", f"tests/{CLUSTERING}") == ""
+    assert simulate("-m", "pytest", "-q", "-s", "tests/" + TESTS[kernels].format(style=style)) == ""

@@ -11,6 +11,7 @@ from gspure.codec import plain
 from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence, SceneChange
+from gspure.evaluation.identity import Condition, ModelId
 from gspure.evaluation.outcomes import UNCHANGED, Outcome, with_references
 from gspure.evaluation.plan import ModelPlan
 from gspure.files import write_json, write_text
@@ -19,6 +20,22 @@ from gspure.metrics.csv_tables import write_table
 from gspure.metrics.readings import Reading
 from gspure.metrics.targets import BITS
 from tests.outcome_cases import attacked, measured, outcome, write_model
+
+
+@pytest.mark.parametrize(
+    ("named", "key", "title"),
+    [
+        (ModelId("gs_hider", "room"), "gs_hider/room", "GS-Hider, room"),
+        (ModelId("gs_hider", "room", 2), "gs_hider/room@2", "GS-Hider, room, repetition 2"),
+        (Condition("vanilla"), "vanilla", "Own model"),
+        (Condition("gs_hider", "own", "both"), "gs_hider-own-both", "GS-Hider, own poses"),
+        (Condition("gs_hider", "shared", "scene"), "gs_hider-shared-scene", "GS-Hider, shared poses, scene's points"),
+    ],
+)
+def test_models_and_conditions_have_a_folder_and_a_title(named: ModelId | Condition, key: str, title: str) -> None:
+    folder = Path("results") / named.key if isinstance(named, Condition) else named.folder
+    assert (folder, named.title) == (Path("results") / key, title)
+
 
 NOISE = attacked("noise", 1.5, 6.0)
 MISSED = attacked("noise@1dB", 0.75, 2.0, strength=StrengthValue("sigma", 0.123456), search_damage=0.5)

@@ -18,8 +18,9 @@ from gspure.evaluation.plan import Plan
 from gspure.evaluation.radius import Record
 from gspure.figures import style
 from gspure.files import read_json, write_json, write_text
+from gspure.metrics.statistics import Interval
 from gspure.report.page import environment
-from gspure.report.table import Cell, Column, Table, TableRow
+from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.writing import write_report
 from gspure.viewer.data import write_viewer
 from tests.models import camera
@@ -139,6 +140,19 @@ def cells_of_html(table: Table) -> list[list[str]]:
     rows = re.findall(r"<tr.*?>(.*?)</tr>", text, flags=re.DOTALL)
     cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row, flags=re.DOTALL) for row in rows]
     return [[html.unescape(re.sub(r"<[^>]*>", "", cell)) for cell in row] for row in cells]
+
+
+@pytest.mark.parametrize(
+    ("mean", "text"),
+    [
+        (Interval(1.0, 0.5, 1.5, 0.95, 6), "1.00 [0.50, 1.50]"),
+        (Interval(1.0, -0.5, 1.5, 0.75, 3), "1.00 (−0.50 to 1.50) (3 of 6 scenes)"),
+        (Interval(1.0, 1.0, 1.0, 0.0, 1), "1.00 (1 of 6 scenes)"),
+        (None, "–"),
+    ],
+)
+def test_intervals_have_brackets_ranges_parentheses_and_fewer_scenes_a_count(mean, text: str) -> None:
+    assert str(interval(mean, 6)) == text
 
 
 TEXTS = st.text(alphabet="ab |\\{}$&#_%~^-<>\"'", max_size=8).map(str.strip)

@@ -53,12 +53,6 @@ def ply(out):
     return (out / "point_cloud" / f"iteration_{ITERATIONS}" / "point_cloud.ply").read_bytes()
 
 
-def test_held_out_views_look_like_their_photographs(trained):
-    rows = read_metrics(trained / "metrics.csv")
-    assert [(row.view, row.reference) for row in rows] == [("orbit_000", "truth"), ("orbit_008", "truth")]
-    assert min(row.psnr for row in rows) > 25
-
-
 def test_the_output_is_a_model_folder_to_other_commands(project, trained, tmp_path, capsys):
     names = {"cameras.json", "cfg_args", "input.ply", "metrics.csv", "point_cloud", "provenance.json", "test"}
     assert {path.name for path in trained.iterdir()} == names
