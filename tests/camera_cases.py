@@ -1,9 +1,11 @@
 """Cameras and points for the tests of the camera formats."""
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
-from gspure.cameras import Camera, intrinsics
+from gspure.cameras import Camera, intrinsics, read_cameras
+from gspure.errors import InputError
 
 
 def rotation_from(quat):
@@ -22,6 +24,14 @@ def project(camera, points):
     """Pixel coordinates [P,2] and depths [P] of world points."""
     view = points @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
     return view[:, :2] / view[:, 2:] * np.diag(camera.K)[:2] + camera.K[:2, 2], view[:, 2]
+
+
+def assert_refused(path, field):
+    """Check that cameras are refused by their file and this field, in one line."""
+    with pytest.raises(InputError) as caught:
+        read_cameras(path)
+    assert (caught.value.source, caught.value.field) == (str(path), field)
+    assert "\n" not in str(caught.value)
 
 
 def numbers(low, high):

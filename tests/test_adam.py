@@ -13,10 +13,7 @@ from gspure.opencl.storage import Storage, upload_attributes
 
 RATES = LearningRates(means=1e-3, quats=2e-3, scales=5e-3, opacities=0.05, sh_dc=2.5e-3, sh_rest=1e-4)
 OF_GEOMETRY = np.repeat(astuple(RATES)[:4], [3, 4, 3, 1])
-
-
-def of_channels(attributes):
-    return np.where(np.arange(attributes) < 3, RATES.sh_dc, RATES.sh_rest)
+OF_CHANNELS = np.repeat(astuple(RATES)[4:], [3, 9])
 
 
 def activated(geometry):
@@ -73,7 +70,7 @@ def test_steps_agree_with_the_reference(device, style, count, first_step):
     """Group by group, several in a row, near the start, where the corrections matter, and far from it."""
     geometry, channels = parameters(count)
     model = OnDevice(device, style, geometry, channels)
-    parts = [(geometry, model.geometry, OF_GEOMETRY), (channels, model.channels, of_channels(12))]
+    parts = [(geometry, model.geometry, OF_GEOMETRY), (channels, model.channels, OF_CHANNELS)]
     states = [(raw.astype(np.float64), np.zeros(raw.shape), np.zeros(raw.shape)) for raw, _, _ in parts]
     largest = [np.zeros(raw.shape) for raw, _, _ in parts]
     for number in range(first_step, first_step + 4):

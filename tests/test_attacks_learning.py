@@ -1,12 +1,16 @@
-"""Attacks that learn from the public model's own renders: what they change and keep, through frozen networks too."""
+"""Attacks that render: learning from the model's own renders, and the search for a strength by its damage."""
 
 import numpy as np
 import pytest
 
-from gspure.attacks import Attacked, find_attack
+from gspure.attacks import BUILT_IN, Attacked, Strength, find_attack
 from gspure.attacks.learning import ATTACKS
-from gspure.attacks.strength import scene_damage
-from gspure.method.pruning import plain_prune_mask
+from gspure.attacks.strength import EVALUATIONS, scene_damage, search
+from gspure.cameras import Camera
+from gspure.errors import InputError
+from gspure.images import read_back
+from gspure.method.pruning import plain_prune_mask, prune_mask
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from tests.anchor_cases import random_public
@@ -18,10 +22,10 @@ ROWS = 80
 GEOMETRY = {"x", "y", "z", *(f"rot_{i}" for i in range(4)), *(f"scale_{i}" for i in range(3))}
 
 
-def attacked_by(name: str, public: PublicModel | None = None, seed: int = 0, **settings) -> Attacked:
+def attacked_by(name: str, public: PublicModel | None = None, views=VIEWS, seed: int = 0, **settings) -> Attacked:
     public = public or PublicModel(blobs(ROWS))
     settings = {"iterations": 6, **settings}
-    return find_attack(name).apply(public, measurements(len(public.model)), seed=seed, cameras=VIEWS, **settings)
+    return find_attack(name).apply(public, measurements(len(public.model)), seed=seed, cameras=views, **settings)
 
 
 @pytest.mark.parametrize("name", [attack.name for attack in ATTACKS])
@@ -63,63 +67,89 @@ def test_a_distilled_model_depends_on_what_the_views_show_alone() -> None:
     assert attacked.model.sh_degree == 3
 
 
-def gs_hider() -> PublicModel:
+@pytest.fixture(params=["vanilla", "gs_hider", "secure_gs"])
+def shown(request) -> tuple[PublicModel, list[Camera]]:
+    """A public model, and two views of it."""
+    if request.param == "vanilla":
+        return PublicModel(blobs(ROWS)), VIEWS
     pytest.importorskip("torch")
-    from gspure.schemes.gs_hider.decoder import untrained
-    from gspure.schemes.gs_hider.model import COLUMNS, FEATURES, SCENE_DECODER, DecoderFile, FeatureModel
-    from gspure.training.initialization import gaussians_at
-    from gspure.training.output import as_gaussians
-
-    rng = np.random.default_rng(0)
-    depths = rng.uniform(3, 9, 60)
-    points = np.stack([*(rng.uniform(-0.6, 0.6, (2, 60)) * depths), depths], axis=1)
-    placed = as_gaussians(gaussians_at(points, np.zeros((60, 3), np.uint8)))
-    columns = {name: placed.table[name] for name in COLUMNS if name not in FEATURES}
-    columns |= {name: rng.normal(0, 2, 60).astype(np.float32) for name in FEATURES}
-    rows = Gaussians(np.zeros(60, [(name, "<f4") for name in COLUMNS]))
-    opaque = rows.with_columns({**columns, "opacity": np.full(60, 3, np.float32)})
-    (decoder,) = untrained(1, 0)
-    for name, parameter in decoder.named_parameters():
-        parameter.data *= 2.4 if name.endswith("weight") else 1  # else its image hardly depends on the features
-    decoder.conv5.bias.data += 0.5
-    return FeatureModel(opaque, DecoderFile.from_network(decoder, 1, SCENE_DECODER))
+    if request.param == "secure_gs":
+        return random_public(60), VIEWS
+    marked = request.getfixturevalue("trained")("gs_hider")
+    return marked.public, marked.pair.scene.views[:2]
 
 
-def secure_gs() -> PublicModel:
-    pytest.importorskip("torch")
-    return random_public(60)
-
-
-@pytest.mark.parametrize("scheme", ["gs_hider", "secure_gs"])
-def test_distilling_leaves_the_format_of_a_scheme_which_removes_its_message(scheme: str) -> None:
-    public = MODELS[scheme]()
-    attacked = attacked_by("distil", public, iterations=20)
-    assert attacked.removed
+def test_distilling_leaves_the_format_of_a_scheme_which_removes_its_message(shown) -> None:
+    public, views = shown
+    attacked = attacked_by("distil", public, views, iterations=20)
+    assert bool(attacked.removed) == (type(public) is not PublicModel)
     assert type(attacked.published(public)) is PublicModel
     assert {"f_dc_0", "rot_0"} <= {*attacked.model.names}
-    assert not attacked_by("distil").removed
 
 
-MODELS = {"vanilla": lambda: PublicModel(blobs(ROWS)), "gs_hider": gs_hider, "secure_gs": secure_gs}
-
-
-@pytest.mark.parametrize("scheme", MODELS)
-def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(scheme: str) -> None:
-    public = MODELS[scheme]()
-    attacked = attacked_by("reestimate", public, iterations=150)
+def test_reestimate_learns_every_colour_or_feature_again_and_keeps_the_scene(shown) -> None:
+    public, views = shown
+    attacked = attacked_by("reestimate", public, views, iterations=150)
     colours = set(public.columns["colour"])
     assert changed(public.model, attacked.model) == colours
     blank = public.model.with_columns(dict.fromkeys(colours, np.zeros(len(public.model), np.float32)))
-    damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
+    damage_of = scene_damage(public, views, photographs(public, views))
     assert damage_of(public.with_model(attacked.model)) < 0.7 * damage_of(public.with_model(blank))
 
 
-@pytest.mark.parametrize(("scheme", "kept"), [("gs_hider", {"scale_0", "x", "rot_0"}), ("secure_gs", {"x", "rot_0"})])
-def test_finetuning_everything_learns_what_the_networks_read(scheme: str, kept: set[str]) -> None:
-    public = MODELS[scheme]()
-    tuned, again = (attacked_by("finetune", public).model for _ in range(2))
+def test_finetuning_everything_learns_what_the_networks_read(shown) -> None:
+    public, views = shown
+    tuned, again = (attacked_by("finetune", public, views).model for _ in range(2))
     assert tuned.table.tobytes() == again.table.tobytes()
     difference = changed(public.model, tuned)
     assert difference & set(public.columns["colour"])
-    assert not difference & kept
-    assert scheme == "gs_hider" or difference & {f"f_offset_{i}" for i in range(12)}
+    assert bool(difference & {"x", "rot_0"}) == (type(public) is PublicModel)
+    offsets = {name for name in public.model.names if name.startswith("f_offset_")}
+    assert not offsets or difference & offsets
+
+
+STRONG = [attack for attack in BUILT_IN if attack.strength]
+
+
+@pytest.mark.parametrize("target", [0.3, 1.0, 2.0])
+@pytest.mark.parametrize(
+    ("strength", "damage"),
+    [(Strength("fraction", 0.0, 1.0), lambda x: 30 * x**2), (Strength("tau", 100.0, 0.01, "log"), lambda x: 4 / x)],
+)
+def test_a_search_on_a_monotone_damage_meets_its_target_in_few_evaluations(strength, damage, target) -> None:
+    tried = []
+    match = search(strength, lambda x: tried.append(x) or damage(x), target)
+    assert match.damage == damage(match.value) == pytest.approx(target, abs=DAMAGE_TOLERANCE)
+    assert match.value in tried
+    assert len(tried) <= EVALUATIONS
+
+
+def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> None:
+    assert search(Strength("fraction", 0.0, 1.0), lambda x: x / 2, 2.0) == ("fraction", 1.0, 0.5)
+
+
+@pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
+def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack) -> None:
+    public = PublicModel(blobs(200))
+    damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
+    values = (attack.strength.at(end) for end in (0.0, 1.0))
+    ends = [attack.apply(public, measurements(200), **{attack.strength.setting: value}) for value in values]
+    weak, strong = (damage_of(PublicModel(end.model), None, end.retouched) for end in ends)
+    assert weak < strong
+
+
+def test_gspure_scaled_multiplies_both_factors() -> None:
+    known = measurements(60)
+    removed = find_attack("gspure_scaled").apply(blobs(60), known, scale=0.5, tau_c=3.0, tau_n=2.0).prune_mask
+    np.testing.assert_array_equal(removed, prune_mask(known.labels, known.weights, 1.5, 1.0))
+
+
+def test_photographs_that_are_renders_of_the_model_are_refused_if_all_are() -> None:
+    public = PublicModel(blobs(50))
+    renders = [read_back(public.scene()(view)) for view in VIEWS]
+    with pytest.raises(InputError, match="photographs"):
+        scene_damage(public, VIEWS, renders)
+    photograph = renders[1] * 0.9
+    noisy = PublicModel(find_attack("gaussian_noise").apply(public, sigma=0.2).model)
+    of_both = scene_damage(public, VIEWS, [renders[0] * 0.9, photograph])(noisy)
+    assert scene_damage(public, VIEWS, [renders[0], photograph])(noisy) == pytest.approx(of_both, rel=0.5)

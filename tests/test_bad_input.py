@@ -1,6 +1,5 @@
 """Bad input: one line that names file and field, exit status 2, nothing half-written, before any work on a device."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +30,9 @@ COMMANDS = {
 def folder(asset, monkeypatch):
     """A user's folder in which everything is as it should be. No device is needed."""
     monkeypatch.setattr("gspure.renderer.Renderer.__init__", lambda *_, **__: pytest.fail("renders first"))
-    save_array(Path("weights.npy"), np.ones(COUNT, np.float32))
-    save_array(Path("prune_mask.npy"), np.zeros(COUNT, bool))
-    save_array(Path("transform.npy"), np.eye(4))
+    save("weights.npy", np.ones(COUNT, np.float32))
+    save("prune_mask.npy", np.zeros(COUNT, bool))
+    save("transform.npy", np.eye(4))
     rng = np.random.default_rng(0)
     for side in "ab":
         for view in "12":
@@ -57,105 +56,54 @@ def cut(path, size):
     Path(path).write_bytes(Path(path).read_bytes()[:size])
 
 
-def edited(**values):
-    """Return a function that changes the third view of cameras.json."""
-
-    def edit():
-        views = json.loads(Path("cameras.json").read_text())
-        views[2] |= values
-        Path("cameras.json").write_text(json.dumps(views))
-
-    return edit
+def save(name, array):
+    save_array(Path(name), array)
 
 
-BAD = {
-    "model.ply": {
-        "truncated": (
-            lambda: cut("model.ply", -10),
-            "model.ply: element vertex: expected 30 rows, found room for 29 (cut short",
-        ),
-        "empty": (lambda: cut("model.ply", 0), "model.ply: file: expected a 3DGS .ply"),
-        "missing": (lambda: Path("model.ply").unlink(), "model.ply: no such file"),
-    },
-    "cameras.json": {
-        "empty": (lambda: cut("cameras.json", 0), "cameras.json: file: expected "),
-        "no view": (lambda: Path("cameras.json").write_text("[]"), "cameras.json: views: expected at least one"),
-        "NaN focal length": (edited(fy=float("nan")), "cameras.json: [2].fy: expected a positive number up to 1e+18"),
-    },
-    "weights.npy": {
-        "of another model": (
-            lambda: save_array(Path("weights.npy"), np.ones(3, np.float32)),
-            "weights.npy: array: expected float32 [30], found float32 [3]",
-        ),
-        "measured on another order of rows": (
-            lambda: [
-                write_provenance(Path(), "purify", inputs={"model": Path("model.ply")}, settings={}),
-                write_model("model.ply", read_model("model.ply")[::-1]),
-            ],
-            "weights.npy: model: expected an array of the rows of model.ply, found one of model.ply, another model",
-        ),
-        "NaN": (
-            lambda: save_array(Path("weights.npy"), np.full(COUNT, np.nan, np.float32)),
-            "weights.npy: array: expected finite numbers of at least 0, found nan in row 0",
-        ),
-        "pickle": (
-            lambda: np.save("weights.npy", np.array([{}]), allow_pickle=True),
-            "weights.npy: file: expected a .npy array, found Array can't be memory-mapped: Python objects",
-        ),
-    },
-    "prune_mask.npy": {
-        "numbers": (
-            lambda: save_array(Path("prune_mask.npy"), np.zeros(COUNT, np.int32)),
-            "prune_mask.npy: array: expected bool [30], found int32 [30]",
-        ),
-    },
-    "transform.npy": {
-        "stretched": (
-            lambda: save_array(Path("transform.npy"), np.diag([2.0, 2, 1, 1])),
-            "transform.npy: array: expected a rotation without scale, shear or mirroring",
-        ),
-    },
-    "a b": {
-        "cut": (lambda: cut("b/2.png", 900), "b/2.png: file: expected an image"),
-        "missing": (
-            lambda: Path("a/2.png").unlink(),
-            "a/2.png: file: expected a counterpart of b/2.png, found nothing",
-        ),
-        "no folder": (lambda: Path("b").rename("c"), "b: folder: expected PNG files, found no such folder"),
-        "no image": (
-            lambda: [file.unlink() for file in Path("b").iterdir()],
-            "b: folder: expected PNG files, found none",
-        ),
-    },
-}
+def reorder():
+    """Let the weights be those of another order of rows."""
+    write_provenance(Path(), "purify", inputs={"model": Path("model.ply")}, settings={})
+    write_model("model.ply", read_model("model.ply")[::-1])
+
+
+BAD = [  # what a command reads, a function that spoils it, and the place that a refusal names
+    ("model.ply", lambda: cut("model.ply", -10), "model.ply: element vertex: "),
+    ("model.ply", lambda: Path("model.ply").unlink(), "model.ply: no such file"),
+    ("cameras.json", lambda: Path("cameras.json").write_text("[]"), "cameras.json: views: "),
+    ("weights.npy", lambda: save("weights.npy", np.ones(3, np.float32)), "weights.npy: array: "),
+    ("weights.npy", lambda: save("weights.npy", np.full(COUNT, np.nan, np.float32)), "weights.npy: array: "),
+    ("weights.npy", reorder, "weights.npy: model: "),
+    ("prune_mask.npy", lambda: save("prune_mask.npy", np.zeros(COUNT, np.int32)), "prune_mask.npy: array: "),
+    ("transform.npy", lambda: save("transform.npy", np.diag([2.0, 2, 1, 1])), "transform.npy: array: "),
+    ("a b", lambda: cut("b/2.png", 900), "b/2.png: file: "),
+    ("a b", lambda: Path("a/2.png").unlink(), "a/2.png: file: "),
+    ("a b", lambda: Path("b").rename("c"), "b: folder: "),
+    ("a b", lambda: [file.unlink() for file in Path("b").iterdir()], "b: folder: "),
+]
 MATRIX = [
-    pytest.param(command, *case, id=f"{name}-{file}-{fault}")
-    for file, cases in BAD.items()
-    for fault, case in cases.items()
+    pytest.param(command, spoil, place, id=f"{name} {place}")
+    for file, spoil, place in BAD
     for name, command in COMMANDS.items()
     if file in command
 ]
 
 
-@pytest.mark.parametrize(("command", "spoil", "line"), MATRIX)
-def test_a_bad_file_is_refused_by_every_command_that_reads_it(folder, capsys, command, spoil, line):
+@pytest.mark.parametrize(("command", "spoil", "place"), MATRIX)
+def test_a_bad_file_is_refused_by_every_command_that_reads_it(folder, capsys, command, spoil, place):
     spoil()
-    assert refusal(folder, capsys, command).startswith(line)
+    assert refusal(folder, capsys, command).startswith(place)
 
 
 @pytest.mark.parametrize("command", ["purify", "render", "attack"])
 def test_a_model_without_a_finite_row_is_refused(folder, capsys, command):
     write_model("model.ply", read_model("model.ply").with_columns({"y": np.full(COUNT, np.nan)}))
-    line = "model.ply: y: expected finite numbers, found infinity or not-a-number in 30 of 30 rows"
-    assert refusal(folder, capsys, COMMANDS[command]).startswith(line)
+    assert refusal(folder, capsys, COMMANDS[command]).startswith("model.ply: y: expected finite numbers")
 
 
 @pytest.mark.parametrize(
     ("options", "line"),
     [
         ("cameras --resolution half", "resolution: value: expected native, photographs, 1/N or Wpx"),
-        ("attack --set tau=x", "attack plain_weight: tau: expected a number above 0, at most 1000000, found 'x'"),
-        ("attack --set size=1", "attack plain_weight: size: expected one of tau, found an unknown key"),
         ("cameras --up 0 0 1", "cameras.json: source: expected orbit or shells, found a camera file and --up"),
         ("purify --device nope", "OpenCL: device: expected one that matches 'nope', found "),
     ],

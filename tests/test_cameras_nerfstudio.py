@@ -1,16 +1,21 @@
+"""Cameras of nerfstudio and Blender, and names of views: one visible file inside the output folder each."""
+
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
+from hypothesis import strategies as st
 from PIL import Image
 
 from gspure.cameras import read_cameras
 from gspure.cameras.nerfstudio import parse
+from gspure.cameras.photographs import LONGEST_NAME, safe_name
 from gspure.errors import InputError
 from gspure.training.dataset import read_views
-from tests.camera_cases import numbers, project, quats, rotation_from
+from tests.camera_cases import assert_refused, numbers, project, quats, rotation_from
 
 POSE = [[1.0, 0, 0, 0.5], [0, 1.0, 0, -2.0], [0, 0, 1.0, 4.0], [0, 0, 0, 1]]
 SHARED = {"camera_model": "OPENCV", "fl_x": 500.0, "fl_y": 510.0, "cx": 321.5, "cy": 239.0, "w": 640, "h": 480}
@@ -24,15 +29,12 @@ def written(folder, content, name="transforms.json"):
     return path
 
 
-def test_a_nerfstudio_file_is_read_with_its_intrinsics_and_photographs(tmp_path):
+def test_a_nerfstudio_file_is_read_with_photographs_and_intrinsics_of_all_or_of_each_frame(tmp_path):
     (camera,) = read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME]}))
     assert camera.name == "frame_00001"
     assert (camera.width, camera.height) == (640, 480)
     assert camera.K.tolist() == [[500, 0, 321.5], [0, 510, 239], [0, 0, 1]]
     assert camera.image == tmp_path / "images" / "frame_00001.png"
-
-
-def test_intrinsics_of_frames_are_those_of_their_views(tmp_path):
     shared = {key: value for key, value in SHARED.items() if key not in {"fl_x", "w"}}
     frames = [FRAME | {"fl_x": 350, "w": 600.0, "h": 480.0}, FRAME | {"file_path": "b.png", "fl_x": 500, "w": 640}]
     first, second = read_cameras(written(tmp_path, {**shared, "frames": frames}))
@@ -95,13 +97,9 @@ def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, 
     ],
 )
 def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
-    path = written(
-        tmp_path, {**{key: SHARED[key] for key in SHARED.keys() - change.keys()}, "frames": [FRAME | change]}
-    )
-    with pytest.raises(InputError) as caught:
-        read_cameras(path)
-    assert caught.value.source == str(path)
-    assert caught.value.field == f"frames[0].{field}"
+    shared = {key: value for key, value in SHARED.items() if key not in change}
+    path = written(tmp_path, {**shared, "frames": [FRAME | change]})
+    assert_refused(path, f"frames[0].{field}")
 
 
 def test_a_pose_that_is_not_finite_is_left_out_of_splits_too(tmp_path, capsys):
@@ -113,6 +111,49 @@ def test_a_pose_that_is_not_finite_is_left_out_of_splits_too(tmp_path, capsys):
     assert "1 of 4 photographs left out, whose pose is not finite: images/1.png" in capsys.readouterr().err
 
 
-def test_masks_are_named(tmp_path, capsys):
-    read_cameras(written(tmp_path, {**SHARED, "frames": [FRAME | {"mask_path": "masks/a.png"}]}))
-    assert "mask_path is not used" in capsys.readouterr().err
+OUT = Path("/out/folder").resolve()
+PIECES = ("/", "\\", "..", ".", "~", " ", "\0", "\n", "\x1b[2J", "\ud800", "\u202e", "e\u0301", "images", ".JPG", "C:")
+ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=400)
+HOSTILE = st.lists(st.sampled_from(PIECES) | st.text("ab.", max_size=3), max_size=12).map("".join)
+
+
+@given(ANY_TEXT | HOSTILE)
+@example("//x/y")
+@example("../../etc/passwd")
+@example("a.jpg .png ")
+@example("images/" + "é" * 300)
+def test_a_name_is_one_visible_file_inside_the_output_folder(text):
+    name = safe_name(text)
+    if not name:  # refused by the readers
+        assert not text.replace("\\", "/").strip("/. ")
+        return
+    for file in (f"{name}.png", name):
+        path = (OUT / file).resolve()
+        assert path.parent == OUT
+        assert path.name == file
+    assert not name.startswith(".")
+    assert name.isprintable()
+    assert len(name.encode()) <= LONGEST_NAME
+    assert safe_name(name) == name, "written to cameras.json, the name must come back"
+
+
+@pytest.mark.parametrize(
+    ("files", "names"),
+    [
+        ("left/images/1.jpg right/images/1.jpg", "left_1 right_1"),
+        ("a/left/images_2/1.jpg a/right/images_2/1.png a/images/2.jpg", "left_1 right_1 2"),
+        ("images/1.jpg images/1.png images/2.jpg", "1_jpg 1_png 2"),
+        ("r_0 r_0_1 r_0", "r_0_2 r_0_1 r_0_3"),
+        ("left/images/1.jpg right/images/1.jpg images/left_1.jpg", "left_1_jpg right_1_jpg left_1"),
+        ("C:\\l\\images\\1.JPG C:\\r\\images\\1.JPG", "l_1 r_1"),
+        ("Images/1.jpg images/1.jpg", "Images_1 1"),
+        (" ".join(["x" * 200] * 2), None),
+    ],
+)
+def test_equal_names_are_kept_apart_by_what_distinguishes_their_files(tmp_path, capsys, files, names):
+    frames = [FRAME | {"file_path": name} for name in files.split()]
+    views = [camera.name for camera in read_cameras(written(tmp_path, {**SHARED, "frames": frames}))]
+    assert len({*views}) == len(files.split())
+    assert names is None or views == names.split()
+    assert [safe_name(view) for view in views] == views, "written to cameras.json, the names must come back"
+    assert capsys.readouterr().err.count("kept apart") == (names != "Images_1 1")

@@ -41,16 +41,6 @@ def test_a_ball_fills_the_height_of_every_orbit_view():
         assert np.ptp(pixels[:, 1]) > 0.9 * 480
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_a_few_far_floaters_move_the_views_little(seed):
-    random = np.random.default_rng(seed)
-    floaters = random.normal(size=(40, 3)) * 1e4
-    centre, radius = bounding_sphere(BALL, OPAQUE)
-    disturbed, grown = bounding_sphere(np.concatenate([BALL, floaters]), np.ones(len(BALL) + 40))
-    assert np.linalg.norm(disturbed - centre) < 0.05 * radius
-    assert radius <= grown < 1.31 * radius
-
-
 @pytest.mark.parametrize("span", [0.8, 1.6])
 @pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1)])
 def test_a_figure_with_arms_spread_stands(up, span):
@@ -91,10 +81,8 @@ def test_a_model_without_a_clear_up_direction_has_that_of_colmap():
 
 SHAPES = {  # points, and whether the guess is sure
     "ball": (BALL, False),
-    "room of nearly equal sides": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.65], False),
     "tilted disc": (BALL - 0.9 * np.outer(BALL @ [0, -0.8, 0.6], [0, -0.8, 0.6]), False),
     "low room": (RANDOM.uniform(-1, 1, (4000, 3)) * [1, 1, 0.4], True),
-    "disc": (BALL * [1, 0.1, 1], True),
     "figure on its back": (BALL * [0.4, 1, 0.2], False),
 }
 

@@ -10,8 +10,7 @@ from gspure.cameras.reading import default_cameras
 from gspure.errors import InputError
 from gspure.training.dataset import read_dataset
 from gspure.workflow.inputs import camera_files
-from tests.models import gaussians
-from tests.training_cases import blender_scene, colmap_project, ring
+from tests.training_cases import colmap_project, ring
 
 POINTS = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
 
@@ -64,33 +63,9 @@ def test_absolute_names_from_another_machine_are_found(project):
     assert all(view.image.is_file() for view in read_cameras(project))
 
 
-@pytest.mark.parametrize("suffix", [".PNG", ".jpg"])
-def test_photographs_of_another_suffix_are_those_that_a_transforms_file_names(tmp_path, suffix):
-    scene = blender_scene(tmp_path, {"train": ring(3)}, gaussians(means=POINTS, scales=0.1, opacities=0.9))
-    moved(scene, [f"train/* train/*{suffix}"])
-    assert [view.image.name for view in read_cameras(scene)] == [f"r_{i}{suffix}" for i in range(3)]
-
-
-def test_photographs_of_a_rig_are_found_beside_those_of_others(project):
-    file = project / "sparse" / "0" / "images.txt"
-    file.write_text(file.read_text().replace("orbit_001", "left/images/a").replace("orbit_002", "right/images/a"))
-    moved(project, ["images/orbit_001.png left/images/", "images/orbit_002.png right/images/"])
-    for side, number in {"left": 1, "right": 2}.items():
-        moved(project, [f"{side}/images/orbit_00{number}.png {side}/images/a.png"])
-    images = {view.name: view.image.relative_to(project).as_posix() for view in read_cameras(project)}
-    assert (images["left_a"], images["right_a"]) == ("left/images/a.png", "right/images/a.png")
-    assert images["orbit_003"] == "images/orbit_003.png"
-
-
 def test_masks_are_not_taken_for_photographs(project):
     moved(project, ["images masks"])
     assert {view.image for view in read_cameras(project)} == {None}
-
-
-def test_the_folders_of_a_capture_without_cameras_are_named(project):
-    moved(project, ["sparse/0/* a/b/c/d/"])
-    with pytest.raises(InputError, match=r"found none of them \(its folders are a, images, sparse\)"):
-        read_cameras(project)
 
 
 def test_several_captures_are_named(project):
@@ -98,15 +73,6 @@ def test_several_captures_are_named(project):
     shutil.copytree(project / "a", project / "b")
     with pytest.raises(InputError, match=r"found a/sparse/0, b/sparse/0 \(name one of them\)"):
         read_cameras(project)
-
-
-def test_a_larger_model_beside_the_one_that_is_read_is_mentioned(project, capsys):
-    shutil.copytree(project / "sparse" / "0", larger := project / "sparse" / "1")
-    assert read_cameras(project)
-    assert not capsys.readouterr().err
-    (larger / "images.txt").write_text("# more\n" + (larger / "images.txt").read_text())
-    assert read_cameras(project)
-    assert f"{larger} holds a larger model" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -117,22 +83,6 @@ def test_the_hint_about_missing_photographs_can_help(project, places, hint):
     for skip_missing in (False, "skip" not in hint):
         with pytest.raises(InputError, match=hint):
             read_dataset(moved(project, places), "native", skip_missing=skip_missing)
-
-
-def test_training_looks_into_images(project):
-    shutil.rmtree(project / "sparse")
-    write_cameras(project / "cameras.json", ring(9))  # without photographs, as 3DGS does
-    assert len(read_dataset(project, "native").train) == 7
-
-
-def test_photographs_of_equal_names_are_found_in_another_folder(project):
-    images = project / "sparse" / "0" / "images.txt"
-    images.write_text(images.read_text().replace("orbit_001.png", "orbit_000.jpg"))
-    moved(project, ["images/orbit_001.png renamed/", "images other"])
-    (project / "renamed" / "orbit_001.png").rename(project / "other" / "orbit_000.jpg")
-    data = read_dataset(project, "native", photographs=project / "other")
-    stored = {view.name: view.image.name for view in (*data.train, *data.test) if "000" in view.name}
-    assert stored == {"orbit_000_png": "orbit_000.png", "orbit_000_jpg": "orbit_000.jpg"}
 
 
 def test_default_cameras_are_beside_the_model_or_in_its_run(tmp_path):

@@ -1,20 +1,22 @@
-"""The command line: help, refusals in one line, exit statuses, interruptions."""
+"""The command line and the public interface: what importing costs, help, refusals in one line, exit statuses."""
 
+import ast
 import re
 import shlex
 import subprocess
 import sys
-import warnings
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gspure
 from gspure import cli
 from gspure.cli import COMMANDS, main
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
+from tests.models import blobs
 
 HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
 RENDER = ["render", "model.ply", "--cameras", "cameras.json", "--split", "test", "--out", "out"]
@@ -80,20 +82,6 @@ def test_an_error_becomes_one_line_that_names_the_file(monkeypatch, asset, capsy
     assert capsys.readouterr().err == f"gspure render: {line}\n"
 
 
-def test_warnings_of_libraries_take_one_line_each_without_a_place_in_their_code(monkeypatch, capsys):
-    def overflow(_args):
-        for number in (100, 200):
-            np.exp(np.float32(number))
-        warnings.warn("slow\nor not", UserWarning, stacklevel=1)
-
-    monkeypatch.setattr("gspure.cli.doctor.run", overflow)
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
-        assert main(["doctor"]) == 0
-    lines = ["warning: results may be wrong: overflow encountered in exp", r"warning: slow\nor not"]
-    assert capsys.readouterr().err.splitlines() == lines
-
-
 def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
     rows = read_model("model.ply")
     write_model("model.ply", rows.with_columns({"x": np.append(rows.table["x"][:-1], np.float32(np.nan))}))
@@ -119,3 +107,46 @@ def test_a_shell_completes_commands_options_and_files(asset, capsys):
         script += f"COMPREPLY=(); {words}; _shtab_gspure; echo ${{COMPREPLY[@]}}\n"
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["purify", "--cameras", "model.ply", "test"]
+
+
+SOURCE = Path(gspure.__file__)
+
+
+def test_type_checkers_see_the_very_objects_that_programs_get():
+    imports = [node for node in ast.walk(ast.parse(SOURCE.read_text())) if isinstance(node, ast.ImportFrom)]
+    seen = {alias.name: node.module for node in imports for alias in node.names if node.module.startswith("gspure.")}
+    assert {*seen} == {*gspure.__all__}
+    for name, module in seen.items():
+        assert getattr(gspure, name) is getattr(sys.modules[module], name)
+        assert f"`{name}`" in gspure.__doc__
+    with pytest.raises(AttributeError, match="'gspure' has no attribute 'purge'"):
+        _ = gspure.purge
+
+
+def test_importing_the_package_imports_nothing_else_of_it_and_no_other_package():
+    program = "import sys; import gspure; print(*{name.split('.')[0] for name in sys.modules if name != 'gspure'})"
+    command = [sys.executable, "-S", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=SOURCE.parents[1])
+    assert set(done.stdout.split()) <= {*sys.stdlib_module_names, "__main__"}
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda: gspure.purify(blobs(1), "orbit"), r"purify: cameras: .*'orbit' \(gspure.read_cameras"),
+        (lambda: gspure.purify(Path("model.ply"), []), r"purify: model: .*\(gspure.read_model"),
+        (lambda: gspure.Renderer("model.ply"), r"Renderer: model: .*\(gspure.read_model"),
+        (lambda: gspure.read_cameras("orbit"), r"read_cameras: path: .*\(gspure.cameras.orbit_cameras\(model\)"),
+    ],
+)
+def test_a_name_in_place_of_what_it_names_is_refused_with_the_function_that_reads_it(call, line):
+    with pytest.raises(InputError, match=f"^{line}"):
+        call()
+
+
+def test_the_bridge_without_torch_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    for name in ("pytorch", "torch_bridge"):
+        monkeypatch.delitem(sys.modules, f"gspure.training.{name}", raising=False)
+    with pytest.raises(InputError, match=r"^torch: package: expected PyTorch, .*pip install 'gspure\[torch\]"):
+        import gspure.training.torch_bridge  # noqa: F401

@@ -1,4 +1,4 @@
-"""What commands write: each once on small inputs, with its provenance and the run ID of the embedding."""
+"""What commands write: each once on small inputs, with its provenance and the run ID of the embedding; and filters."""
 
 import re
 import shutil
@@ -13,10 +13,11 @@ from gspure.files import file_digest, read_json
 from gspure.images import read_image, write_image
 from gspure.metrics.comparison import read_metrics
 from gspure.metrics.legibility import READABLE
-from gspure.model import read_model
+from gspure.model import read_model, write_model
+from gspure.model.finite import FILTER, filtered
 from gspure.provenance import run_of
 from gspure.renderer import Renderer
-from tests.models import blobs
+from tests.models import blobs, covariances, with_column
 
 EXTRACT = "extract marked/public --scheme planted --cameras pair --split test"
 
@@ -129,3 +130,34 @@ def test_attack_searches_for_a_damage_against_photographs_only(folder, capsys):
         write_image(Path("photographs", f"{view.name}.png"), 0.95 * Renderer(blobs(30)).image(view))
     assert gspure(words, "--photographs", "photographs") == 0
     assert 0 < read_json(Path("damaged/provenance.json"))["settings"]["set"]["fraction"] < 1
+
+
+ROWS = 60
+
+
+def test_a_filter_widens_gaussians_and_keeps_their_mass():
+    sizes = np.linspace(0, 0.3, ROWS)
+    stored = with_column(blobs(ROWS), FILTER, sizes)
+    drawn = filtered(stored)
+    expected = covariances(stored) + sizes[:, None, None] ** 2 * np.eye(3)
+    np.testing.assert_allclose(covariances(drawn), expected, rtol=1e-4, atol=1e-6)
+    mass = [model.opacities * np.sqrt(np.linalg.det(covariances(model))) for model in (stored, drawn)]
+    np.testing.assert_allclose(*mass, rtol=1e-3)
+    assert not drawn.table[FILTER].any()
+    assert drawn.table[0] == stored.table[0], "a filter of 0 changes nothing"
+    assert filtered(drawn) is drawn
+
+
+def test_commands_draw_and_attack_what_the_filter_makes_of_a_model(asset):
+    stored = with_column(blobs(ROWS), FILTER, 0.2)
+    write_model("stored.ply", stored)
+    write_model("fused.ply", filtered(stored))
+    assert main(["attack", "unattacked", "--model", "stored.ply", "--out", "attacked.ply"]) == 0
+    assert read_model("stored.ply").table.tobytes() == stored.table.tobytes()
+    for name in ("stored", "fused", "attacked"):
+        assert main(f"render {name}.ply --cameras cameras.json --split test --out {name}".split()) == 0
+    images = [read_image(f"{name}/view_0.png") for name in ("stored", "fused", "attacked")]
+    assert all((image == images[0]).all() for image in images)
+    write_model("plain.ply", blobs(ROWS))
+    assert main(["render", "plain.ply", "--cameras", "cameras.json", "--split", "test", "--out", "plain"]) == 0
+    assert np.abs(read_image("plain/view_0.png") - images[0]).max() > 0.05

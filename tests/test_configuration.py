@@ -47,14 +47,10 @@ def write(tmp_path: Path) -> Write:
     [
         ("a: no\nb: 1.5\nc: 0110\nd: ~\ne: 'no'", {"a": False, "b": 1.5, "c": 72, "d": None, "e": "no"}),
         ("\n".join(f"{key}: {{inner: 1}}" for key in KEYS), {key: {"inner": 1} for key in KEYS}),
-        ("", {}),
         ("# nothing\n", {}),
-        ("---\n", {}),
         ("\ufeffthreads: 2", {"threads": 2}),
         ("x: &x {a: 1, b: 2}\ny: {<<: *x, b: 3}", {"x": {"a": 1, "b": 2}, "y": {"a": 1, "b": 3}}),
-        ("x: &x {a: 1, b: 2}\ny: {b: 3, <<: *x}", {"x": {"a": 1, "b": 2}, "y": {"a": 1, "b": 3}}),
         ("x: {<<: [{a: 1}, {a: 2, b: 2}]}", {"x": {"a": 1, "b": 2}}),
-        ("x: {<<: &y {<<: {a: 0, c: 0}, a: 1}, b: 2}", {"x": {"a": 1, "b": 2, "c": 0}}),
         ("x: {y: &y {<<: {a: 0, c: 0}, a: 1}}\nz: *y", {"x": {"y": {"a": 1, "c": 0}}, "z": {"a": 1, "c": 0}}),
     ],
 )
@@ -68,19 +64,12 @@ def test_keys_are_texts_as_written_and_values_and_merges_those_of_yaml(
     ("text", "place"),
     [
         ("- 1", "content"),
-        ("3", "content"),
-        ("text", "content"),
         ("a: [", "file"),
-        ("a: 1\n b: 2", "file"),
-        ("a: *b", "file"),
         ("a: !!python/object/apply:os.getcwd []", "file"),
         ("[1]: 2", "file"),
-        ("? {a: 1}\n: 2", "file"),
         ("\x00", "file"),
-        ("a: 1\nb: 2\na: 3", "a in line 3"),
         ("a:\n  b: 1\n  c: 2\n  b: 3\n", "b in line 4"),
         ("no: 1\n'no': 2", "no in line 2"),
-        ("1: 1\n1: 2", "1 in line 2"),
         ("a: [{b: 1,\n  b: 2}]", "b in line 2"),
         ("a: &x {b: 1}\n<<: *x\n<<: *x", "<< in line 3"),
     ],
@@ -105,13 +94,10 @@ CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {
 @pytest.mark.parametrize(
     ("files", "overrides", "content"),
     [
-        ([""], {}, {}),
-        (["threads: 1", "extractions: [message]"], {}, {"threads": 1, "extractions": ["message"]}),
         (["extractions: [message]", "extractions: [message, b]"], {}, {"extractions": ["message", "b"]}),
         ([CROP, "variants: {crop: {fraction: 0.7}, gof: {}}"], {}, {"variants": {**CHANGED_CROP, "gof": {}}}),
         ([CROP], {"variants": {"crop": {"fraction": 0.7}}}, {"variants": CHANGED_CROP}),
         (["views: {parts: 2}", ""], {"views": {"evaluate": "all"}}, {"views": {"parts": 2, "evaluate": "all"}}),
-        (["threads: 1", "threads: 2"], {"threads": 3}, {"threads": 3}),
         (["threads: 1"], {"threads": None}, {}),
         (["detectors: {}"], {"detectors": {"mark": MARK}}, {"detectors": {"mark": MARK}}),
     ],
@@ -134,38 +120,27 @@ def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:
 @pytest.mark.parametrize(
     ("content", "place"),
     [
-        ({"asets": {}}, "asets"),
         ({"method": {"tau_n": 0}}, "method.tau_n"),
         ({"method": 3, "decisions": {"a": {}}}, "method"),
-        ({"decisions": None}, "decisions"),
         ({"method": {"tau_n": 2}, "decisions": {"a": 3}}, "decisions.a"),
-        ({"method": {"tau_n": 2}, "decisions": ["a"]}, "decisions"),
         ({"decisions": {"method": {}}}, "decisions.method"),
         ({"decisions": {"a": {"cluster_on": ["position"]}}}, "decisions.a.cluster_on"),
         ({"pairs": {"a/b": {}}}, "pairs.a/b"),
         ({"pairs": {"-a": {}}}, "pairs.-a"),
-        ({"pairs": {"": {}}}, "pairs."),
         ({"pairs": {"ab" * 50 + "c": {}}}, f"pairs.{'ab' * 50}c"),
         ({"pairs": {"x" * 20: {}}}, f"pairs.{'x' * 20}"),
         ({"pairs": {"a\n": {}}}, "pairs.a\\n"),
         ({"detectors": {"mark": {**MARK, "message": 72}}}, "detectors.mark.message"),
         ({"detectors": {"mark": {**MARK, "message": "012"}}}, "detectors.mark.message"),
         ({"detectors": {"mark": {"command": ""}}}, "detectors.mark.command"),
-        ({"detectors": {"mark": {**MARK, "reads": "file"}}}, "detectors.mark.reads"),
         ({"variants": {"gspure": {}}}, "variants.unattacked"),
         ({"variants": {"unattacked": {}}}, "variants.gspure"),
         ({"variants": {**EVERY, "crop": {"damage": [1, -1]}}}, "variants.crop.damage[1]"),
-        ({"variants": {**EVERY, "crop": {"damage": 0}}}, "variants.crop.damage"),
         ({"extractions": ["message_adaptive"]}, "extractions"),
-        ({"extractions": []}, "extractions"),
-        ({"assets": {"my bot": BOT}}, "assets.my bot"),
         ({"assets": {"bot": {"model": "bot.ply"}}}, "assets.bot.cameras"),
-        ({"assets": {"bot": {"cameras": "orbit"}}}, "assets.bot.model"),
         ({"assets": {"bot": {"train": "x", "model": "y"}}}, "assets.bot.model"),
-        ({"assets": {"bot": {"train": "x", "key": "y"}}}, "assets.bot.key"),
         ({"assets": {"bot": {**BOT, "scheme": "keyss"}}}, "assets.bot.scheme"),
         ({"assets": {"bot": {**BOT, "message": "photos"}}}, "assets.bot.message"),
-        ({"assets": {"bot": {**BOT, "resolution": "1600"}}}, "assets.bot.resolution"),
         ({"assets": {"bot": {**BOT, "resolution": "1/0"}}}, "assets.bot.resolution"),
         ({"assets": {"bot": {**BOT, "generated": {"up": [0, 0, 0]}}}}, "assets.bot.generated.up"),
     ],
@@ -177,29 +152,9 @@ def test_what_no_job_could_use_is_refused_with_its_place(content: dict[str, Any]
     assert (refusal.value.source, refusal.value.field) == (SOURCE, place)
 
 
-def test_a_refusal_of_a_misspelt_key_in_a_file_names_the_source_and_has_a_suggestion(write: Write) -> None:
-    with pytest.raises(InputError) as refusal:
-        read_config(write("method: {min_sample: 3}"), {}, "mine.yaml, severity.yaml")
-    assert refusal.value.source == "mine.yaml, severity.yaml"
-    assert refusal.value.expected == "min_samples?"
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        {"pairs": {"ab3_-" * 19 + "abcde": {}}},
-        {"pairs": {"x" * 19: {}}},
-        {"pairs": {name: {"resolution": name} for name in ("native", "photographs")}},
-        {"pairs": {"a": {"resolution": "1/8"}}},
-        {"pairs": {"a": {"scene": "a\nb"}}},
-        {"decisions": {"a": {"cluster_on": ["weight"]}}},
-        {"decisions": {"a": {"cluster_on": ["opacity", "position"]}}},
-        {"extractions": ["message_adaptive", "message"]},
-    ],
-    ids=str,
-)
-def test_what_a_job_can_use_is_admitted(content: dict[str, Any]) -> None:
-    configuration(content)
+@pytest.mark.parametrize("name", ["ab3_-" * 19 + "abcde", "x" * 19])
+def test_a_long_name_is_admitted(name: str) -> None:
+    assert [*configuration({"pairs": {name: {}}}).pairs] == [name]
 
 
 @pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
@@ -220,18 +175,14 @@ def test_a_suite_stands_in_place_of_variants(file: Path) -> None:
     assert (plan.suite, len(plan.models[0].variants) >= len(config.variants)) == (file.stem, True)
     with pytest.raises(InputError, match="variants: expected nothing beside suite"):
         configuration({**pair, "suite": file.stem, "variants": {"gspure": {}}})
-
-
-def test_an_unknown_suite_is_refused() -> None:
     with pytest.raises(InputError, match="suite: expected one of everyday-1, small-1, standard-1, found 'large'"):
         configuration({"suite": "large"})
 
 
-BASES = ("config", "mini", "six_pairs")
-OVERLAYS = ("ablations", "severity", "sweep", "views")
+OVERLAID = [*product(("config", "mini", "six_pairs"), ("ablations", "severity", "sweep", "views")), ("mini", "paper")]
 
 
-@pytest.mark.parametrize(("base", "overlay"), [*product(BASES, OVERLAYS), ("mini", "paper")])
+@pytest.mark.parametrize(("base", "overlay"), OVERLAID)
 def test_a_shipped_overlay_adds_to_a_configuration(base: str, overlay: str) -> None:
     files = [ROOT / "config" / f"{name}.yaml" for name in (base, overlay)]
     below, above = (load_yaml(file) for file in files)
@@ -249,18 +200,14 @@ def test_choices_are_those_of_the_code() -> None:
     assert tuple(PARTS) == FEATURES
 
 
-def rules_on_the_device() -> set[str]:
-    """The rules whose jobs have as many threads as the device needs."""
+def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has() -> None:
+    """The jobs of these rules have as many threads as the device needs."""
     text = "\n".join(path.read_text() for path in sorted((ROOT / "rules").glob("*.smk")))
     on_device: dict[str, bool] = {}
     pattern = r"^(?:use )?rule (?:(\w+) as )?(\w+)(?: with)?:\n(.*?)(?=^\S|\Z)"
     for base, name, rule in re.findall(pattern, text, re.MULTILINE | re.DOTALL):
         threads = re.search(r"threads: (.*)", rule)
         on_device[name] = "get_threads" in threads[1] if threads else on_device.get(base, False)
-    return {name for name, asks in on_device.items() if asks and not name.startswith("base_")}
-
-
-def test_every_rule_on_the_device_has_a_gpu_and_no_other_rule_has() -> None:
     profile = yaml.safe_load((ROOT / "profiles" / "slurm" / "config.yaml").read_text())
     asked = {rule for rule, resources in profile["set-resources"].items() if resources.get("gpu")}
-    assert asked == rules_on_the_device()
+    assert asked == {name for name, asks in on_device.items() if asks and not name.startswith("base_")}

@@ -8,8 +8,7 @@ import pytest
 
 from gspure import progress
 from gspure.progress import say
-from gspure.workflow import console
-from gspure.workflow.console import Console, clock
+from gspure.workflow.console import Console
 
 
 class Terminal(io.StringIO):
@@ -23,16 +22,6 @@ def now(monkeypatch):
     time = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: time[0])
     return time
-
-
-def terminal_for(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """A terminal of 60 columns in place of standard error; not a fixture, since pytest replaces that before a test."""
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setenv("COLUMNS", "60")
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "_shown", "")
-    return terminal
 
 
 def send(shown: Console, *events: dict[str, object]) -> None:
@@ -53,7 +42,11 @@ FAILED = {"event": "failed", "job": 4}
 
 
 def test_a_terminal_has_one_live_line(now, monkeypatch):
-    terminal = terminal_for(monkeypatch)
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(progress, "_shown", "")
     shown = Console()
     send(shown)
     send(shown, PLANNED, STARTED, LATER)
@@ -75,14 +68,6 @@ def test_a_terminal_has_one_live_line(now, monkeypatch):
         "[2/9] Drawing bot: 0:40 so far",
         "2 jobs done in 0:40\n",
     ]
-
-
-def test_a_line_that_is_too_long_loses_its_middle(monkeypatch):
-    terminal = terminal_for(monkeypatch)
-    send(Console(), PLANNED, STARTED | {"text": "a" * 99}, part(0.41, 48.2))
-    assert terminal.getvalue().startswith("[0/9] aaaa")
-    assert terminal.getvalue().endswith("aaa: train 41%, 0:48 left")
-    assert len(terminal.getvalue()) == 59
 
 
 def test_without_a_terminal_there_is_a_line_per_job_and_no_long_silence(now, capsys):
@@ -130,17 +115,6 @@ def test_the_end_of_a_run_counts_its_jobs_or_gives_a_reason_if_none_was_printed(
     assert capsys.readouterr().err.splitlines() == [line for line in output if line.startswith(("gspure", "warning"))]
     shown.end(status)
     assert capsys.readouterr().err == last
-
-
-def test_a_full_disk_is_the_reason_of_an_empty_log(monkeypatch, capsys):
-    monkeypatch.setattr(console, "_LITTLE", float("inf"))
-    send(Console(), PLANNED, STARTED, FAILED)
-    assert "Embedding failed: no space left on the disk" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("seconds", "text"), [(-3, "0:00"), (59.4, "0:59"), (59.6, "1:00"), (3723, "1:02:03")])
-def test_a_duration_is_shown_as_by_a_clock(seconds, text):
-    assert clock(seconds) == text
 
 
 def test_a_warning_of_a_job_is_printed_when_it_ends(tmp_path, capsys):

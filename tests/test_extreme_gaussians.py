@@ -17,28 +17,6 @@ SHARED_FIXTURES = {"deadline": None, "suppress_health_check": [HealthCheck.funct
 COLUMNS = ("x", "y", "z", "opacity", *(f"scale_{i}" for i in range(3)), *(f"rot_{i}" for i in range(4)))
 
 
-def assert_sound(renderer: Renderer, view) -> None:
-    """Check what holds for any model: every weight and transmittance is a share, and together they are everything."""
-    contributions, transmittance = renderer.contributions(view), renderer.transmittance(view)
-    for share in (transmittance, contributions["max"]):
-        assert ((share >= 0) & (share <= 1)).all()
-    assert (contributions["max"] <= np.float32(ALPHA_MAX)).all()
-    assert np.isfinite(contributions["sum"]).all()
-    blended = (1 - transmittance.astype(np.float64)).sum()
-    assert contributions["sum"].sum(dtype=np.float64) == pytest.approx(blended, rel=1e-4, abs=1e-4)
-    assert np.isfinite(renderer.image(view)).all()
-    assert not np.isnan(renderer.depth(view)).any()
-
-
-FINITE = np.finfo(np.float32).max
-
-
-def any_floats(rng, size):
-    """Finite float32 numbers of random bits."""
-    values = rng.integers(0, 2**32, size, dtype=np.uint32).view(np.float32)
-    return np.where(np.isfinite(values), values, FINITE)
-
-
 def aimed(rng, means):
     """Rotations whose first or last axis points at the camera, or whose plane holds it, up to 0 to 1 radian."""
     towards = means / np.linalg.norm(means, axis=1, keepdims=True)
@@ -63,8 +41,9 @@ def extreme(seed: int, count: int) -> Gaussians:
     )
     quats = np.where(rng.random((count, 1)) < 0.7, aimed(rng, means), rng.normal(size=(count, 4)))
     rows = np.concatenate([means, rng.uniform(-3, 9, (count, 1)), log_scales, quats], axis=1).astype(np.float32)
-    replaced = rng.random(rows.shape) < rng.choice([0.0, 0.05])
-    rows[replaced] = any_floats(rng, np.count_nonzero(replaced))
+    any_bits = rng.integers(0, 2**32, rows.shape, dtype=np.uint32).view(np.float32)
+    replaced = (rng.random(rows.shape) < rng.choice([0.0, 0.05])) & np.isfinite(any_bits)
+    rows[replaced] = any_bits[replaced]
     model = blobs(count + 20, 6, sh_degree=1)
     values = {name: model.table[name].copy() for name in COLUMNS}
     for name, column in zip(COLUMNS, rows.T, strict=True):
@@ -78,8 +57,17 @@ SEEDS = st.integers(0, 2**32)
 @settings(max_examples=50, **SHARED_FIXTURES)
 @given(seed=SEEDS, count=st.integers(1, 60), focal=st.floats(5.0, 600.0))
 def test_any_finite_rows_give_shares(device, style, energy, seed, count, focal):
-    model = extreme(seed, count)
-    assert_sound(Renderer(model, device, energy=energy, style=style), camera(33, 31, focal=focal))
+    """Every weight and transmittance is a share, and together they are everything."""
+    renderer, view = Renderer(extreme(seed, count), device, energy=energy, style=style), camera(33, 31, focal=focal)
+    contributions, transmittance = renderer.contributions(view), renderer.transmittance(view)
+    for share in (transmittance, contributions["max"]):
+        assert ((share >= 0) & (share <= 1)).all()
+    assert (contributions["max"] <= np.float32(ALPHA_MAX)).all()
+    assert np.isfinite(contributions["sum"]).all()
+    blended = (1 - transmittance.astype(np.float64)).sum()
+    assert contributions["sum"].sum(dtype=np.float64) == pytest.approx(blended, rel=1e-4, abs=1e-4)
+    assert np.isfinite(renderer.image(view)).all()
+    assert not np.isnan(renderer.depth(view)).any()
 
 
 @settings(max_examples=25, **SHARED_FIXTURES)

@@ -1,7 +1,6 @@
 """The figures of one model and its purification, and where point clouds are looked at from."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +8,11 @@ import pytest
 
 from gspure.cameras import Camera, intrinsics, orbit_cameras
 from gspure.figures import gallery, plates, style, viewpoint
-from gspure.figures.clouds import by_cluster
 from gspure.figures.gallery import CAPTIONS, Purified, draw_model
-from gspure.figures.panels import draw_before_after, shown_variants
 from gspure.figures.plates import opengl_works
-from gspure.images import read_image, write_image
+from gspure.images import read_image
 from gspure.public_model import PublicModel
 from tests.models import gaussians, points_of
-from tests.outcome_cases import attacked
 
 RNG = np.random.default_rng(3)
 BALL = RNG.normal(size=(400, 3)).astype(np.float32)
@@ -34,13 +30,9 @@ def model(monkeypatch: pytest.MonkeyPatch) -> Purified:
     return Purified(PublicModel(gaussians(means=BALL, scales=0.1)), labels, weights, **hidden)
 
 
-@pytest.fixture
-def views() -> Sequence[Camera]:
-    return orbit_cameras(points_of(BALL, np.ones(400)), count=4, width=32, height=24)
-
-
 @needs_gl
-def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, model, views) -> None:
+def test_all_figures_have_captions_and_the_same_bytes_again(tmp_path: Path, model) -> None:
+    views = orbit_cameras(points_of(BALL, np.ones(400)), count=4, width=32, height=24)
     captions = draw_model(tmp_path / "a", model, views)
     names = ("splats", "weights", "clusters", "kept", "separation", "purification")
     assert [*captions] == [f"{name}.png" for name in names]
@@ -68,48 +60,6 @@ def test_without_opengl_clouds_and_broken_figures_are_left_out_with_a_warning(
     assert "weights.png: not drawn: division by zero" in capsys.readouterr().err
 
 
-def test_views_before_and_after_are_chosen_from_those_that_both_have(tmp_path: Path) -> None:
-    for folder, names, value in (("truth", "abcd", 0.0), ("gspure", "bcde", 0.1)):
-        for name in names:
-            write_image(tmp_path / folder / f"{name}.png", np.full((8, 10, 3), value, np.float32))
-    caption = draw_before_after(tmp_path / "panels.png", {name: tmp_path / name for name in ("truth", "gspure")})
-    assert caption.startswith("3 of 3 views, with their PSNR against truth")
-    assert (tmp_path / "panels.png").read_bytes()[:4] == b"\x89PNG"
-
-
-@pytest.mark.parametrize(
-    ("drops", "sweeps", "shown"),
-    [
-        ({"unattacked": 0, "weak": 2, "fit": 20, "clean": 0}, {"s": ["weak", "fit", "absent"]}, ["unattacked", "fit"]),
-        ({"weak": 2, "fit": 20}, {}, ["weak", "fit"]),
-        ({"tau_n_1": 25, "gspure": 10}, {"gspure": ["tau_n_1", "gspure"]}, ["gspure"]),
-        ({"a": 0, "b": 0}, {"failed": ["a", "b"]}, ["a"]),
-    ],
-    ids=["largest drop", "no sweep", "GSPure itself", "first of equals"],
-)
-def test_of_an_attack_at_several_strengths_one_is_shown(drops, sweeps, shown) -> None:
-    outcomes = [attacked(name, 0, drop) for name, drop in drops.items()]
-    assert [o.variant for o in shown_variants(outcomes, sweeps)] == shown
-
-
-def test_the_largest_clusters_have_numbers() -> None:
-    named = by_cluster(np.array([1, 1, -1, 0, 1, 0, 2], np.int32), np.zeros(7, bool)).named
-    assert {name: rows.tolist() for name, rows in named.items()} == {"1": [0, 1, 4], "2": [3, 5], "3": [6]}
-
-
-def test_a_number_stands_where_its_cluster_is_in_front() -> None:
-    ahead = Camera("view", 400, 400, intrinsics(400, 400, 200, 200), np.eye(4))
-    wall = RNG.uniform((-2, -2), (2, 2), (9000, 2))
-    far, near = (
-        np.column_stack([side, np.full(9000, depth)]) for side, depth in ((wall, 5.0), (wall / 3 - (0.6, 0), 3.0))
-    )
-    labels = np.repeat([0, 1], 9000).astype(np.int32)
-    places = gallery._places(np.concatenate([far, near]).astype(np.float32), by_cluster(labels, labels < 0), ahead)
-    inside = {name: (place > (31, 111)) & (place < (209, 289)) for name, place in places.items()}
-    assert not inside["1"].all()  # the nearer one hides its middle
-    assert inside["2"].all()
-
-
 @needs_gl
 def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
     points = np.array([[0, 0, 4], [1.2, 0.7, 6]], np.float32)
@@ -120,14 +70,6 @@ def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
         others = [c for c in range(3) if c != channel]
         centre = np.argwhere(picture[..., channel] > picture[..., others].max(axis=-1) + 30).mean(axis=0)
         assert centre == pytest.approx([200 + 400 * y / z, 180 + 400 * x / z], abs=1.5)
-
-
-@pytest.mark.parametrize("up", [(0, -1, 0), (0, 0, 1)])
-def test_up_is_up_in_an_overview_whatever_the_cameras_call_up(up) -> None:
-    axes = viewpoint.world_axes(BALL, orbit_cameras(points_of(BALL, np.ones(400)), count=12, up=up))
-    assert axes[1] == pytest.approx(up, abs=0.05)
-    high, low = viewpoint.project(np.array([axes[1], -axes[1]]), viewpoint.overview(BALL, axes))[0]
-    assert high[1] < low[1]  # rows count downwards
 
 
 def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:

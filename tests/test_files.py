@@ -1,4 +1,4 @@
-"""Files that are whole or absent, arrays without pickle, and the provenance of a folder."""
+"""Files that are whole or absent, arrays without pickle, provenance; and the one line of an error."""
 
 import io
 import json
@@ -10,12 +10,15 @@ import zipfile
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gspure import files
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.files import file_digest
-from gspure.provenance import run_of, write_provenance
+from gspure.model import read_model
+from gspure.provenance import write_provenance
 
 NUMBERS = {"x": (np.float64, (None,))}
 
@@ -37,20 +40,6 @@ def test_the_files_of_a_folder_appear_together_beside_others(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["b", "other", "sub"]
 
 
-@pytest.mark.parametrize("failure", [ZeroDivisionError, KeyboardInterrupt])
-def test_work_that_fails_or_is_stopped_leaves_everything_as_it_was(tmp_path, failure):
-    def half_written(*paths):
-        for path in paths:
-            path.write_text("half")
-        raise failure
-
-    (tmp_path / "a").write_text("old")
-    with pytest.raises(failure), files.filling(tmp_path) as folder, files.replacing(tmp_path / "a") as file:
-        half_written(file, folder / "a")
-    assert content(tmp_path) == {"a": "old"}
-    assert len([*tmp_path.iterdir()]) == 1
-
-
 SLOW = """
 import time
 from pathlib import Path
@@ -67,15 +56,16 @@ raise SystemExit(__main__.main())
 """
 
 
-def test_a_terminated_command_leaves_no_half_file_and_says_so_in_one_line(tmp_path):
+def test_a_terminated_command_leaves_everything_as_it_was_and_says_so_in_one_line(tmp_path):
     """By `timeout`, Slurm or `docker stop`."""
+    (tmp_path / "a.txt").write_text("old")
     process = subprocess.Popen([sys.executable, "-c", SLOW], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     while not (tmp_path / "ready").exists():
         time.sleep(0.05)
     process.terminate()
     assert process.communicate()[1] == "gspure: interrupted\n"
     assert process.returncode == 143
-    assert content(tmp_path) == {"ready": ""}
+    assert content(tmp_path) == {"a.txt": "old", "ready": ""}
 
 
 def with_header(shape):
@@ -114,7 +104,7 @@ def test_a_hostile_array_is_refused_in_one_line(tmp_path, data):
 
 
 @pytest.mark.parametrize("array", [np.zeros((0, 3)), np.arange(12.0).reshape(3, 4), np.arange(12.0).reshape(4, 3).T])
-def test_arrays_are_read_and_written_as_by_numpy(tmp_path, array):
+def test_arrays_are_read_and_written_as_by_numpy_and_objects_are_not_pickled(tmp_path, array):
     save_array(tmp_path / "ours.npy", array)
     np.save(tmp_path / "theirs.npy", array)
     np.testing.assert_array_equal(np.load(tmp_path / "ours.npy"), array)
@@ -124,11 +114,8 @@ def test_arrays_are_read_and_written_as_by_numpy(tmp_path, array):
     arrays = load_arrays(tmp_path / "ours.npz", kinds, "numbers")
     np.testing.assert_array_equal(arrays["x"], array)
     assert (str(arrays["text"]), int(arrays["count"])) == ("ω", 7)
-
-
-def test_nothing_is_pickled(tmp_path):
     with pytest.raises(ValueError, match="objects"):
-        save_array(tmp_path / "a.npy", np.array([{}]))
+        save_array(tmp_path / "objects.npy", array.astype(object))
 
 
 def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path):
@@ -137,23 +124,6 @@ def test_an_archive_that_unpacks_to_far_more_than_its_size_is_refused(tmp_path):
         member.writelines([with_header(f"({10**7},)")[:-24], *[bytes(10**6)] * 80])
     with pytest.raises(InputError, match=r"a\.npz: x: expected at most \d+ bytes, found 80000\d+ bytes"):
         load_arrays(tmp_path / "a.npz", NUMBERS, "numbers")
-
-
-def test_provenance_names_inputs_with_their_digests_and_passes_on_the_run(tmp_path):
-    public = tmp_path / "public"
-    attacked = tmp_path / "attacked"
-    model = public / "point_cloud.ply"
-    files.write_text(model, "ply")
-    write_provenance(public, "embed", inputs={}, settings={"seed": 1}, run="abc")
-    write_provenance(attacked, "attack", inputs={"model": model, "folder": public}, settings={"scale": 0.5})
-    record = json.loads((attacked / "provenance.json").read_text())
-    assert record["inputs"] == {
-        "model": {"path": str(model), "sha256": file_digest(model)},
-        "folder": {"path": str(public)},
-    }
-    assert (record["command"], record["settings"]) == ("attack", {"scale": 0.5})
-    assert run_of(attacked) == run_of(model) == record["run"] == "abc"
-    assert run_of(tmp_path) == ""
 
 
 def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(tmp_path):
@@ -167,12 +137,37 @@ def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(
     assert record["inputs"]["cameras"]["sha256"] == content_digest != file_digest(file)
 
 
-def test_a_folder_is_filled_by_one_run_at_a_time(tmp_path):
-    with files.filling_alone(tmp_path / "out") as folder:
-        (folder / "first").touch()
-        with (
-            pytest.raises(InputError, match="out: output: expected no other run here"),
-            files.alone_in(tmp_path / "out"),
-        ):
-            pytest.fail("two at once")
-    assert content(tmp_path / "out") == {"first": ""}
+ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included
+
+
+@given(ANY_TEXT, ANY_TEXT, ANY_TEXT, ANY_TEXT, st.none() | ANY_TEXT)
+def test_a_message_is_one_printable_line_whatever_a_file_holds(source, field, expected, value, hint):
+    message = str(InputError(source, field, expected=expected, found=value * 10_000, hint=hint))
+    assert message.isprintable()
+    assert len(message.encode()) < 20_000
+
+
+def test_bad_input_is_caught_as_python_names_it(tmp_path):
+    absent = tmp_path / "absent.ply"
+    foreign = tmp_path / "foreign.ply"
+    with pytest.raises(FileNotFoundError) as caught:
+        read_model(absent)
+    assert str(caught.value) == f"{absent}: no such file"
+    foreign.write_text("no ply")
+    with pytest.raises(ValueError, match="a 3DGS"):
+        read_model(foreign)
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(13, "denied", ".secret.npy"), "denied"),
+        (ValueError("2\n\n  lines"), "2 lines"),
+        (EOFError(), "EOFError"),
+    ],
+)
+def test_an_error_while_reading_becomes_one_line(error, reason):
+    with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
+        raise error
+    assert str(caught.value) == f"x.json: file: expected JSON, found {reason}"
+    assert caught.value.__cause__ is error

@@ -1,12 +1,14 @@
 """Small things to train from, shared by the training tests."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from gspure.cameras import Camera, intrinsics, orbit_cameras
+from gspure.cameras import Camera, orbit_cameras
+from gspure.cameras.colmap import write_colmap
 from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainState
 from gspure.renderer import Renderer
 from tests.models import points_of
@@ -54,49 +56,31 @@ def same_bits(a: TrainState, b: TrainState) -> bool:
 
 
 def colmap_project(folder: Path, cameras, points, images=None) -> Path:
-    """Write a COLMAP text model with photographs: noise, unless given."""
-    sparse = folder / "sparse" / "0"
-    sparse.mkdir(parents=True)
-    (folder / "images").mkdir()
-    first = cameras[0]
-    lens = " ".join(str(first.K[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    (sparse / "cameras.txt").write_text(f"1 PINHOLE {first.width} {first.height} {lens}\n")
-    lines = []
-    for i, camera in enumerate(cameras):
-        w, x, y, z = quaternion(camera.viewmat[:3, :3])
-        t = " ".join(map(repr, camera.viewmat[:3, 3].tolist()))
-        lines.append(f"{i + 1} {w!r} {x!r} {y!r} {z!r} {t} 1 {camera.name}.png\n\n")
-        noise = np.random.default_rng(i).integers(256, size=(camera.height, camera.width, 3), dtype=np.uint8)
-        pixels = noise if images is None else np.round(images[i].clip(0, 1) * 255).astype(np.uint8)
-        Image.fromarray(pixels).save(folder / "images" / f"{camera.name}.png")
-    (sparse / "images.txt").write_text("".join(lines))
-    rows = (f"{i} {x!r} {y!r} {z!r} 200 100 50 0.5\n" for i, (x, y, z) in enumerate(np.asarray(points, float).tolist()))
-    (sparse / "points3D.txt").write_text("".join(rows))
+    """Write a COLMAP text model with photographs, called as their cameras: noise, unless given."""
+    noise = (np.random.default_rng(i).random((view.height, view.width, 3)) for i, view in enumerate(cameras))
+    points = np.asarray(points, float).reshape(-1, 3)
+    colours = np.tile(np.uint8([200, 100, 50]), (len(points), 1))
+    write_colmap(folder, cameras, noise if images is None else images, (points, colours))
+    listed = folder / "sparse" / "0" / "images.txt"
+    for number, camera in enumerate(cameras):
+        (folder / "images" / f"{number:05d}.png").rename(folder / "images" / f"{camera.name}.png")
+        listed.write_text(listed.read_text().replace(f" {number:05d}.png", f" {camera.name}.png"))
     return folder
-
-
-def quaternion(rotation):
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
-    return w, x, y, z
 
 
 def turned_away(camera: Camera) -> Camera:
     """The same place, looking the other way."""
-    viewmat = np.diag([-1.0, 1.0, -1.0, 1.0]) @ camera.viewmat
-    K = intrinsics(*(camera.K[at] for at in ((0, 0), (1, 1), (0, 2), (1, 2))))
-    return Camera(camera.name, camera.width, camera.height, K, viewmat, camera.image)
+    return replace(camera, viewmat=np.diag([-1.0, 1.0, -1.0, 1.0]) @ camera.viewmat)
 
 
-def blender_scene(folder: Path, splits: dict[str, list[Camera]], model, *, suffix=".png") -> Path:
+def blender_scene(folder: Path, splits: dict[str, list[Camera]], model) -> Path:
     """Write a scene as NeRF's Blender ones: transforms_<split>.json, and photographs of the model that are RGBA."""
     renderer = Renderer(model)
     for split, views in splits.items():
         (folder / split).mkdir(parents=True)
         frames = []
         for i, view in enumerate(views):
-            Image.fromarray(cut_out(renderer, view), "RGBA").save(folder / split / f"r_{i}{suffix}")
+            Image.fromarray(cut_out(renderer, view), "RGBA").save(folder / split / f"r_{i}.png")
             pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
             frames.append({"file_path": f"./{split}/r_{i}", "transform_matrix": pose.tolist()})
         angle = 2 * np.arctan(views[0].width / 2 / views[0].K[0, 0])

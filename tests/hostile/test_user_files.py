@@ -9,29 +9,24 @@ import io
 import json
 import os
 import resource
-import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from PIL import Image
 
 from gspure.cameras import read_cameras, read_points
 from gspure.cameras.reading import read_lenses
 from gspure.errors import InputError
 from gspure.images import read_image
-from gspure.model import read_model, write_model
+from gspure.model import read_model
 from gspure.model.inria import training_arguments
-from gspure.model.ply import read_point_ply, write_point_ply
+from gspure.model.ply import read_point_ply
 from gspure.model.summary import summarize
 from tests.compressed_cases import files as compressed_files
-from tests.models import blobs
-from tests.test_cameras_colmap import binary, text
 
 EXAMPLES = int(os.environ.get("GSPURE_EXAMPLES", "25"))
 MOST_MEMORY = 1 << 29  # bytes by which one file may raise the memory of the process
@@ -41,45 +36,12 @@ VALUES = st.sampled_from([*NUMBERS, None, True, "", "nan", "../../x", "\x1b[2J\n
 WORDS = [b"nan", b"inf", b"-1", b"1e999", b"99999999999999999999", b"\xff", b"", b"0", b"list uchar int", b"#"]
 
 
-def written(write: Callable[[Path], None]) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        write(Path(folder) / "file.ply")
-        return (Path(folder) / "file.ply").read_bytes()
-
-
-def model_ply() -> bytes:
-    return written(lambda path: write_model(path, blobs(9, sh_degree=1)))
-
-
-def ascii_ply() -> bytes:
-    header, _, _ = model_ply().replace(b"binary_little_endian", b"ascii").partition(b"end_header\n")
-    rows = b"\n".join(b" ".join(b"%g" % value for value in row) for row in blobs(9, sh_degree=1).table.tolist())
-    return header + b"end_header\n" + rows + b"\n"
-
-
-def point_ply() -> bytes:
-    return written(lambda path: write_point_ply(path, np.eye(3), np.eye(3, dtype=np.uint8)))
-
-
-def image(kind: str) -> bytes:
-    stream = io.BytesIO()
-    pixels = np.random.default_rng(0).integers(256, size=(12, 16, 3), dtype=np.uint8)
-    Image.fromarray(pixels).save(stream, kind)
-    return stream.getvalue()
-
-
-VIEW = {"id": 0, "img_name": "a.jpg", "width": 64, "height": 48, "position": [0, 1, 2], "rotation": np.eye(3).tolist()}
-CAMERAS = [{**VIEW, "fx": 50.0, "fy": 51.0}, {**VIEW, "img_name": "b", "fx": 50.0, "fy": 51.0, "k1": 0.0, "cx": 30.0}]
-FRAME = {"file_path": "a.png", "transform_matrix": np.eye(4).tolist()}
-TRANSFORMS = {"fl_x": 50.0, "w": 64, "h": 48, "frames": [FRAME]}
-
-
 def drawn_bytes(data: st.DataObject, content: bytes) -> bytes:
-    """Flip, cut, repeat, insert or overwrite some bytes."""
+    """Cut, insert or overwrite some bytes."""
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, max(len(content) - 1, 0)))
         length = data.draw(st.sampled_from([1, 1, 4, 40]))
-        match data.draw(st.sampled_from(["set", "cut", "end", "double", "insert"])):
+        match data.draw(st.sampled_from(["set", "cut", "end", "insert"])):
             case "set":
                 new = data.draw(st.sampled_from([b"\0", b"\xff", b"\x7f", b"\x80", b"\x01"])) * length
                 content = content[:at] + new + content[at + length :]
@@ -87,8 +49,6 @@ def drawn_bytes(data: st.DataObject, content: bytes) -> bytes:
                 content = content[:at] + content[at + length :]
             case "end":
                 content = content[:at]
-            case "double":
-                content = content[: at + length] + content[at:]
             case "insert":
                 content = content[:at] + data.draw(st.binary(max_size=8)) + content[at:]
     return content
@@ -160,28 +120,35 @@ Mutator = Callable[[st.DataObject, bytes], bytes]
 BYTES: tuple[Mutator, ...] = (drawn_bytes,)
 TEXT: tuple[Mutator, ...] = (drawn_bytes, drawn_words)
 JSON: tuple[Mutator, ...] = (drawn_json, drawn_json, drawn_json, drawn_bytes)
-COMPRESSED = compressed_files()
-CASES: dict[str, tuple[dict[str, bytes], tuple[Mutator, ...], Callable[[Path], object]]] = {
-    "model.ply": ({"model.ply": model_ply()}, TEXT, read_any_model),
-    "ascii.ply": ({"ascii.ply": ascii_ply()}, TEXT, read_any_model),
-    "points.ply": ({"points.ply": point_ply()}, TEXT, read_point_ply),
-    "cfg_args": (
-        {"cfg_args": b"Namespace(sh_degree=3, white_background=True)"},
-        TEXT,
-        lambda p: training_arguments(p.parent),
-    ),
-    "cameras.json": ({"cameras.json": json.dumps(CAMERAS).encode()}, JSON, read_cameras),
-    "transforms.json": ({"transforms.json": json.dumps(TRANSFORMS).encode()}, JSON, read_lenses),
-    "a.png": ({"a.png": image("PNG")}, BYTES, read_image),
-    "a.tiff": ({"a.tiff": image("TIFF")}, BYTES, read_image),
-    **{name: (files, TEXT, read_colmap) for files in (binary(), text()) for name in files},
-    "model.splat": ({"model.splat": COMPRESSED["model.splat"]}, BYTES, read_any_model),
-    "v3.spz": ({"v3.spz": COMPRESSED["v3.spz"]}, (drawn_gzip, drawn_gzip, drawn_bytes), read_any_model),
-    "v4.spz": ({"v4.spz": COMPRESSED["v4.spz"]}, BYTES, read_any_model),
-    "model.sog": ({"model.sog": COMPRESSED["model.sog"]}, (drawn_zip, drawn_zip, drawn_bytes), read_any_model),
-    "m.compressed.ply": ({"m.compressed.ply": COMPRESSED["model.compressed.ply"]}, TEXT, read_any_model),
+ZIPPED: tuple[Mutator, ...] = (drawn_gzip, drawn_gzip, drawn_bytes)
+ARCHIVE: tuple[Mutator, ...] = (drawn_zip, drawn_zip, drawn_bytes)
+CORPUS = Path(__file__).with_name("corpus")
+FILES = {path.name: path.read_bytes() for path in CORPUS.iterdir() if path.is_file()} | compressed_files()
+COLMAP = {path.name: path.read_bytes() for path in (CORPUS / "colmap").iterdir()}
+CASES: dict[str, tuple[tuple[Mutator, ...], Callable[[Path], object]]] = {
+    "model.ply": (TEXT, read_any_model),
+    "ascii.ply": (TEXT, read_any_model),
+    "points.ply": (TEXT, read_point_ply),
+    "cfg_args": (TEXT, lambda path: training_arguments(path.parent)),
+    "cameras.json": (JSON, read_cameras),
+    "transforms.json": (JSON, read_lenses),
+    "a.png": (BYTES, read_image),
+    "a.tiff": (BYTES, read_image),
+    **dict.fromkeys(COLMAP, (TEXT, read_colmap)),
+    "model.splat": (BYTES, read_any_model),
+    "v3.spz": (ZIPPED, read_any_model),
+    "v4.spz": (BYTES, read_any_model),
+    "model.sog": (ARCHIVE, read_any_model),
+    "model.compressed.ply": (TEXT, read_any_model),
 }
-"""By the name of the file that is mutated: all files that a reader needs, what happens to it, and the reader."""
+"""By the name of a file: what happens to it, and its reader."""
+
+
+def content_of(name: str) -> dict[str, bytes]:
+    """Return the content of a file, and of those that are read with it."""
+    if name in COLMAP:
+        return {other: content for other, content in COLMAP.items() if other[-4:] == name[-4:]}
+    return {name: FILES[name]}
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -189,8 +156,8 @@ CASES: dict[str, tuple[dict[str, bytes], tuple[Mutator, ...], Callable[[Path], o
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_a_corrupt_file_is_read_or_refused_in_one_line(tmp_path: Path, name: str, data: st.DataObject) -> None:
-    files, mutators, read = CASES[name]
-    for each, content in files.items():
+    mutators, read = CASES[name]
+    for each, content in content_of(name).items():
         (tmp_path / each).unlink(missing_ok=True)  # a model that was read before may still be mapped
         (tmp_path / each).write_bytes(content if each != name else data.draw(st.sampled_from(mutators))(data, content))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -206,7 +173,7 @@ def test_a_corrupt_file_is_read_or_refused_in_one_line(tmp_path: Path, name: str
 
 @pytest.mark.parametrize("name", ["model.ply", "model.splat", "v3.spz", "model.sog", "cameras.json", "a.png"])
 def test_a_pipe_or_a_device_is_refused(tmp_path: Path, name: str) -> None:
-    _, _, read = CASES[name]
+    _, read = CASES[name]
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError):
         read(tmp_path / name)

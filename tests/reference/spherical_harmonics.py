@@ -15,7 +15,7 @@ def sh_basis(directions: NDArray[Any]) -> Float64:
     negative: this is what the coefficients of 3DGS files multiply (Fridovich-Keil et al. 2022, Plenoxels, appendix;
     Sloan 2008, "Stupid spherical harmonics tricks", A2).
     """
-    x, y, z = np.asarray(directions, np.float64).T
+    x, y, z = directions.T
     pi = np.pi
     return np.stack(
         [
@@ -41,28 +41,13 @@ def sh_basis(directions: NDArray[Any]) -> Float64:
 
 
 def sh_basis_gradients(directions: NDArray[Any]) -> Float64:
-    """Return the derivatives [K,16,3] of the polynomials of `sh_basis` with respect to x, y, z."""
-    x, y, z = np.asarray(directions, np.float64).T
-    zero, one, pi = np.zeros_like(x), np.ones_like(x), np.pi
-    gradients = [
-        (0.0, zero, zero, zero),
-        (-np.sqrt(3 / (4 * pi)), zero, one, zero),
-        (np.sqrt(3 / (4 * pi)), zero, zero, one),
-        (-np.sqrt(3 / (4 * pi)), one, zero, zero),
-        (np.sqrt(15 / (4 * pi)), y, x, zero),
-        (-np.sqrt(15 / (4 * pi)), zero, z, y),
-        (np.sqrt(5 / (16 * pi)), -2 * x, -2 * y, 4 * z),
-        (-np.sqrt(15 / (4 * pi)), z, zero, x),
-        (np.sqrt(15 / (16 * pi)), 2 * x, -2 * y, zero),
-        (-np.sqrt(35 / (32 * pi)), 6 * x * y, 3 * x**2 - 3 * y**2, zero),
-        (np.sqrt(105 / (4 * pi)), y * z, x * z, x * y),
-        (-np.sqrt(21 / (32 * pi)), -2 * x * y, 4 * z**2 - x**2 - 3 * y**2, 8 * y * z),
-        (np.sqrt(7 / (16 * pi)), -6 * x * z, -6 * y * z, 6 * z**2 - 3 * x**2 - 3 * y**2),
-        (-np.sqrt(21 / (32 * pi)), 4 * z**2 - 3 * x**2 - y**2, -2 * x * y, 8 * x * z),
-        (np.sqrt(105 / (16 * pi)), 2 * x * z, -2 * y * z, x**2 - y**2),
-        (-np.sqrt(35 / (32 * pi)), 3 * x**2 - 3 * y**2, -6 * x * y, zero),
-    ]
-    return np.stack([factor * np.stack(gradient, axis=1) for factor, *gradient in gradients], axis=1)
+    """Return the derivatives [K,16,3] of the polynomials of `sh_basis` with respect to x, y, z.
+
+    The imaginary part of f(x + ih) is h f'(x) + O(h^3), without a difference that would round (Squire and Trapp 1998).
+    """
+    step = 1e-20
+    moved = [sh_basis(directions + 1j * step * axis) for axis in np.eye(3)]
+    return np.stack([basis.imag for basis in moved], axis=2) / step
 
 
 def sh_colors(sh_coeffs: NDArray[Any], means: NDArray[Any], centre: NDArray[Any]) -> Float64:
