@@ -57,6 +57,12 @@ def map_cuda() -> None:
         torch.distributed.init_process_group = _without_nccl(torch.distributed.init_process_group)
 
 
+def declare_suppression() -> None:
+    """Declare the operators of torchvision to which it adds shapes, whether they exist or not."""
+    for name in ("nms", "qnms"):
+        torch.library.define(f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+
+
 class _Mapping(torch.overrides.TorchFunctionMode):  # type: ignore[misc]
     """Puts another device in place of "cuda" in every call of PyTorch."""
 

@@ -140,11 +140,10 @@ def _refuse_compilation(module: ModuleType) -> None:
 
 def _declare_operators(module: ModuleType) -> None:
     """Let torchvision be imported where its compiled operators need libraries of CUDA; calls of them still fail."""
-    import torch
+    from gspure.cuda_free.mapping import declare_suppression
 
     if not vars(module)["_has_ops"]():
-        for name in ("nms", "qnms"):  # to which torchvision adds shapes, whether they exist or not
-            torch.library.define(f"torchvision::{name}", "(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+        declare_suppression()
 
 
 _AFTERWARDS: Final = {
