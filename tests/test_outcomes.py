@@ -112,6 +112,7 @@ def test_every_variant_and_control_is_an_outcome_in_the_order_of_the_plan(tmp_pa
     assert gspure.views == {"scene": 3, "message": 3}
     assert gspure.before.targets == found["unattacked"].targets
     assert (gspure.strength, gspure.affects) == (("sigma", 0.1), {"message": True})
+    assert math.isnan(gspure.wanted + gspure.search_damage)
 
 
 def test_the_bits_of_a_control_without_metrics_are_read(tmp_path, plan) -> None:
