@@ -99,12 +99,6 @@ class Outcome:
             return self.detections[target].level
         return self.targets[target].values.get(metric, math.nan) if target in self.targets else math.nan
 
-    def drop(self, target: str) -> float:
-        """Return the drop of the target's level, relative to the unattacked model."""
-        if self.before and target in self.detections.keys() & self.before.detections.keys():
-            return difference(self.before.level(target), self.level(target))
-        return self.psnr_drop(target)
-
     def psnr_drop(self, target: str) -> float:
         r"""Return :math:`\Delta PSNR`, the drop of the target's PSNR relative to the unattacked model, in dB."""
         if self.before is None:
