@@ -9,8 +9,7 @@ import gspure
 from gspure import codec
 from gspure.attacks import find_attack
 from gspure.errors import InputError
-from gspure.evaluation.plan import CONFIGURATION
-from gspure.evaluation.plan import PLAN as PLAN_FILE
+from gspure.evaluation.plan import CONFIGURATION, PLAN_FILE
 from gspure.files import write_json, write_text
 from gspure.plugins import require_packages
 from gspure.schemes.registry import find_scheme

@@ -16,9 +16,9 @@ from gspure.evaluation.identity import RESULTS
 from gspure.settings import CORES
 from gspure.workflow.auditing import prepared, run_to_report, snakemake_options
 from gspure.workflow.console import Console
+from gspure.workflow.request import SUITE, AuditRequest
 from gspure.workflow.running import forecast
 from gspure.workflow.running import run as run_workflow
-from gspure.workflow.subject import SUITE, Subject
 
 EXAMPLES = """\
   gspure audit point_cloud.ply                              # all attacks on the scene: results/report.html
@@ -81,7 +81,7 @@ class RunOptions:
 
 def run(args: Arguments) -> int:
     """Write the configuration of a model, and run Snakemake; a dry run writes to a temporary folder only."""
-    wanted = options.typed(args, Subject)
+    wanted = options.typed(args, AuditRequest)
     run_options = options.typed(args, RunOptions)
     has_limit = run_options.fail_under is not None
     if has_limit and not wanted.is_configuration and not wanted.key:

@@ -19,7 +19,7 @@ from gspure.settings import Setting
 
 Split = Literal["train", "test", "all"]
 
-PLAN: Final = "plan.json"  # file in the folder of results
+PLAN_FILE: Final = "plan.json"  # file in the folder of results
 CONFIGURATION: Final = "configuration.json"  # for people
 METHOD: Final = "method"  # the decision with the settings of `method` in the configuration
 
@@ -264,7 +264,7 @@ class Plan:
 
 def read_plan(results: Path) -> Plan:
     """Return the plan of a folder of results, or raise `InputError`."""
-    plan: Plan = read(Plan, read_json(results / PLAN), results / PLAN)
+    plan: Plan = read(Plan, read_json(results / PLAN_FILE), results / PLAN_FILE)
     return plan
 
 

@@ -15,9 +15,9 @@ from gspure.evaluation.results import Result, read_results
 from gspure.files import alone_in, read_json
 from gspure.progress import say
 from gspure.workflow.console import Console, Listener
+from gspure.workflow.request import AUDIT_FILE, AuditRequest, own_place, write_configuration
 from gspure.workflow.running import run as run_workflow
 from gspure.workflow.running import unlock
-from gspure.workflow.subject import CONFIGURATION, Subject, own_place, write_configuration
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def audit(
         If the input is unusable, or if there are no results, with the reason.
 
     """
-    wanted = Subject(
+    wanted = AuditRequest(
         source=Path(source),
         key=_path(key),
         message=_path(message),
@@ -133,7 +133,7 @@ def _quiet() -> Iterator[None]:
 
 
 @contextmanager
-def prepared(wanted: Subject, *, is_rehearsal: bool = False) -> Iterator[tuple[Path, Path]]:
+def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tuple[Path, Path]]:
     """Yield the configuration and the folder of a run, in which the block is, without another run there.
 
     A rehearsal stays in the current folder, and leaves no files.
@@ -146,7 +146,7 @@ def prepared(wanted: Subject, *, is_rehearsal: bool = False) -> Iterator[tuple[P
             yield wanted.source, Path()
     elif is_rehearsal:
         with TemporaryDirectory() as folder:
-            yield write_configuration(wanted, Path(folder) / CONFIGURATION.name, draws=False), Path()
+            yield write_configuration(wanted, Path(folder) / AUDIT_FILE.name, draws=False), Path()
     else:
         place = wanted.out or own_place(wanted)
         if place != Path():
@@ -154,7 +154,7 @@ def prepared(wanted: Subject, *, is_rehearsal: bool = False) -> Iterator[tuple[P
             place.mkdir(parents=True, exist_ok=True)
             say(f"all files go to {place}")
         with chdir(place), alone_in(Path()):
-            yield write_configuration(wanted, CONFIGURATION, draws=True), place
+            yield write_configuration(wanted, AUDIT_FILE, draws=True), place
 
 
 @dataclass(frozen=True)

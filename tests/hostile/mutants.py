@@ -78,7 +78,7 @@ JOBS = {
     "gspure.evaluation.showing": ("test_evaluate.py",),
     "gspure.evaluation.attack_record": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.auditing": ("test_audit_command.py", "test_exit_statuses.py"),
-    "gspure.workflow.subject": ("test_audit_command.py",),
+    "gspure.workflow.request": ("test_audit_command.py",),
     "gspure.workflow.config": ("test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_configuration.py",),
     "gspure.workflow.console": ("test_console.py",),

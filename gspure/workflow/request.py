@@ -11,13 +11,13 @@ from gspure.evaluation.identity import RESULTS
 from gspure.files import Json
 from gspure.progress import say
 
-CONFIGURATION: Final = RESULTS / "audit.yaml"
+AUDIT_FILE: Final = RESULTS / "audit.yaml"
 SUITE: Final = "small-1"  # of a model with a key
 EVERYDAY: Final = "everyday-1"
 
 
 @dataclass(frozen=True)
-class Subject:
+class AuditRequest:
     """What to audit: a configuration, or a model with its views and what its owner has."""
 
     source: Path
@@ -52,7 +52,7 @@ class Subject:
         )
 
 
-def own_place(wanted: Subject) -> Path:
+def own_place(wanted: AuditRequest) -> Path:
     """Return this folder if its results are of the same model and suite, or it has none; else a folder below it."""
     scene = _scene_name(wanted.source)
     name = "-".join(filter(None, ("audit", scene, wanted.suite_name)))
@@ -60,20 +60,20 @@ def own_place(wanted: Subject) -> Path:
     return next(place for place in chain([Path(), Path(name)], numbered) if _is_free(place, wanted))
 
 
-def _is_free(place: Path, wanted: Subject) -> bool:
+def _is_free(place: Path, wanted: AuditRequest) -> bool:
     """Return whether a folder has no results, or those of this model and suite."""
     from gspure.model import model_file
     from gspure.workflow.config_reading import load_yaml
 
-    if not (place / CONFIGURATION).is_file():
+    if not (place / AUDIT_FILE).is_file():
         return True
-    known = load_yaml(place / CONFIGURATION)
+    known = load_yaml(place / AUDIT_FILE)
     models = [str(asset.get("model", "")) for asset in known.get("assets", {}).values()]
     is_same = [(place / model).resolve() for model in models] == [model_file(wanted.source).resolve()]
     return is_same and known.get("suite", "") == wanted.suite_name
 
 
-def write_configuration(wanted: Subject, target: Path, *, draws: bool) -> Path:
+def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> Path:
     """Write the configuration of a model, and return its path; warn of doubtful views, or draw unsure ones."""
     import yaml
 
@@ -110,7 +110,7 @@ def _scene_name(source: Path) -> str:
     return re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
 
 
-def _mention_up(wanted: Subject) -> None:
+def _mention_up(wanted: AuditRequest) -> None:
     """Warn if the up direction of generated views is unsure, and draw the model with each axis up."""
     from gspure.figures.panels import mention_up
     from gspure.schemes.registry import read_public_model
@@ -120,7 +120,7 @@ def _mention_up(wanted: Subject) -> None:
         mention_up(public.model, public.scene(background=public.model.background), wanted.up, RESULTS)
 
 
-def _asset(wanted: Subject, model: Path) -> Json:
+def _asset(wanted: AuditRequest, model: Path) -> Json:
     """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
     from gspure.cameras.reading import default_cameras, place_in
     from gspure.schemes.pair import message_folder
