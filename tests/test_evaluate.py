@@ -290,6 +290,7 @@ def test_the_evidence_of_a_message_has_candidates_and_twins_with_redrawn_carrier
     owner = cases.owner(candidates=Path("candidates.npy"), twins=2)
     planned = attack_job("proven", "random_pruning", attack={"fraction": 0.25}, owner=owner)
     evidence = run(planned).evidence.pictures[MESSAGE]
+    assert not evidence.is_fitted
     messages = [*unattacked(MESSAGE).values()]
     extracted = [*renders(planned, MESSAGE).values()]
     assert (evidence.trace, evidence.legibility) == (trace(extracted, messages), legibility(extracted, messages))

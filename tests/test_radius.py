@@ -73,6 +73,7 @@ def test_a_key_that_learned_proves_a_message_only_beside_eight_clean_models() ->
     clean = [replace(attacked("clean", 0.0, message=shown(0.01 * i, 0.1)), variant="clean") for i in range(LEAST_CLEAN)]
     assert words(learned, *clean)["unattacked", PUBLISHED] == "readable"
     assert words(learned, *clean[1:])["unattacked", PUBLISHED] == "gone"
+    assert LEAST_CLEAN == 8
 
 
 def test_an_owner_who_adapts_is_never_worse_than_as_published() -> None:
@@ -88,7 +89,9 @@ def test_an_owner_who_adapts_is_never_worse_than_as_published() -> None:
     [(32, 32, "readable"), (30, 32, "proven"), (17, 32, "gone"), (8, 8, "readable"), (4, 4, "gone")],
 )
 def test_bits_are_proven_by_their_majority_and_readable_if_all_are_right(correct: int, bits: int, word: str) -> None:
-    assert words(read("unattacked", correct, bits)) == {("unattacked", PUBLISHED): word}
+    (row,) = results(read("unattacked", correct, bits))
+    assert (row.owner, row.word, row.candidates, row.twins) == (PUBLISHED, word, 0, 0)
+    assert [row._replace(level=level).is_decided for level in (0.05, 0.051)] == [True, False]
 
 
 def test_scores_are_proven_against_those_of_clean_views_only() -> None:
