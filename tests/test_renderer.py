@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
-from gspure.renderer import CONTRIBUTION, Renderer
+from gspure.renderer import Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
 from tests.models import AWKWARD, UNDRAWN, blobs, camera, gaussians, joined, tilted_camera
 from tests.reference.blending import render
@@ -107,18 +107,6 @@ def test_the_near_plane_belongs_to_what_is_culled(device, style, energy):
     means = np.stack([np.zeros(3), np.zeros(3), depths], axis=1)
     renderer = Renderer(gaussians(means=means, scales=0.01), device, energy=energy, style=style)
     assert renderer.contributions(camera(17, 17))["index"].tolist() == [2]
-
-
-def test_nothing_in_sight_leaves_the_background(device, style, energy):
-    model = gaussians(means=[[0, 0, -4], [900, 0, 4]], scales=0.1)
-    renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
-    assert (renderer.image(view, (0.25, 0.5, 0.75)) == np.float32([0.25, 0.5, 0.75])).all()
-    assert (renderer.image(view) == 0).all()
-    assert (renderer.feature_map(view, np.ones((2, 5), np.float32)) == 0).all()
-    assert (renderer.transmittance(view) == 1).all()
-    assert np.isinf(renderer.depth(view)).all()
-    assert renderer.contributions(view).shape == (0,)
-    assert renderer.contributions(view).dtype == CONTRIBUTION
 
 
 @pytest.mark.parametrize("columns", UNDRAWN, ids=" ".join)
