@@ -91,12 +91,6 @@ def test_ascii_holds_the_same_model_as_binary(folder, dtype, seed):
         np.testing.assert_array_equal(read[name], table[name])  # not-a-numbers are equal here, whatever their bits
 
 
-def test_header_lines_may_end_as_on_windows(tmp_path):
-    table = random_table(floats(CORE), 2)
-    content = header(table.dtype, 2).replace(b"\n", b"\r\n") + table.tobytes()
-    assert read_model(save(tmp_path / "m.ply", content)).table.tobytes() == table.tobytes()
-
-
 def test_a_model_is_read_only_and_may_replace_the_file_it_was_read_from(tmp_path):
     write_model(tmp_path / "m.ply", blobs(9))
     model = read_model(tmp_path / "m.ply")
