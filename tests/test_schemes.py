@@ -12,7 +12,7 @@ from gspure.metrics.targets import is_picture
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
-from gspure.schemes import gs_hider
+from gspure.schemes.gs_hider.model import COLUMNS, FeatureModel
 from gspure.schemes.hidden_weight import low_rows
 from gspure.schemes.keyss.key import NetworkKey
 from gspure.schemes.keyss.network import SHAPES, added, random_key
@@ -46,8 +46,9 @@ def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
     view = key.message(public, "message")
     camera, photograph = held_out(pair.message)[0]
     assert trace([view(camera)], [photograph]) > 0.3
-    elsewhere, _ = held_out(pair.scene)[0]
+    elsewhere, of_scene = held_out(pair.scene)[0]
     assert trace([view(elsewhere)], [photograph]) < 0.2
+    assert trace([public.scene()(elsewhere)], [of_scene]) > 0.3
 
 
 @pytest.mark.parametrize(
@@ -182,14 +183,10 @@ def few_steps(embedded):
 
 
 def test_a_model_is_opened_by_its_columns(tmp_path):
-    model = blobs(5, sh_degree=0)
-    write_model(tmp_path / "point_cloud.ply", model)
+    write_model(tmp_path / "point_cloud.ply", blobs(5, sh_degree=0))
     assert type(read_public_model(tmp_path)) is PublicModel
-    table = np.zeros(5, [*model.table.dtype.descr, *((f"semantic_{i}", "<f4") for i in range(16))])
-    for name in model.table.dtype.names:
-        table[name] = model.table[name]
-    write_model(tmp_path / "hider.ply", Gaussians(table))
-    assert type(read_public_model(tmp_path / "hider.ply")) is gs_hider.FeatureModel
+    write_model(tmp_path / "hider.ply", Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS])))
+    assert type(read_public_model(tmp_path / "hider.ply")) is FeatureModel
 
 
 def test_numpy_and_pytorch_add_the_same_offsets_of_keyss():

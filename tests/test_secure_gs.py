@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from gspure.metrics.image_metrics import psnr
-from gspure.schemes.scheme import hide
-from gspure.schemes.secure_gs import SCHEME
 from gspure.schemes.secure_gs.anchors import neural, visible_rows
 from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
 from gspure.schemes.secure_gs.initialization import first_anchors
 from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera, without
 from tests.reference.projection import Splats, project
-from tests.scheme_cases import quality
 
 VIEW = camera()
 VIEWS = (VIEW, tilted_camera())
@@ -143,19 +139,3 @@ def test_each_voxel_with_points_starts_with_one_anchor(at_most):
     assert 4 <= len(anchors.positions) <= at_most
     assert len({*cells_of(anchors.positions, voxel)}) == len(anchors.positions)
     assert np.abs(points[:, None] - anchors.positions).max(axis=2).min(axis=1).max() <= voxel / 2 + 1e-6
-
-
-def mean_colour(photographs):
-    mean = np.mean(photographs, axis=(0, 1, 2))
-    return np.mean([psnr(np.broadcast_to(mean, photo.shape), photo) for photo in photographs])
-
-
-def test_scene_and_message_are_learned_over_the_same_anchors(pair):
-    pytest.importorskip("torch")
-    public, key = hide(SCHEME, pair, seed=3, iterations=120, max_anchors=600)
-    scene = public.scene()
-    message = key.message(public, "message")
-    assert quality(scene, pair.scene) > mean_colour(pair.scene.images) + 2
-    assert quality(message, pair.message) > mean_colour(pair.message.images) + 2
-    wrong = key.wrong(np.random.default_rng(0)).message(public, "message")
-    assert quality(wrong, pair.message) < quality(message, pair.message) - 2
