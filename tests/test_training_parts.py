@@ -15,7 +15,7 @@ from gspure.errors import InputError
 from gspure.files import read_json, write_json
 from gspure.model import read_model
 from gspure.model.gaussians import sigmoid
-from gspure.model.ply import offset_comment, read_point_ply, write_point_ply
+from gspure.model.ply import offset_comment
 from gspure.opencl.trainable import Parameters, TrainState
 from gspure.training import densification
 from gspure.training.dataset import extent, read_dataset, read_photographs
@@ -61,14 +61,6 @@ def test_the_extent_is_that_of_the_training_cameras(project):
 def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, points, refused):
     source = colmap_project(tmp_path / "project", views, points)
     assert f"training views: expected {refused}" in refusal(source)
-
-
-def test_points_read_back_are_those_written(tmp_path):
-    rgb = np.random.default_rng(1).integers(256, size=(20, 3), dtype=np.uint8)
-    write_point_ply(tmp_path / "input.ply", POINTS, rgb)
-    xyz, colours = read_point_ply(tmp_path / "input.ply")
-    np.testing.assert_array_equal(xyz, POINTS.astype(np.float32))
-    np.testing.assert_array_equal(colours, rgb)
 
 
 @pytest.fixture
@@ -236,9 +228,9 @@ def opaque(count, size=0.05, **columns):
     return TrainState(parameters, random.first, random.second)
 
 
-def grow(before, gradients, *, extent=1.0, prune_big=False, seed=0, **settings):
-    rng = np.random.default_rng(seed)
-    growth = plan(before.parameters, statistics(gradients), extent=extent, prune_big=prune_big, rng=rng, **settings)
+def grow(before, gradients, views=1, **settings):
+    settings |= {"extent": 1.0, "prune_big": False, "rng": np.random.default_rng(0)}
+    growth = plan(before.parameters, statistics(gradients, views), **settings)
     return densification.grow(before, growth)
 
 
@@ -248,9 +240,7 @@ def rows_of(before, rows):
 
 def test_a_gradient_is_the_mean_over_the_views_that_show_the_gaussian():
     before = opaque(3, size=0.001)
-    collected = statistics([LARGE, SMALL, 0.0], views=[10, 10, 0])
-    growth = plan(before.parameters, collected, extent=1.0, prune_big=False, rng=np.random.default_rng(0))
-    after = densification.grow(before, growth)
+    after = grow(before, [LARGE, SMALL, 0.0], views=[10, 10, 0])
     assert len(after.parameters) == 4
     np.testing.assert_array_equal(after.parameters.means[3], before.parameters.means[0])
 
