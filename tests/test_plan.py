@@ -126,11 +126,9 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
     ("content", "line"),
     [
         ({"pairs": {}}, "assets: expected at least one model, or a pair and a scheme, found none"),
-        ({"schemes": {}}, "assets: expected at least one model, or a pair and a scheme, found none"),
         ({"pairs": {"a": {"scene": "no", "message": "no"}}}, "pairs.a.scene: .* file or folder, found no"),
         ({"pairs": {"a": {"scene": "data/bicycle", "message": "no"}}}, "pairs.a.scene: .*gspure download bicycle"),
         ({"pairs": {"a": {"scene": "room", "message": "photos"}}}, "pairs.a: "),
-        ({"pairs": {"a": {"scene": "photos", "message": "room"}}}, "pairs.a: "),
         ({"schemes": {"splats": {}}}, "schemes.splats: expected one of .*splats_in_splats.*, found 'splats'"),
         ({"schemes": {"planted": {"bits": 3}}}, "schemes.planted.bits: expected one of .*unknown key"),
         ({"extractions": ["message", "message_x"]}, "extractions: expected one of message.*'message_x'"),
@@ -149,8 +147,6 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         (variant("gspure", decision="wild"), "variants.gspure.decision: expected one of mild, found 'wild'"),
         (variant("gspure", damage=1), "variants.gspure.damage: expected an attack with a strength, found gspure"),
         ({"detectors": {"scene": READ}}, "detectors.scene: "),
-        ({"detectors": {"bits": READ}}, "detectors.bits: "),
-        ({"detectors": {"model_bits": READ}}, "detectors.model_bits: "),
         ({"detectors": {"message_x": READ}}, "detectors.message_x: "),
         ({"detectors": {"mark": {"command": "read 'image"}}}, "detectors.mark: "),
     ],
@@ -333,11 +329,12 @@ def test_a_traced_pair_has_the_size_of_its_settings(*, width: int, is_small: boo
     assert training.has_small_images is plan.models[0].has_small_images is is_small
 
 
-def test_a_pair_of_photographs_trains_a_model_of_its_message() -> None:
+def test_a_pair_of_photographs_trains_a_model_of_its_message_or_shares_it() -> None:
     pair = {"scene": capture("scene"), "message": capture("photos/message"), "iterations": 7, "width": 16}
-    plan = planned(pairs={"mine": pair})
-    ((name, message),) = plan.messages.items()
+    plan = planned(pairs={"mine": pair, "same": pair, "longer": {**pair, "iterations": 8}})
+    (name, message), _ = plan.messages.items()
     assert name.startswith("message-")
+    assert {model.owner.candidates for model in plan.models} == {None}
     assert message.sources == ("photos/message",)
     assert message.options == {"iterations": 7, "resolution": "320px", "seed": 0}
     assert len([file for file in message.users_files if file.match("photos/message/images/*.png")]) == 9
@@ -347,16 +344,6 @@ def test_a_pair_of_photographs_trains_a_model_of_its_message() -> None:
     assert training.options == {"protocol": "shared", "resolution": "320px", "seed": 0}
     assert {file.parts[0] for file in training.users_files} == {"scene"}
     assert not training.has_small_images
-
-
-def test_pairs_share_a_message_unless_its_training_differs() -> None:
-    message = capture("message")
-    pairs: dict[str, Any] = {name: {"scene": capture(name), "message": message} for name in ("a", "b", "c")}
-    pairs["c"]["iterations"] = 7
-    plan = planned(pairs=pairs)
-    assert len(plan.messages) == 2
-    assert plan.candidates == {}
-    assert {model.owner.candidates for model in plan.models} == {None}
 
 
 def test_chosen_extractions_are_compared_and_an_adaptive_owner_has_what_the_scheme_uses() -> None:
