@@ -9,7 +9,7 @@ from PIL import Image
 
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.errors import InputError
-from gspure.images import FORMATS, read_back, read_image, write_image
+from gspure.images import FORMATS, read_image, write_image
 from gspure.training.dataset import _with_photographs
 from tests.models import camera
 
@@ -33,14 +33,6 @@ def test_grey_is_spread_over_three_channels_and_transparency_stands_on_black(tmp
     assert read_image(tmp_path / "grey.png").tolist() == np.full((2, 2, 3), np.float32(0.2)).tolist()
     Image.new("RGBA", (2, 2), (255, 0, 100, 51)).save(tmp_path / "clear.png")
     assert read_image(tmp_path / "clear.png")[0, 0] * 255 == pytest.approx([51, 0, 20])
-
-
-def test_transparent_pixels_have_the_background_of_renders(tmp_path):
-    Image.new("RGBA", (2, 2)).save(tmp_path / "clear.png")
-    for channel in np.linspace(0, 1, 511):
-        background = np.full(3, channel)
-        shown = read_image(tmp_path / "clear.png", background=background)[0, 0]
-        assert shown.tolist() == read_back(background).tolist()
 
 
 def test_a_photograph_is_reduced_to_the_size_of_its_view(tmp_path):
