@@ -57,23 +57,11 @@ def test_awkward_models_agree_with_the_reference(device, style, energy, case):
     assert_all_agree(Renderer(model, device, energy=energy, style=style), view, tight=tight)
 
 
-@pytest.mark.parametrize("count", [1, 15, 16, 17, 257])
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 258])
 def test_any_number_of_gaussians_agrees(device, style, energy, count):
-    assert_all_agree(Renderer(blobs(count, count), device, energy=energy, style=style), tilted_camera(33, 31))
-
-
-@pytest.mark.parametrize("size", [(1, 1), (15, 17), (16, 16), (17, 15), (33, 31), (65, 47)], ids="{0[0]}x{0[1]}".format)
-def test_any_image_size_agrees(device, style, energy, size):
-    """One short of a tile, a tile, and one more, in both directions."""
-    assert_all_agree(Renderer(blobs(120, 1), device, energy=energy, style=style), tilted_camera(*size))
-
-
-@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
-def test_any_degree_of_spherical_harmonics_agrees(device, style, sh_degree):
-    model, view = blobs(60, 2, sh_degree=sh_degree), tilted_camera(33, 31)
-    expected = render(model, view, "ewa")
-    image = Renderer(model, device, style=style).image(view)
-    assert_pixels_agree(image, expected.channels, expected.margins, spread=expected.channels.max())
+    """Of harmonics of every degree, too."""
+    model = blobs(count, count, sh_degree=count % 4)
+    assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(33, 31))
 
 
 @pytest.mark.parametrize("channels", [1, 3, 16, 17])
