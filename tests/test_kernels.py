@@ -1,15 +1,13 @@
-"""The kernels of a frame one by one: exp2, projection, order and lists of tiles."""
+"""The kernels of a frame one by one: what is visible, its order, and lists of tiles."""
 
 import numpy as np
-import pyopencl as cl
 import pytest
 
 from gspure.constants import ALPHA_MIN, TILE
 from gspure.opencl.binning import bands, bin_tiles, bound_entries
-from gspure.opencl.engine import Engine, Program, by_name
+from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.ordering import sort_by_depth
-from gspure.opencl.program import build_options, kernel_source
 from gspure.opencl.projection import project
 from gspure.opencl.sorting import GROUP, prefix_sums
 from gspure.opencl.storage import morton_order, store
@@ -17,23 +15,6 @@ from tests.models import AWKWARD, blobs, camera, tilted_camera
 from tests.reference.footprint import extents
 from tests.reference.projection import pixel_centres
 from tests.reference.projection import project as project_reference
-
-EVALUATE = """
-__kernel void evaluate(__global const V *x, __global V *y) {
-    y[get_global_id(0)] = exp2_polynomial(x[get_global_id(0)]);
-}
-"""
-
-
-def test_exp2_is_within_four_ten_millionths(device, style):
-    engine, lanes = Engine(device.cl_device, style), {"cpu": 16, "gpu": 1}[style]
-    x = np.linspace(-126, 127, 1 << 14).astype(np.float32)
-    source = kernel_source("vector") + EVALUATE
-    program = cl.Program(engine.context, source).build(options=build_options({"LANES": lanes}))
-    result = engine.allocate(x.nbytes)
-    Program(by_name(program), engine.queue, 1).launch("evaluate", x.size // lanes, engine.uploaded(x), result)
-    np.testing.assert_allclose(engine.read(result, x.shape, np.float32), np.exp2(x.astype(np.float64)), rtol=4e-7)
-
 
 NOT_VISIBLE = 0xFFFFFFFF
 
@@ -104,20 +85,9 @@ class Lists:
             lists = bin_tiles(frame, projected, bounds, band)
             columns, _ = frame.tiles
             starts = engine.read(lists.tile_starts, (len(band) * columns + 1,), np.uint32)
-            positions, slots = engine.read(lists.entries, (starts[-1], 2), np.uint32).T
-            rows = storage.order[positions]
-            ranges = engine.read(lists.slot_ranges, (order.visible, 2), np.uint32)
-            self.tiles += np.split(rows, starts[1:-1])
+            positions, _ = engine.read(lists.entries, (starts[-1], 2), np.uint32).T
+            self.tiles += np.split(storage.order[positions], starts[1:-1])
             self.capacities.append(lists.capacity)
-            check_slots(self.front_to_back, rows, slots, ranges, lists.capacity)
-
-
-def check_slots(front_to_back, rows, slots, ranges, capacity):
-    """Each entry has a slot of its own, among its Gaussian's, and those of one Gaussian are in tile order."""
-    assert len(np.unique(slots)) == len(slots)
-    assert (slots < capacity).all()
-    for row, (begin, end) in zip(front_to_back, ranges, strict=True):
-        assert np.array_equal(slots[rows == row], np.arange(begin, end))
 
 
 def pairs(lists):
