@@ -1,12 +1,16 @@
 """The surface of a model: 3-D filter, tetrahedra, mesh, distances; small models seen from all around."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
 
 from gspure.attacks import Measurements, find_attack
+from gspure.cameras.camera import rigid
 from gspure.errors import InputError
 from gspure.public_model import PublicModel
 from gspure.surface.distances import INVISIBLE, depth_distances, mesh_distances
@@ -46,17 +50,10 @@ def populated():
 @pytest.fixture(scope="module")
 def views():
     """Six views of the origin, along the axes."""
-    found = []
-    for i, (axis, up) in enumerate(((0, 1), (1, 2), (2, 0))):
-        for sign in (1, -1):
-            rows = np.zeros((3, 3))
-            rows[2, axis] = -sign
-            rows[1, up] = 1
-            rows[0] = np.cross(rows[1], rows[2])
-            viewmat = np.eye(4)
-            viewmat[:3, :3], viewmat[2, 3] = rows, 4.0
-            found.append(camera(48, 48, focal=57.6, viewmat=viewmat, name=f"view_{2 * i + (sign < 0)}"))
-    return found
+    ahead = camera(48, 48, focal=57.6, viewmat=rigid(np.eye(3), np.array([0, 0, 4.0])))
+    angles = [(0, 0), (0, 90), (0, 180), (0, 270), (90, 0), (-90, 0)]
+    turns = [Rotation.from_euler("xy", pair, degrees=True).as_matrix() for pair in angles]
+    return [replace(ahead.moved(rigid(turn, np.zeros(3))), name=f"view_{i}") for i, turn in enumerate(turns)]
 
 
 def test_views_see_a_margin_beyond_their_edges_and_what_none_sees_gets_the_largest_filter():
