@@ -16,8 +16,7 @@ from gspure.method.weights import (
     require_in_view,
     view_weights,
 )
-
-CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
+from gspure.renderer import CONTRIBUTION
 
 
 def stage(*rows: tuple[int, float, float, int]) -> np.ndarray:
