@@ -40,8 +40,8 @@ def photographs():
     return [np.clip(image, 0, 1).astype(np.float32) for image in rendered]
 
 
-def learner(model, device, style, **settings) -> TrainableModel:
-    found = TrainableModel(TrainState.fresh(parameters(model)), device=device, style=style, **settings)
+def learner(begin: Parameters, device, style) -> TrainableModel:
+    found = TrainableModel(TrainState.fresh(begin), device=device, style=style)
     found.set_targets(photographs())
     return found
 
@@ -63,7 +63,7 @@ def test_a_step_follows_the_references_gradient_of_the_loss(device, style, numbe
     """Fresh moments tell it, before Adam makes all steps alike: first = 0.1 gradient."""
     model = scene()
     loss, expected = reference_step(model, VIEWS[number], photographs()[number])
-    found = learner(model, device, style)
+    found = learner(parameters(model), device, style)
     assert found.step(VIEWS[number], number, RATES, background=BACKGROUND) == pytest.approx(loss, rel=1e-5)
     first = found.state().first
     opacities = model.opacities.astype(np.float64)
@@ -82,9 +82,8 @@ def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style
     """A model of degree 2, used to degree 1, is the model of degree 1."""
     rich = scene(sh_degree=2)
     poor = replace(parameters(rich), sh_coeffs=np.ascontiguousarray(rich.sh_coeffs[:, :4]))
-    expected = TrainableModel(TrainState.fresh(poor), device=device, style=style)
-    expected.set_targets(photographs())
-    found = learner(rich, device, style)
+    expected = learner(poor, device, style)
+    found = learner(parameters(rich), device, style)
     found.sh_degree_active = 1
     assert steps(found, range(3)) == steps(expected, range(3))
     state, small = found.state().parameters, expected.state().parameters
@@ -99,7 +98,7 @@ def test_unused_degrees_of_harmonics_are_neither_shown_nor_trained(device, style
 def test_statistics_add_up_gradients_of_centres_in_units_of_the_image(device, style):
     model = scene()
     rates = LearningRates(*[0.0] * 6)
-    found = learner(model, device, style)
+    found = learner(parameters(model), device, style)
     expected = np.zeros(len(model))
     for number in (0, 1, 0):
         found.step(VIEWS[number], number, rates, background=BACKGROUND)
@@ -113,11 +112,10 @@ def test_statistics_add_up_gradients_of_centres_in_units_of_the_image(device, st
 
 
 def test_twins_train_like_one_model_on_the_sum_of_both_losses(device, style):
-    begin, weight = TrainState.fresh(parameters(scene())), 0.5  # the same scene twice
-    model = TwinModel((begin, begin), weight, device, style)
+    begin, weight = parameters(scene()), 0.5
+    model = TwinModel((TrainState.fresh(begin), TrainState.fresh(begin)), weight, device, style)
     model.set_targets(photographs(), photographs())
-    alone = TrainableModel(begin, device=device, style=style)
-    alone.set_targets(photographs())
+    alone = learner(begin, device, style)
     for i in range(2):
         loss = model.step((VIEWS[i],) * 2, (i,) * 2, RATES)
         assert loss == pytest.approx((1 + weight) * alone.step(VIEWS[i], i, RATES), rel=1e-5)
