@@ -140,14 +140,9 @@ def test_a_setting_of_an_attack_concerns_its_variant_alone(project):
 @pytest.mark.parametrize(
     ("file", "before", "after", "jobs"),
     [
-        ("rules/steps/decision.py", "def select_and_prune", "# edited\ndef select_and_prune", {"decide_pruning": 2}),
+        ("rules/steps/decision.py", "\ndef", "\n# edited\ndef", {"decide_pruning": 2}),
         ("kernels_cl/blending.cl", "//", "// edited", {"measure_contributions": 2}),
-        (
-            "rules/steps/candidates.py",
-            "def trace",
-            "# edited\ndef trace",
-            {"trace_candidates": 1, "evaluate_variant": 4},
-        ),
+        ("rules/steps/candidates.py", "\ndef", "\n# edited\ndef", {"trace_candidates": 1, "evaluate_variant": 4}),
         ("mark.py", "0.5", "0.25", {"evaluate_variant": 8}),
     ],
 )
