@@ -259,9 +259,8 @@ def test_a_large_gaussian_is_split_into_two_smaller_ones():
     assert same_bits(rows_of(after, slice(2)), rows_of(before, [0, 2]))
     halves = rows_of(after, slice(2, None))
     parents = rows_of(before, [1, 3, 1, 3])
-    np.testing.assert_allclose(
-        np.exp(halves.parameters.log_scales), np.exp(parents.parameters.log_scales) / 1.6, rtol=1e-5
-    )
+    shrunk = np.exp(parents.parameters.log_scales) / 1.6
+    np.testing.assert_allclose(np.exp(halves.parameters.log_scales), shrunk, rtol=1e-5)
     for name in ("quats", "opacity_logits", "sh_coeffs"):
         np.testing.assert_array_equal(getattr(halves.parameters, name), getattr(parents.parameters, name))
     assert not any(array.any() for part in (halves.first, halves.second) for array in vars(part).values())
