@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gspure.constants import NEAR_PLANE
 from gspure.errors import InputError
-from gspure.renderer import Renderer
+from gspure.renderer import CONTRIBUTION, Renderer
 from tests.comparison import assert_contributions_agree, assert_depths_agree, assert_pixels_agree
 from tests.models import AWKWARD, UNDRAWN, blobs, camera, gaussians, joined, tilted_camera
 from tests.reference.blending import render
@@ -57,11 +57,23 @@ def test_awkward_models_agree_with_the_reference(device, style, energy, case):
     assert_all_agree(Renderer(model, device, energy=energy, style=style), view, tight=tight)
 
 
-@pytest.mark.parametrize("count", [1, 15, 16, 17, 258])
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 257])
 def test_any_number_of_gaussians_agrees(device, style, energy, count):
-    """Of harmonics of every degree, too."""
-    model = blobs(count, count, sh_degree=count % 4)
-    assert_all_agree(Renderer(model, device, energy=energy, style=style), tilted_camera(33, 31))
+    assert_all_agree(Renderer(blobs(count, count), device, energy=energy, style=style), tilted_camera(33, 31))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (15, 17), (16, 16), (17, 15), (33, 31), (65, 47)], ids="{0[0]}x{0[1]}".format)
+def test_any_image_size_agrees(device, style, energy, size):
+    """One short of a tile, a tile, and one more, in both directions."""
+    assert_all_agree(Renderer(blobs(120, 1), device, energy=energy, style=style), tilted_camera(*size))
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+def test_any_degree_of_spherical_harmonics_agrees(device, style, sh_degree):
+    model, view = blobs(60, 2, sh_degree=sh_degree), tilted_camera(33, 31)
+    expected = render(model, view, "ewa")
+    image = Renderer(model, device, style=style).image(view)
+    assert_pixels_agree(image, expected.channels, expected.margins, spread=expected.channels.max())
 
 
 @pytest.mark.parametrize("channels", [1, 3, 16, 17])
@@ -95,6 +107,18 @@ def test_the_near_plane_belongs_to_what_is_culled(device, style, energy):
     means = np.stack([np.zeros(3), np.zeros(3), depths], axis=1)
     renderer = Renderer(gaussians(means=means, scales=0.01), device, energy=energy, style=style)
     assert renderer.contributions(camera(17, 17))["index"].tolist() == [2]
+
+
+def test_nothing_in_sight_leaves_the_background(device, style, energy):
+    model = gaussians(means=[[0, 0, -4], [900, 0, 4]], scales=0.1)
+    renderer, view = Renderer(model, device, energy=energy, style=style), camera(17, 5)
+    assert (renderer.image(view, (0.25, 0.5, 0.75)) == np.float32([0.25, 0.5, 0.75])).all()
+    assert (renderer.image(view) == 0).all()
+    assert (renderer.feature_map(view, np.ones((2, 5), np.float32)) == 0).all()
+    assert (renderer.transmittance(view) == 1).all()
+    assert np.isinf(renderer.depth(view)).all()
+    assert renderer.contributions(view).shape == (0,)
+    assert renderer.contributions(view).dtype == CONTRIBUTION
 
 
 @pytest.mark.parametrize("columns", UNDRAWN, ids=" ".join)
