@@ -58,24 +58,16 @@ CORE = {
 }
 
 _RESULTS = ("test_radius.py", "test_answer.py")
+_EVALUATED = ("attacking", "comparing", "evaluate", "showing")
 _PLANS = ("test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_configuration.py"),
-    "gspure.evaluation.attacking": ("test_evaluate.py",),
     "gspure.evaluation.collecting": ("test_outcomes.py",),
-    "gspure.evaluation.comparing": ("test_evaluate.py",),
-    "gspure.evaluation.deciding": ("test_step.py",),
-    "gspure.evaluation.evaluate": ("test_evaluate.py",),
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.evidence": ("test_radius.py", "test_evaluate.py"),
-    "gspure.evaluation.judging": _RESULTS,
     "gspure.evaluation.outcomes": ("test_outcomes.py", *_RESULTS),
     "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
     "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
-    "gspure.evaluation.radius": _RESULTS,
-    "gspure.evaluation.results": _RESULTS,
-    "gspure.evaluation.revealing": ("test_step.py",),
-    "gspure.evaluation.showing": ("test_evaluate.py",),
     "gspure.evaluation.attack_record": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.auditing": ("test_audit_command.py", "test_exit_statuses.py"),
     "gspure.workflow.request": ("test_audit_command.py",),
@@ -87,6 +79,9 @@ JOBS = {
     "gspure.workflow.schema": ("test_codec.py",),
     "gspure.workflow.sources": ("test_sources.py",),
     "gspure.workflow.step": ("test_step.py",),
+    **{f"gspure.evaluation.{name}": ("test_evaluate.py",) for name in _EVALUATED},
+    **{f"gspure.evaluation.{name}": ("test_step.py",) for name in ("deciding", "revealing")},
+    **{f"gspure.evaluation.{name}": _RESULTS for name in ("judging", "radius", "results")},
     **{f"gspure.workflow.{name}": _PLANS for name in ("assets", "decisions", "jobs", "pairs", "planning", "variants")},
 }
 MODULES = CORE | JOBS
@@ -153,14 +148,11 @@ def _left_alone(node: ast.AST) -> bool:
 def _changes(node: ast.AST) -> list[tuple[str, object]]:
     """What may be changed in a node: a description, and a function that does it."""
     changes = []
-    if isinstance(node, ast.BinOp | ast.AugAssign | ast.BoolOp) and type(node.op) in _OPERATORS:
-        other = _OPERATORS[type(node.op)]
-        changes.append((f"{type(node.op).__name__} -> {other.__name__}", lambda: setattr(node, "op", other())))
-    if isinstance(node, ast.Compare) and type(node.ops[0]) in _OPERATORS:
-        others = _OPERATORS[type(node.ops[0])]
-        changes.append(
-            (f"{type(node.ops[0]).__name__} -> {others.__name__}", lambda: node.ops.__setitem__(0, others()))
-        )
+    operator = type(node.ops[0]) if isinstance(node, ast.Compare) else type(getattr(node, "op", None))
+    if operator in _OPERATORS:
+        other = _OPERATORS[operator]
+        operators = {"ops": [other(), *node.ops[1:]]} if isinstance(node, ast.Compare) else {"op": other()}
+        changes.append((f"{operator.__name__} -> {other.__name__}", lambda: vars(node).update(operators)))
     if isinstance(node, ast.UnaryOp):
         changes.append((f"no {type(node.op).__name__}", lambda: _become(node, node.operand)))
     if isinstance(node, ast.Constant) and type(node.value) in {int, float, bool}:
