@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ import pytest
 from gspure.arrays import Bools, Float32, load_array, save_array
 from gspure.codec import read
 from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, Refused, StrengthValue
-from gspure.evaluation.attacking import AttackResult, Context, attacked
+from gspure.evaluation.attacking import Context, attacked
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
 from gspure.files import read_json
@@ -80,11 +79,6 @@ def likeness(planned: Job, target: str) -> list[float]:
     return [psnr(before[name], image) for name, image in renders(planned, target).items()]
 
 
-def result(name: str, **spec: Any) -> AttackResult:
-    """An attack on the public rows, without a job."""
-    return attacked(cases.LanternModel(cases.public_rows()), AttackSpec(name, **spec), Context())
-
-
 def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     planned = attack_job("pruned", "random_pruning", attack={"fraction": 0.25})
     evaluation = run(planned)
@@ -121,11 +115,14 @@ def test_the_unattacked_model_is_the_public_one_and_nothing_is_left_of_an_earlie
 
 
 def test_seed_and_measurements_of_an_attack_are_those_of_the_plan() -> None:
-    masks = [result("random_pruning", seed=seed).attacked.prune_mask.tobytes() for seed in (0, 0, 1)]
+    public = cases.LanternModel(cases.public_rows())
+    random = [attacked(public, AttackSpec("random_pruning", seed=seed), Context()) for seed in (0, 0, 1)]
+    masks = [result.attacked.prune_mask.tobytes() for result in random]
     assert masks[0] == masks[1] != masks[2]
     weights = np.arange(cases.ROWS, dtype=np.float32) % 2
     np.save("weights.npy", weights)
-    pruned = result("plain_weight", measured={"weights": Path("weights.npy")})
+    spec = AttackSpec("plain_weight", measured={"weights": Path("weights.npy")})
+    pruned = attacked(public, spec, Context())
     np.testing.assert_array_equal(pruned.attacked.prune_mask, weights == 0)
 
 
