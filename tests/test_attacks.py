@@ -29,7 +29,7 @@ from gspure.constants import SH_DC
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from tests.attack_cases import KINDS, anchors, apply, changed, features, measurements, unhurried
-from tests.models import blobs, camera, tilted_camera
+from tests.models import blobs, camera
 from tests.reference.blending import render
 
 COUNT = 30
@@ -175,8 +175,8 @@ COLOURS = {
 }
 
 
-def image(model: Gaussians, view=None) -> np.ndarray:
-    return render(model, view or camera(), "ewa").channels
+def image(model: Gaussians) -> np.ndarray:
+    return render(model, camera(), "ewa").channels
 
 
 @unhurried
@@ -365,15 +365,6 @@ def test_rows_come_back_nearly_as_they_were_and_the_same_way_each_time(codec: st
     np.testing.assert_allclose(after.sh_coeffs[:, 0], origin.sh_coeffs[:, 0], atol=colour / SH_DC)
     assert (after.sh_coeffs[:, 1:] == 0).all() == (codec == "splat")
     assert after.table.tobytes() == apply("compression", before, codec=codec).model.table.tobytes()
-
-
-@pytest.mark.parametrize("view", [camera(), tilted_camera()], ids=["straight", "tilted"])
-def test_images_are_the_same_from_moved_views_and_others_from_the_old_ones(view) -> None:
-    before = blobs(20)
-    attacked = apply("rigid_transform", before, angle=70.0, axis="1,2,-1", translation="0.5,0,-1", scale=1.5)
-    truth = image(before, view)
-    assert np.abs(image(attacked.model, view.moved(attacked.transform)) - truth).mean() < 1e-4
-    assert np.abs(image(attacked.model, view) - truth).mean() > 1e-2
 
 
 BITS = ("f_dc_*", "f_rest_*", "opacity")  # Splats in Splats, read from the public colours

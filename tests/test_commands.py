@@ -102,8 +102,8 @@ def test_render_names_images_after_views(folder):
 
 
 def test_a_moved_model_looks_the_same_in_views_that_move_with_it(folder):
-    words = "attack rigid_transform --model model.ply --set angle=40 --out moved.ply --transform transform.npy"
-    assert gspure(words) == 0
+    words = "attack rigid_transform --model model.ply --set angle=40 --set scale=1.5 --out moved.ply"
+    assert gspure(words, "--transform", "transform.npy") == 0
     for name, options in (("model", ""), ("moved", "--transform transform.npy")):
         assert gspure(f"render {name}.ply --cameras cameras.json --split test --out {name} {options}") == 0
     assert gspure("metrics model moved --out metrics.csv") == 0
