@@ -40,17 +40,10 @@ def drawn_bytes(data: st.DataObject, content: bytes) -> bytes:
     """Cut, insert or overwrite some bytes."""
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.integers(0, max(len(content) - 1, 0)))
-        length = data.draw(st.sampled_from([1, 1, 4, 40]))
-        match data.draw(st.sampled_from(["set", "cut", "end", "insert"])):
-            case "set":
-                new = data.draw(st.sampled_from([b"\0", b"\xff", b"\x7f", b"\x80", b"\x01"])) * length
-                content = content[:at] + new + content[at + length :]
-            case "cut":
-                content = content[:at] + content[at + length :]
-            case "end":
-                content = content[:at]
-            case "insert":
-                content = content[:at] + data.draw(st.binary(max_size=8)) + content[at:]
+        length = data.draw(st.sampled_from([0, 1, 1, 4, 40, len(content)]))
+        same = [byte * length for byte in (b"\0", b"\xff", b"\x7f", b"\x80", b"\x01")]
+        new = b"" if length == len(content) else data.draw(st.sampled_from([b"", *same]) | st.binary(max_size=8))
+        content = content[:at] + new + content[at + length :]
     return content
 
 
