@@ -25,6 +25,7 @@ LENSES = [
     (7, "PINHOLE", 640, 480, (500.0, 510.0, 321.5, 239.0)),
     (3, "SIMPLE_PINHOLE", 320, 240, (250.0, 160.0, 120.0)),
 ]
+FISHEYE = (7, "OPENCV_FISHEYE", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0))
 POSES = [
     (12, (0.9, -0.1, 0.3, 0.2), (0.5, -1.0, 4.0), 7, "left/0001.jpg", [(1.0, 2.0, 5), (3.0, 4.0, -1)]),
     (4, (-0.2, 0.7, 0.1, 0.6), (1.0, 2.0, 3.0), 3, "right/0001.jpg", []),
@@ -93,13 +94,6 @@ def test_the_model_and_its_photographs_are_found_from_root_or_model_folder(tmp_p
 
 
 @pytest.mark.parametrize("write", [binary, text])
-def test_a_fisheye_lens_is_refused_with_a_remedy(tmp_path, write):
-    lenses = [(7, "OPENCV_FISHEYE", 640, 480, (500.0, 510.0, 320.0, 240.0, 0.1, 0.0, 0.0, 0.0)), LENSES[1]]
-    with pytest.raises(InputError, match=r"camera 7\.model: .* found OPENCV_FISHEYE .*colmap image_undistorter"):
-        read_cameras(written(tmp_path, write(lenses=lenses)))
-
-
-@pytest.mark.parametrize("write", [binary, text])
 @pytest.mark.parametrize(
     ("model", "parameters", "distortion"),
     [
@@ -120,6 +114,7 @@ def test_a_distorted_camera_is_read_only_to_undistort_it(tmp_path, write, model,
     ("parts", "message"),
     [
         ({"lenses": [(7, "PINHOLE", 640, 480, (0.0, 1.0, 1.0, 1.0)), LENSES[1]]}, r"cameras\.\w+: camera 7\.fx: "),
+        ({"lenses": [FISHEYE, LENSES[1]]}, r"camera 7\.model: .* found OPENCV_FISHEYE .*colmap image_undistorter"),
         ({"lenses": LENSES[:1]}, r"images\.\w+: image 4\.camera_id: expected a camera of .*, found 3"),
         ({"poses": [(1, (0, 0, 0, 0), (0, 0, 0), 7, "a.jpg", [])]}, r"images\.\w+: image 1\.quat: "),
         ({"poses": [(1, (1, 0, 0, 0), (0, np.inf, 0), 7, "a.jpg", [])]}, r"images\.\w+: image 1\.translation: "),
