@@ -123,13 +123,6 @@ def test_type_checkers_see_the_very_objects_that_programs_get():
         _ = gspure.purge
 
 
-def test_importing_the_package_imports_nothing_else_of_it_and_no_other_package():
-    program = "import sys; import gspure; print(*{name.split('.')[0] for name in sys.modules if name != 'gspure'})"
-    command = [sys.executable, "-S", "-c", program]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=SOURCE.parents[1])
-    assert set(done.stdout.split()) <= {*sys.stdlib_module_names, "__main__"}
-
-
 @pytest.mark.parametrize(
     ("call", "line"),
     [
