@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gspure.errors import InputError
-from gspure.method.features import OUTLYING, PARTS, joint_features, standardize, take
-from gspure.model.summary import extent_and_distances
+from gspure.method.features import PARTS, joint_features, standardize, take
 
 COLUMNS = hnp.arrays(np.float64, st.tuples(st.integers(2, 30), st.just(3)), elements=st.floats(-1e3, 1e3, width=32))
 
@@ -103,11 +102,3 @@ def test_rows_beyond_ten_extents_count_unless_they_stretch_the_positions_more_th
     assert joint_features(means, 0 * x, 0 * x)[:, :3].tobytes() == expected.tobytes()
     text = capsys.readouterr().err
     assert warning in text if warning else not text
-
-
-@given(COLUMNS)
-def test_parts_are_standardized_as_if_they_were_alone(columns: np.ndarray) -> None:
-    assume((extent_and_distances(columns)[1] <= OUTLYING).all())
-    rest = np.arange(len(columns))
-    found = joint_features(columns, rest, rest**2)
-    np.testing.assert_array_equal(take(found, ["position"]), standardize(columns))
