@@ -96,17 +96,6 @@ def test_gradients_are_slopes_of_random_scenes(device, style, seed, name, larges
     assert slope == pytest.approx(terms.sum(), abs=1e-4 * np.linalg.norm(terms) + 1e-5)
 
 
-def test_means_move_colours_through_the_direction_of_view(device, style):
-    """Alone: each Gaussian covers the image and is clamped, so that its place in it does not matter."""
-    view = tilted_camera(5, 4)
-    for seed in range(8):
-        model = blobs(1, seed, size=(200.0, 300.0)).with_columns({"opacity": np.full(1, 9.0)})
-        found = gradients(Renderer(model, device, style=style), view)
-        expected = pull_back(model, view, random_gradient(view)).means
-        np.testing.assert_allclose(found.means, expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
-        assert expected.any()
-
-
 def test_gaussians_behind_the_stop_have_no_gradient(device, style):
     """Not even one left over from a view that showed it, from the side."""
     means = np.stack([np.zeros(80), np.zeros(80), np.linspace(3.0, 43.0, 80)], axis=1)
