@@ -86,11 +86,6 @@ def test_a_number_that_is_not_finite_is_null_and_comes_back_as_nan(number: float
     assert math.isnan(read(Drawing, content, SOURCE).mean)
 
 
-def test_a_class_of_a_union_is_named_only_where_there_is_a_choice() -> None:
-    assert plain(SUN)["shape"] == {KIND: "Circle", "centre": {"x": 1.0, "y": 2.0}, "radius": 1.0}
-    assert KIND not in plain(SUN.shape)
-
-
 def test_entries_with_a_default_may_be_left_out_of_a_content_that_stays_as_it_is() -> None:
     content = {"shape": {KIND: "Circle", "centre": {"x": 1, "y": 2}}}
     assert read(Drawing, content, SOURCE) == SUN
