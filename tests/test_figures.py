@@ -75,9 +75,7 @@ def test_a_cloud_is_drawn_in_its_colours_where_its_points_are() -> None:
 def test_a_room_is_drawn_from_inside_and_an_object_from_outside() -> None:
     shell = 5 * BALL / np.linalg.norm(BALL, axis=1, keepdims=True)
     dense = np.concatenate([shell, shell[shell[:, 0] > 3] * 0.99])
-    right = np.array(
-        [[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, -0.1], [0, 0, 0, 1]]
-    )  # from (0.1, 0, 0) along the x axis
+    right = np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, -0.1], [0, 0, 0, 1]])  # from x = 0.1 along the x axis
     turns = {"left": np.diag([-1.0, 1, -1, 1]), "right": np.eye(4)}
     inside = [Camera(name, 64, 48, intrinsics(50, 50, 32, 24), turn @ right) for name, turn in turns.items()]
     assert viewpoint.choose_camera(dense, inside).name == "right"
