@@ -70,7 +70,8 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
     depth = np.full(u.shape, np.inf)
     alive = np.ones(u.shape, bool)
     sums, maxima, pixels = (np.zeros(len(features), kind) for kind in (float, float, np.int64))
-    steps = Discontinuities(u.shape)
+    margins = Margins(*(np.full(u.shape, np.inf) for _ in range(6)))
+    last_depth = np.full(u.shape, -np.inf)
 
     for i, row in enumerate(projection.rows):
         energies, depths = projection.evaluate(i, u, v)
@@ -79,7 +80,15 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
         after = transmittance * (1 - alpha)
         touched = alive & (alpha >= ALPHA_MIN)
         blended = touched & (after >= TRANSMITTANCE_MIN)
-        steps.meet(projection, i, unclamped=unclamped, after=after, depths=depths, alive=alive, touched=touched)
+
+        shrink(margins.alpha, np.abs(unclamped / ALPHA_MIN - 1), alive)
+        shrink(margins.clamp, np.abs(unclamped / ALPHA_MAX - 1), touched)
+        shrink(margins.stop, np.abs(after / TRANSMITTANCE_MIN - 1), touched)
+        shrink(margins.median, np.abs(after / MEDIAN_TRANSMITTANCE - 1), touched)
+        shrink(margins.order, 1 - last_depth / projection.depths[i], touched)
+        last_depth[touched] = projection.depths[i]
+        if isinstance(projection, Rays):
+            shrink(margins.near, np.abs(depths / NEAR_PLANE - 1), alive)
 
         weight = np.where(blended, alpha * transmittance, 0.0)
         channels += weight[..., None] * features[row]
@@ -90,7 +99,7 @@ def blend(projection: Splats | Rays, camera: Camera, features: Float64, backgrou
         alive &= blended | ~touched
 
     channels += transmittance[..., None] * background
-    return Reference(channels, transmittance, depth, sums, maxima, pixels, steps.margins)
+    return Reference(channels, transmittance, depth, sums, maxima, pixels, margins)
 
 
 def centre_contributions(model: Gaussians, camera: Camera) -> tuple[Float64, Float64]:
@@ -118,36 +127,6 @@ def centre_contributions(model: Gaussians, camera: Camera) -> tuple[Float64, Flo
         margin_by_row[row] = margins[i]
         transmittance = np.where(stops, 0.0, np.where(blended, after, transmittance))
     return contributions, margin_by_row
-
-
-class Discontinuities:
-    """The margins of an image, updated Gaussian by Gaussian."""
-
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self.margins = Margins(*(np.full(shape, np.inf) for _ in range(6)))
-        self.last_depth = np.full(shape, -np.inf)
-
-    def meet(
-        self,
-        projection: Splats | Rays,
-        i: int,
-        *,
-        unclamped: Float64,
-        after: Float64,
-        depths: Float64,
-        alive: Bools,
-        touched: Bools,
-    ) -> None:
-        """Update the margins with the i-th Gaussian at the pixels that it reaches."""
-        margins, z = self.margins, projection.depths[i]
-        shrink(margins.alpha, np.abs(unclamped / ALPHA_MIN - 1), alive)
-        shrink(margins.clamp, np.abs(unclamped / ALPHA_MAX - 1), touched)
-        shrink(margins.stop, np.abs(after / TRANSMITTANCE_MIN - 1), touched)
-        shrink(margins.median, np.abs(after / MEDIAN_TRANSMITTANCE - 1), touched)
-        shrink(margins.order, 1 - self.last_depth / z, touched)
-        self.last_depth[touched] = z
-        if isinstance(projection, Rays):
-            shrink(margins.near, np.abs(depths / NEAR_PLANE - 1), alive)
 
 
 def shrink(smallest: Float64, values: Float64, where: Bools) -> None:

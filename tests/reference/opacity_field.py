@@ -10,6 +10,7 @@ from gspure.arrays import Float64
 from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX, ALPHA_MIN, NEAR_PLANE
 from gspure.model.gaussians import Gaussians
+from tests.camera_cases import project as pixels_and_depths
 from tests.reference.projection import Rays, pixel_rays, project
 
 
@@ -24,14 +25,11 @@ def opacities_at(model: Gaussians, camera: Camera, points: NDArray[Any]) -> tupl
     Steps are the cut-off of alpha and the near plane. The opacity of a point that the view does not show is 1.
     """
     projected = cast("Rays", project(model, camera, "ray"))
-    view = np.asarray(points, np.float64) @ camera.viewmat[:3, :3].T + camera.viewmat[:3, 3]
-    depths = view[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        u = camera.K[0, 0] * view[:, 0] / depths + camera.K[0, 2]
-        v = camera.K[1, 1] * view[:, 1] / depths + camera.K[1, 2]
-    shown = (depths > NEAR_PLANE) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+        pixels, depths = pixels_and_depths(camera, np.asarray(points, np.float64))
+    shown = (depths > NEAR_PLANE) & (pixels >= 0).all(axis=1) & (pixels < [camera.width, camera.height]).all(axis=1)
     transmittance, margins = np.ones(shown.sum()), np.full(len(shown), np.inf)
-    rays = pixel_rays(camera.K, u[shown], v[shown])
+    rays = pixel_rays(camera.K, *pixels[shown].T)
     for i in range(len(projected.rows)):
         distances, peaks, squared = projected.approach(i, rays)
         distances += squared * np.maximum(peaks - depths[shown], 0.0) ** 2
