@@ -132,17 +132,6 @@ TAKEN = Attack("gspure", half)
 GREEDY = Attack("greedy", lambda model, rng, key: Attacked.without(model, key))
 
 
-@pytest.fixture
-def offer(monkeypatch: pytest.MonkeyPatch):
-    """Return a function that offers a plug-in of this module."""
-
-    def register(target: str) -> None:
-        entry = EntryPoint("theirs", f"{__name__}:{target}", GROUP)
-        monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == GROUP else [])
-
-    return register
-
-
 @pytest.mark.parametrize(
     ("target", "message"),
     [
@@ -152,8 +141,9 @@ def offer(monkeypatch: pytest.MonkeyPatch):
         ("GREEDY", "needs: expected of columns, labels, opacities, .*, weights, found key"),
     ],
 )
-def test_a_bad_plug_in_is_named(offer, target: str, message: str) -> None:
-    offer(target)
+def test_a_bad_plug_in_is_named(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:
+    entry = EntryPoint("theirs", f"{__name__}:{target}", GROUP)
+    monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == GROUP else [])
     with pytest.raises(InputError, match=r"\(entry point 'theirs' of gspure.attacks\): .*" + message):
         attacks()
 
