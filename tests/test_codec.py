@@ -118,10 +118,6 @@ def test_what_is_read_has_the_type_that_leaves_no_choice(kind: Any, value: objec
     assert repr(read(kind, value, SOURCE)) == repr(expected)
 
 
-def is_valid(kind: Any, value: object) -> bool:
-    return Draft202012Validator(schema(kind)).is_valid(value)
-
-
 def refusal_of(kind: Any, value: object, place: str = "") -> InputError:
     with pytest.raises(InputError) as refusal:
         read(kind, value, SOURCE, place)
@@ -155,11 +151,12 @@ def refusal_of(kind: Any, value: object, place: str = "") -> InputError:
     ids=str,
 )
 def test_reader_and_schema_admit_and_refuse_the_same(kind: Any, admitted: list[Any], refused: list[Any]) -> None:
+    is_valid = Draft202012Validator(schema(kind)).is_valid
     assert repr([plain(read(kind, value, SOURCE)) for value in admitted]) == repr(admitted)
-    assert all(is_valid(kind, value) for value in admitted)
+    assert all(is_valid(value) for value in admitted)
     for value in refused:
         refusal_of(kind, value)
-        assert not is_valid(kind, value)
+        assert not is_valid(value)
 
 
 @pytest.mark.parametrize(
