@@ -33,26 +33,17 @@ _FRAME = (
     "test_renderer.py::test_nothing_in_sight_leaves_the_background",
     "test_renderer.py::test_earlier_views_leave_no_trace",
 )
+_AWKWARD = "test_renderer.py::test_awkward_models_agree_with_the_reference"
+_STAGED = "test_device.py::test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_hold"
 CORE = {
-    "gspure.method.weights": ("test_weights.py",),
-    "gspure.method.features": ("test_features.py",),
-    "gspure.method.pruning": ("test_pruning.py",),
-    "gspure.metrics.bit_evidence": ("test_evidence.py",),
-    "gspure.metrics.proof": ("test_evidence.py",),
+    **{f"gspure.method.{name}": (f"test_{name}.py",) for name in ("weights", "features", "pruning")},
+    **{f"gspure.metrics.{name}": ("test_evidence.py",) for name in ("bit_evidence", "proof", "legibility")},
     "gspure.metrics.image_metrics": ("test_metrics.py",),
-    "gspure.metrics.legibility": ("test_evidence.py",),
     "gspure.schemes.splats_in_splats.bits": ("test_hidden_scene.py",),
     "gspure.opencl.ordering": ("test_kernels.py", *_FRAME),
-    "gspure.opencl.projection": (
-        "test_kernels.py",
-        "test_renderer.py::test_awkward_models_agree_with_the_reference",
-        *_FRAME,
-    ),
+    "gspure.opencl.projection": ("test_kernels.py", _AWKWARD, *_FRAME),
     "gspure.opencl.binning": ("test_kernels.py", *_FRAME),
-    "gspure.opencl.blending": (
-        "test_device.py::test_a_work_group_stages_as_many_splats_as_three_quarters_of_local_memory_hold",
-        *_FRAME,
-    ),
+    "gspure.opencl.blending": (_STAGED, *_FRAME),
     "gspure.opencl.storage": ("test_kernels.py", "test_renderer.py::test_the_storage_order_does_not_matter", *_FRAME),
     "gspure.renderer": ("test_renderer.py", "test_gradients.py", "test_contributions.py", "test_opacity_field.py"),
 }
