@@ -29,13 +29,6 @@ def test_camera_files_are_recognized_by_content_and_a_colmap_model_has_priority(
     assert [c.name for c in read_cameras(tmp_path / "cameras.json")] == ["b"]
 
 
-@pytest.mark.parametrize("content", ["{}", "3", "null", '"text"', "{", "", "[" * 100_000, "9" * 5000, "\x00"])
-def test_a_file_that_is_not_a_camera_file_is_refused_in_one_line(tmp_path, content):
-    path = tmp_path / "cameras.json"
-    path.write_text(content)
-    assert_refused(path, "file")
-
-
 def test_views_are_scaled_written_in_order_and_summarized(tmp_path, capsys):
     K = intrinsics(3000, 3000, 1600, 900)
     views = [Camera(name, 3200, 1800, K, np.eye(4), tmp_path / f"{name}.png") for name in "cab"]
@@ -51,14 +44,17 @@ def test_views_are_scaled_written_in_order_and_summarized(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        *((content, "file: expected") for content in (b"{}", b"null", b'"text"', b"{", b"", b"[" * 100_000, b"\x00")),
+        (b"9" * 5000, "file: expected JSON"),
         (gzip.compress(b"[]", mtime=0), "found a gzip file .unpack it first"),
         (b"[\xff]", "found no UTF-8 text"),
         (b'{"img_name": "a"}', r"an object with img_name .a single camera\? Put \[ \] around it"),
         (b"7", "found something else"),
     ],
 )
-def test_a_file_that_is_no_list_of_cameras_is_named(tmp_path, content, message):
+def test_a_file_that_is_no_list_of_cameras_is_named_in_one_line(tmp_path, content, message):
     (tmp_path / "cameras.json").write_bytes(content)
+    assert_refused(tmp_path / "cameras.json", "file")
     with pytest.raises(InputError, match=message):
         read_cameras(tmp_path / "cameras.json")
 
@@ -128,16 +124,13 @@ def test_a_camera_file_of_another_program_is_named_with_a_way_to_convert_it(tmp_
             read_cameras(source)
 
 
-def test_numpy_files_are_named(tmp_path):
+def test_numpy_files_are_named_and_any_other_is_refused_without_a_parsers_words(tmp_path):
     np.save(tmp_path / "poses_bounds.npy", np.zeros((3, 17)))
     with pytest.raises(InputError, match=r"those of LLFF in poses_bounds\.npy"):
         read_cameras(tmp_path)
     np.savez(tmp_path / "cameras_sphere.npz", world_mat_0=np.eye(4))
     with pytest.raises(InputError, match="those of NeuS or IDR"):
         read_cameras(tmp_path / "cameras_sphere.npz")
-
-
-def test_any_other_file_is_refused_without_a_parsers_words(tmp_path):
     (tmp_path / "poses.yaml").write_text("frames: 3")
     with pytest.raises(InputError, match=r"found a file of another kind \(export a COLMAP model"):
         read_cameras(tmp_path / "poses.yaml")
