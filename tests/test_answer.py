@@ -49,7 +49,6 @@ UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unat
         (models_of(gof=(2.6, FAINT)), "holds", "HOLDS: the message is gone at 2.6 dB of damage (GOF)"),
         (models_of(gof=(2.1, PLAIN)), "holds", "gone after no attack of at most 2.1 dB of damage"),
         (models_of(gof=(0.3, PLAIN)), "unknown", "no attack was tested with more than 0.3 dB of damage"),
-        (models_of("a", "b", "c", gof=(0.4, FAINT)), "broken", "gone at 0.4"),
         (KEYLESS, "unknown", NO_KEY),
         (UNAPPLIED, "unknown", "every variant is without results"),
         ([attacked("unattacked", 0.0, message=FAINT), *models_of(gof=(1.0, FAINT))[1:]], "not present", "not proven"),
