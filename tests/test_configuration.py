@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from gspure.errors import InputError, MissingFileError
+from gspure.errors import InputError
 from gspure.files import Json
 from gspure.method.features import PARTS
 from gspure.method.settings import FEATURES, MethodSettings
@@ -79,11 +79,6 @@ def test_a_file_that_is_no_mapping_with_each_key_once_is_refused(write: Write, t
     with pytest.raises(InputError) as refusal:
         load_yaml(file)
     assert (refusal.value.source, refusal.value.field) == (str(file), place)
-
-
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MissingFileError):
-        load_yaml(tmp_path / "no.yaml")
 
 
 CROP = "variants: {unattacked: {}, gspure: {}, crop: &c {fraction: 0.5, seed: 3}, b: *c, d: {<<: *c, seed: 1}}"
