@@ -6,7 +6,6 @@ Gaussians only, front to back.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -20,11 +19,10 @@ from gspure.constants import (
     MAGNITUDE_MAX,
     NEAR_PLANE,
     RAY_SCALE_RATIO,
+    Energy,
 )
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
-
-Energy = Literal["ewa", "ray"]
 
 
 @dataclass(frozen=True)
@@ -143,7 +141,7 @@ def projection_jacobians(means: Float64, camera: Camera) -> Float64:
     Each centre is first moved into the image's frustum widened by a margin: beyond it the linearization is useless
     (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
     """
-    J, slopes = np.zeros((len(means), 2, 3)), clamped_slopes(means, camera)
+    J, slopes = np.zeros((len(means), 2, 3), means.dtype), clamped_slopes(means, camera)
     for axis in (0, 1):
         J[:, axis, axis] = camera.K[axis, axis] / means[:, 2]
         J[:, axis, 2] = -J[:, axis, axis] * slopes[:, axis]

@@ -40,24 +40,18 @@ def sh_basis(directions: NDArray[Any]) -> Float64:
     )
 
 
-def sh_basis_gradients(directions: NDArray[Any]) -> Float64:
-    """Return the derivatives [K,16,3] of the polynomials of `sh_basis` with respect to x, y, z.
-
-    The imaginary part of f(x + ih) is h f'(x) + O(h^3), without a difference that would round (Squire and Trapp 1998).
-    """
-    step = 1e-20
-    moved = [sh_basis(directions + 1j * step * axis) for axis in np.eye(3)]
-    return np.stack([basis.imag for basis in moved], axis=2) / step
-
-
 def sh_colors(sh_coeffs: NDArray[Any], means: NDArray[Any], centre: NDArray[Any]) -> Float64:
     """Return the colours [K,3] of Gaussians at `means` [K,3] seen from the camera centre [3]: max(0, 0.5 + SH).
 
-    `sh_coeffs` [K,S,3] with S = 1, 4, 9 or 16; the direction points from the camera to the Gaussian.
+    `sh_coeffs` [K,S,3] with S = 1, 4, 9 or 16.
     """
-    towards = np.asarray(means, np.float64) - centre
-    distances = np.linalg.norm(towards, axis=1, keepdims=True)
-    directions = towards / np.maximum(distances, np.finfo(float).tiny)  # one at the camera itself is never drawn
-    basis = sh_basis(directions)[:, : sh_coeffs.shape[1]]
+    basis = sh_basis(view_directions(means, centre))[:, : sh_coeffs.shape[1]]
     colors: Float64 = 0.5 + np.einsum("ks,ksc->kc", basis, np.asarray(sh_coeffs, np.float64))
     return np.maximum(colors, 0.0)
+
+
+def view_directions(means: NDArray[Any], centre: NDArray[Any]) -> Float64:
+    """Return the unit vectors [K,3] from the camera to the Gaussians; `means` may be complex."""
+    towards = means - np.asarray(centre, np.float64)
+    distances = np.sqrt((towards * towards).sum(axis=1, keepdims=True))
+    return np.asarray(towards / np.maximum(distances, np.finfo(float).tiny))  # one at the camera itself is never drawn
