@@ -138,22 +138,18 @@ def splat_covariances(covs: Float64, means: Float64, camera: Camera) -> Float64:
 def projection_jacobians(means: Float64, camera: Camera) -> Float64:
     """Return the Jacobians J [V,2,3] of the perspective projection at view-space centres.
 
-    Each centre is first moved into the image's frustum widened by a margin: beyond it the linearization is useless
-    (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
+    Each centre is first moved into the image's frustum, widened by a share of its half extent: beyond it the
+    linearization is useless (Zwicker et al. 2001; bounds as in the 3DGS rasterizer).
     """
-    J, slopes = np.zeros((len(means), 2, 3), means.dtype), clamped_slopes(means, camera)
+    focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
+    size = np.array([camera.width, camera.height])
+    margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
+    slopes = np.clip(means[:, :2] / means[:, 2:], -principal / focal - margin, (size - principal) / focal + margin)
+    J = np.zeros((len(means), 2, 3), means.dtype)
     for axis in (0, 1):
         J[:, axis, axis] = camera.K[axis, axis] / means[:, 2]
         J[:, axis, 2] = -J[:, axis, axis] * slopes[:, axis]
     return J
-
-
-def clamped_slopes(means: Float64, camera: Camera) -> Float64:
-    """Return x/z and y/z [V,2], clamped to the image's frustum, widened by a share of its half extent."""
-    focal, principal = np.diag(camera.K)[:2], camera.K[:2, 2]
-    size = np.array([camera.width, camera.height])
-    margin = EWA_FRUSTUM_MARGIN * size / (2 * focal)
-    return np.clip(means[:, :2] / means[:, 2:], -principal / focal - margin, (size - principal) / focal + margin)
 
 
 def pixel_rays(intrinsics: Float64, u: Float64, v: Float64) -> Float64:
