@@ -137,20 +137,14 @@ CASES: dict[str, tuple[tuple[Mutator, ...], Callable[[Path], object]]] = {
 """By the name of a file: what happens to it, and its reader."""
 
 
-def content_of(name: str) -> dict[str, bytes]:
-    """Return the content of a file, and of those that are read with it."""
-    if name in COLMAP:
-        return {other: content for other, content in COLMAP.items() if other[-4:] == name[-4:]}
-    return {name: FILES[name]}
-
-
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("name", CASES)
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_a_corrupt_file_is_read_or_refused_in_one_line(tmp_path: Path, name: str, data: st.DataObject) -> None:
     mutators, read = CASES[name]
-    for each, content in content_of(name).items():
+    beside = {file: content for file, content in COLMAP.items() if name in COLMAP and file[-4:] == name[-4:]}
+    for each, content in (beside or {name: FILES[name]}).items():
         (tmp_path / each).unlink(missing_ok=True)  # a model that was read before may still be mapped
         (tmp_path / each).write_bytes(content if each != name else data.draw(st.sampled_from(mutators))(data, content))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
