@@ -108,9 +108,6 @@ def test_finetuning_everything_learns_what_the_networks_read(shown) -> None:
     assert not offsets or difference & offsets
 
 
-STRONG = [attack for attack in BUILT_IN if attack.strength]
-
-
 @pytest.mark.parametrize("target", [0.3, 1.0, 2.0])
 @pytest.mark.parametrize(
     ("strength", "damage"),
@@ -128,7 +125,7 @@ def test_an_unreachable_damage_gives_the_strongest_setting_and_its_damage() -> N
     assert search(Strength("fraction", 0.0, 1.0), lambda x: x / 2, 2.0) == ("fraction", 1.0, 0.5)
 
 
-@pytest.mark.parametrize("attack", STRONG, ids=lambda attack: attack.name)
+@pytest.mark.parametrize("attack", [attack for attack in BUILT_IN if attack.strength], ids=lambda attack: attack.name)
 def test_the_strong_end_of_every_strength_damages_more_than_the_weak_one(attack) -> None:
     public = PublicModel(blobs(200))
     damage_of = scene_damage(public, VIEWS, photographs(public, VIEWS))
