@@ -11,7 +11,6 @@ from gspure.images import write_image
 from gspure.model import read_model, write_model
 from gspure.provenance import write_provenance
 
-ROOT = Path(__file__).parents[1]
 COUNT = 30
 COMMANDS = {
     "purify": "purify model.ply --cameras cameras.json --out out",
