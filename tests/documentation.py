@@ -1,8 +1,6 @@
 """Reading Markdown: its code blocks, and the example of a package."""
 
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -28,11 +26,3 @@ def install_example(folder):
     project = tomllib.loads(metadata)["project"]
     (folder / f"{project['name']}.py").write_text(module)
     write_info(project, folder)
-
-
-def workflow_edges(folder):
-    """Return the arrows between the rules of the demo, as Snakemake tells them; run in an empty `folder`."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--rulegraph", "dot", "--forceall"]
-    graph = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
-    names = dict(re.findall(r'(\d+)\[label = "(\w+)"', graph))
-    return {(names[a], names[b]) for a, b in re.findall(r"(\d+) -> (\d+)", graph)}

@@ -19,19 +19,15 @@ from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.codec import plain
 from gspure.evaluation.identity import Condition
 from gspure.evaluation.radius import Radius, Record
-from gspure.evaluation.results import read_results
 from gspure.grouping import grouped
-from gspure.metrics.comparison import ViewMetrics
-from gspure.metrics.csv_tables import header
 from gspure.model import write_model
 from gspure.workflow.config import SchemeConfig, VariantConfig
-from tests.documentation import PAGES, ROOT, blocks, example, install_example, workflow_edges
+from tests.documentation import PAGES, ROOT, blocks, example, install_example
 from tests.models import blobs
 from tests.workflow_cases import configuration
 
 DOCS = ROOT / "docs"
 TABLES = sorted((DOCS / "tables").glob("*.csv"))
-RESULTS = sorted(DOCS.glob("results/large/*.csv")) + sorted(DOCS.glob("results/networks/*.csv"))
 DECIMAL = re.compile(r"\d+\.\d+")
 
 
@@ -71,14 +67,6 @@ def test_the_page_of_attacks_lists_the_built_in_ones_with_their_settings():
     shown = {name: dict(setting.split("=") for setting in re.findall(r"`(\S+)`", cell)) for name, cell in listed}
     settings = {a.name: {name: str(default) for name, default in a.settings.items()} for a in BUILT_IN}
     assert list(shown.items()) == list(settings.items())
-
-
-@pytest.mark.workflow
-def test_arrows_of_the_diagram_are_arrows_of_the_workflow(tmp_path):
-    drawing = (DOCS / "pictures" / "workflow.svg").read_text(encoding="utf-8")
-    arrows = re.findall(r"<title>(\w+) → (\w+)</title>", drawing)
-    assert len(arrows) > 12
-    assert set(arrows) <= workflow_edges(tmp_path)
 
 
 def test_the_example_of_a_package_is_registered_configured_and_works(tmp_path, monkeypatch):
@@ -121,15 +109,6 @@ def test_decimals_of_the_page_on_marks_that_survive_are_in_its_tables() -> None:
     shown = DECIMAL.findall((DOCS / "marks-that-survive.md").read_text(encoding="utf-8"))
     assert len(shown) > 10
     assert {*shown} <= {*DECIMAL.findall(tables)}
-
-
-@pytest.mark.parametrize("table", RESULTS, ids=lambda table: table.stem)
-def test_committed_results_can_be_read(table: Path) -> None:
-    assert any(row.damage > 0 and row.message_values for row in read_results(table))
-
-
-def test_the_page_of_formats_names_the_columns_of_the_metrics():
-    assert f"`{','.join(header(ViewMetrics))}`" in (DOCS / "formats.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
