@@ -56,7 +56,7 @@ def test_embedding_costs_the_training_views_at_most_what_is_allowed(owned):
 @pytest.mark.parametrize(
     ("attack", "settings"),
     [
-        ("compression", {"codec": "spz"}),
+        ("quantize", {"bits": 8}),
         ("rigid_transform", {"angle": 70.0, "scale": 1.3, "translation": "1,0,2"}),
         ("feature_scaling", {"factor": 1.2}),
         ("unmark", {}),
