@@ -54,6 +54,7 @@ def page() -> str:
         "least_corrected": significant(min(one.corrected for one in compared), 2),
         "paper": paper_table([*large, *networks]),
         "networks": networks_table(networks),
+        "over_gof": over_gof(compared),
         **large_facts(large),
         **capture_facts(),
     }
@@ -124,6 +125,14 @@ def _levels(rows: Sequence[Result], variant: str) -> dict[tuple[str, int], float
     """Return the PSNR of the published message in one variant, dB, by scene and seed."""
     published = [row for row in rows if row.variant == variant and row.extraction == MESSAGE]
     return {(row.scene, row.seed): row.message_values[paper.PSNR] for row in published if row.message_values}
+
+
+def over_gof(compared: Sequence[Compared]) -> str:
+    """Return how much more than GOF GSPure takes, dB, on the pairs at shared poses, where both cost the scene 1 dB."""
+    (one,) = (
+        one for one in compared if (one.condition.protocol, one.other, one.damage) == ("shared", "gof_equal", 1.0)
+    )
+    return decimal(one.difference.mean, 1)
 
 
 def compared_table(compared: Sequence[Compared]) -> str:

@@ -1,15 +1,16 @@
 """The attack on the symmetries of a public file: other numbers, the same images."""
 
 from dataclasses import replace
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gspure.arrays import Float32, Indices
+from gspure.arrays import Indices
 from gspure.attacks.attack import Rng, named
 from gspure.attacks.attacked import Attacked
-from gspure.model.frames import ROTATION, TURNS, turned
-from gspure.model.gaussians import SCALES, Gaussians
+from gspure.model.frames import TURNS, frame_columns, turned
+from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
 from gspure.settings import Range
 
@@ -39,7 +40,7 @@ def _order(model: Gaussians, rng: Rng) -> Indices:
     return order
 
 
-def _frames(model: Gaussians, rng: Rng) -> dict[str, Float32]:
+def _frames(model: Gaussians, rng: Rng) -> dict[str, NDArray[Any]]:
     """Return the columns of scales and rotations in random frames; scales without a meaning stay in place."""
     turns = rng.integers(len(TURNS), size=len(model))
     turns[~(model.log_scales < np.inf).all(axis=1)] = 0
@@ -48,7 +49,7 @@ def _frames(model: Gaussians, rng: Rng) -> dict[str, Float32]:
     wanted = rng.integers(EXPONENTS[0], EXPONENTS[1] + 1, size=len(model))
     signs = rng.choice([-1.0, 1.0], len(model))
     quats = np.ldexp(quats * signs[:, None], (wanted + 1 - exponents)[:, None]).astype(np.float32)
-    return dict(zip((*ROTATION, *SCALES), (*quats.T, *scales.T), strict=True))
+    return frame_columns(quats, scales)
 
 
 ATTACKS = named({gauge: None})

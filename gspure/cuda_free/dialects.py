@@ -13,8 +13,18 @@ from gspure.errors import InputError, reading
 PACKAGE: Final = "diff_gaussian_rasterization"
 
 SETTINGS: Final = (
-    *("image_height", "image_width", "tanfovx", "tanfovy", "bg", "scale_modifier", "viewmatrix", "projmatrix"),
-    *("sh_degree", "campos", "prefiltered", "debug"),
+    "image_height",
+    "image_width",
+    "tanfovx",
+    "tanfovy",
+    "bg",
+    "scale_modifier",
+    "viewmatrix",
+    "projmatrix",
+    "sh_degree",
+    "campos",
+    "prefiltered",
+    "debug",
 )
 _INPUTS: Final = ("means3D", "means2D", "opacities", "shs", "colors_precomp", "scales", "rotations", "cov3D_precomp")
 

@@ -10,8 +10,15 @@ from typing import Any, Final
 from gspure.training.pytorch import DEVICE, keep_freed_memory, torch
 
 _IDLE: Final = (
-    *("set_device", "empty_cache", "synchronize", "init", "ipc_collect", "manual_seed", "manual_seed_all"),
-    *("reset_peak_memory_stats", "reset_max_memory_allocated"),
+    "set_device",
+    "empty_cache",
+    "synchronize",
+    "init",
+    "ipc_collect",
+    "manual_seed",
+    "manual_seed_all",
+    "reset_peak_memory_stats",
+    "reset_max_memory_allocated",
 )
 """Functions of `torch.cuda` that then do nothing."""
 

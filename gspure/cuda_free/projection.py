@@ -80,7 +80,8 @@ def axes_of(covariances: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 def image_covariances(camera: Camera, means: torch.Tensor, covariances: torch.Tensor) -> torch.Tensor:
     """Return the covariances [3,K] on the image plane, xx, xy and yy in square pixels, before their dilation."""
-    width, height = camera.width, camera.height
+    width = camera.width
+    height = camera.height
     fx, fy, cx, cy = camera.numbers[2:6].tolist()
     margin_x = EWA_FRUSTUM_MARGIN * 0.5 * width / fx
     margin_y = EWA_FRUSTUM_MARGIN * 0.5 * height / fy

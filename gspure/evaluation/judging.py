@@ -134,8 +134,8 @@ def proof_of(evidence: Evidence, clean: Sequence[Evidence]) -> Proof:
 def counts(evidence: Evidence, clean: Sequence[Evidence]) -> bool:
     """Return whether an extraction can prove anything: it has a test against clean models, or needs none.
 
-    With too few of them, it must not show the message in any, and a key that learned proves nothing: before this rule,
-    14 of 18 models that never held a message passed (`benchmarks/wrong_claims.py`).
+    With too few of them, it must not show the message in any, and a key that learned proves nothing: such keys show
+    their message in most models that never held it.
     """
     if len(clean) >= LEAST_CLEAN:
         return True

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Float32, Float64, Indices
-from gspure.model.gaussians import SCALES, Gaussians
+from gspure.model.gaussians import ROTATION, SCALES, Gaussians
 from gspure.model.rotations import rotation_matrices
-
-ROTATION: Final = ("rot_0", "rot_1", "rot_2", "rot_3")
 
 Cost = Callable[[Float64, Float32], Float64]
 """From unit quaternions [K,4] and log-scales [K,3] to a number [K]."""
@@ -50,6 +48,12 @@ def turned(quats: NDArray[Any], log_scales: Float32, turns: Indices) -> tuple[Fl
     return turned_quats, np.take_along_axis(log_scales, ORDERS[turns], axis=1)
 
 
+def frame_columns(quats: NDArray[Any], log_scales: Float32) -> dict[str, NDArray[Any]]:
+    """Return the columns of quaternions [K,4] and log-scales [K,3]."""
+    rotations = dict(zip(ROTATION, quats.T, strict=True))
+    return rotations | dict(zip(SCALES, log_scales.T, strict=True))
+
+
 def canonical(quats: NDArray[Any], log_scales: Float32) -> tuple[Float32, Float32]:
     """Return the quaternions [K,4] and log-scales [K,3] of the canonical frames.
 
@@ -65,7 +69,7 @@ def canonical(quats: NDArray[Any], log_scales: Float32) -> tuple[Float32, Float3
     return unit.astype(np.float32), scales
 
 
-def nearest(quats: NDArray[Any], log_scales: Float32, wanted: Gaussians) -> dict[str, Float32]:
+def nearest(quats: NDArray[Any], log_scales: Float32, wanted: Gaussians) -> dict[str, NDArray[Any]]:
     """Return the columns of scales and rotations in the frames nearest to those of `wanted` [K], with their norms."""
     norms = np.linalg.norm(wanted.quats.astype(np.float64), axis=1, keepdims=True)
     directions = _unit(wanted.quats)
@@ -78,7 +82,7 @@ def nearest(quats: NDArray[Any], log_scales: Float32, wanted: Gaussians) -> dict
     unit, scales = _best(quats, log_scales, cost)
     backwards = (unit * directions).sum(axis=1, keepdims=True) < 0
     rotations = (norms * np.where(backwards, -unit, unit)).astype(np.float32)
-    return dict(zip((*ROTATION, *SCALES), (*rotations.T, *scales.T), strict=True))
+    return frame_columns(rotations, scales)
 
 
 def _best(quats: NDArray[Any], log_scales: Float32, cost: Cost) -> tuple[Float64, Float32]:

@@ -24,7 +24,8 @@ Table = NDArray[np.void]
 Values = NDArray[Any]
 
 SCALES = ("scale_0", "scale_1", "scale_2")
-CORE = ("x", "y", "z", "opacity", *SCALES, "rot_0", "rot_1", "rot_2", "rot_3")  # of every model
+ROTATION = ("rot_0", "rot_1", "rot_2", "rot_3")  # the quaternion w x y z
+CORE = ("x", "y", "z", "opacity", *SCALES, *ROTATION)  # of every model
 COLOUR = ("f_dc_0", "f_dc_1", "f_dc_2")  # the zeroth spherical harmonic; absent where a network computes colours
 NORMALS = ("nx", "ny", "nz")  # zeros that trainers write and nobody uses
 REST_COEFFICIENTS = (0, 3, 8, 15)  # number of spherical harmonics beyond the zeroth, by degree
@@ -97,7 +98,7 @@ class Gaussians(Described):
     @cached_property
     def quats(self) -> Float32:
         """Rotations [K,4] as stored: quaternions (w, x, y, z), not normalized."""
-        return self.columns("rot_0", "rot_1", "rot_2", "rot_3")
+        return self.columns(*ROTATION)
 
     @property
     def log_scales(self) -> Float32:

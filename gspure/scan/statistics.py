@@ -83,12 +83,12 @@ def bit_entropy(model: Gaussians) -> float:
 def _entropies(column: Float32) -> Iterator[float]:
     """Yield the entropies of the windows of a column, without 8-bit colours of points that no view has trained."""
     words = np.ascontiguousarray(column[column != 0], np.float32).view(np.uint32)
-    values, counts = np.unique(words, return_counts=True)
+    values, occurrences = np.unique(words, return_counts=True)
     if len(words) < LEAST_ROWS or len(values) <= FEW_VALUES:
         return
-    single = counts == 1
-    if len(values) - single.sum() <= FEW_VALUES and single.sum() >= LEAST_ROWS:
-        words = values[single]
+    trained = values[occurrences == 1]
+    if len(values) - len(trained) <= FEW_VALUES and len(trained) >= LEAST_ROWS:
+        words = trained
     varying = int(np.bitwise_or.reduce(words ^ words[0]))
     lowest = (varying & -varying).bit_length() - 1
     for start in range(lowest, max(WINDOWS, lowest + 1)):

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Float64, Indices
-from gspure.model.frames import ROTATION, nearest
-from gspure.model.gaussians import SCALES, Gaussians, finite
+from gspure.model.frames import nearest
+from gspure.model.gaussians import ROTATION, SCALES, Gaussians, finite
 from gspure.model.rotations import moved
 from gspure.model.summary import extent_and_distances
 from gspure.public_model import PublicModel

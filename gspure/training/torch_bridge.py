@@ -46,6 +46,7 @@ class BlendInputs(NamedTuple):
 
 
 _LASTING = 100  # images for which centres, as they are trained, keep their storage order; ours
+_GEOMETRY = ("means", "quats", "scales", "opacities")
 _READ = 6  # of these tensors; the others only receive gradients
 
 
@@ -152,22 +153,25 @@ class _Frames:
         engine = self._engine
         rendered = self.rendered
         storage = rendered.frame.storage
-        gradients: list[Float32 | None] = [None for _ in requested]
+        wanted = {name for name, is_wanted in zip(BlendInputs._fields, requested, strict=True) if is_wanted}
+        gradients: dict[str, Float32] = {}
         by_splat = backward(rendered, engine.buffers.image_gradient.holding(image_gradient))
-        if requested[0]:
+        if "background" in wanted:
             transmittance = engine.read(rendered.canvas.transmittance, image_gradient.shape[:2], np.float32)
             background_gradient = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
-            gradients[0] = background_gradient.astype(np.float32)
-        if any(requested[1:5]):
+            gradients["background"] = background_gradient.astype(np.float32)
+        if wanted.intersection(_GEOMETRY):
             geometry = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES)
-            gradients[1:5] = np.split(geometry, [3, 7, 10], axis=1)
-        if requested[5]:
-            gradients[5] = by_row(engine, storage, by_splat.channels, rendered.frame.traversal.channel_attributes)
-        if requested[6]:
-            gradients[6] = by_row(engine, storage, by_splat.centres, 2)
-        if requested[7]:
-            gradients[7] = covariance_gradients(rendered.frame, rendered.projected)
-        return gradients
+            parts = np.split(geometry, [3, 7, 10], axis=1)
+            gradients |= dict(zip(_GEOMETRY, parts, strict=True))
+        if "channels" in wanted:
+            channel_attributes = rendered.frame.traversal.channel_attributes
+            gradients["channels"] = by_row(engine, storage, by_splat.channels, channel_attributes)
+        if "means2d" in wanted:
+            gradients["means2d"] = by_row(engine, storage, by_splat.centres, 2)
+        if "covs2d" in wanted:
+            gradients["covs2d"] = covariance_gradients(rendered.frame, rendered.projected)
+        return [gradients.get(name) for name in BlendInputs._fields]
 
 
 class _Image(torch.autograd.Function):  # type: ignore[misc]

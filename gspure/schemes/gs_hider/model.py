@@ -118,10 +118,10 @@ class DecoderFile:
 
     def unmixed(self, mixing: Float64) -> DecoderFile:
         """Return the decoder that shows the same image if `mixing` [16,16] is applied to the features of a pixel."""
-        decoder = deepcopy(self.network)
-        weight = decoder.conv1.weight
         from gspure.training.pytorch import on_device, on_host, torch
 
+        decoder = deepcopy(self.network)
+        weight = decoder.conv1.weight
         mixed_weight = np.einsum("ochw,cd->odhw", on_host(weight.detach()).astype(np.float64), np.linalg.inv(mixing))
         with torch.no_grad():
             weight.copy_(on_device(mixed_weight.astype(np.float32)))

@@ -78,7 +78,8 @@ def _starts(source: Float64, target: Float64) -> Iterator[Similarity]:
     """Yield similarities that bring the median and the size of one set of points to those of another."""
     from scipy.spatial.transform import Rotation
 
-    source_centre, target_centre = np.median(source, axis=0), np.median(target, axis=0)
+    source_centre = np.median(source, axis=0)
+    target_centre = np.median(target, axis=0)
     scale = _size(target, target_centre) / _size(source, source_centre)
     about_axes = [axis * angle for axis in np.eye(3) for angle in np.arange(-5, 7) * np.pi / 6]
     rotations = Rotation.concatenate([Rotation.from_rotvec(about_axes), Rotation.random(STARTS, random_state=0)])

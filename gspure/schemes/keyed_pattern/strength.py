@@ -24,12 +24,16 @@ def strongest(
     """Return the model with the strongest mark whose damage, the drop of the mean PSNR in dB, is at most this."""
     grid = Grid.of(clean)
     costs = _costs(clean, marked(clean, grid, pattern, PROBE), capture, device)
-    weak, strong = 0.0, STRONGEST
+    weak = 0.0
+    strong = STRONGEST
     for _ in range(BISECTIONS):
         middle = (weak + strong) / 2
         errors = costs @ [1, middle, middle**2]
-        is_allowed = 10 * np.log10(errors / costs[:, 0]).mean() <= most_damage
-        weak, strong = (middle, strong) if is_allowed else (weak, middle)
+        damage = 10 * np.log10(errors / costs[:, 0]).mean()
+        if damage <= most_damage:
+            weak = middle
+        else:
+            strong = middle
     least_quality = _quality(clean, capture, device) - most_damage
     strength = weak
     model = marked(clean, grid, pattern, strength)
@@ -41,7 +45,8 @@ def strongest(
 
 def _costs(clean: Gaussians, probe: Gaussians, capture: Capture, device: Device | None) -> Float64:
     """Return the coefficients [V,3] of the mean squared error of each view as a polynomial of the strength."""
-    before, after = Renderer(clean, device), Renderer(probe, device)
+    before = Renderer(clean, device)
+    after = Renderer(probe, device)
     rows = []
     for view, photograph in zip(capture.views, capture.images, strict=True):
         image = before.image(view).astype(np.float64)

@@ -20,7 +20,7 @@ from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, SH_DC
 from gspure.errors import InputError
 from gspure.model import Gaussians
 from gspure.model.finite import non_finite_rows
-from gspure.model.gaussians import NORMALS
+from gspure.model.gaussians import NORMALS, ROTATION
 from gspure.model.rotations import rotation_matrices
 from gspure.public_model import Rows
 
@@ -99,7 +99,7 @@ def take_rows(array: Any, rows: Any) -> Any:
 
 def require_anchors(source: Path, table: Gaussians, feat_dim: int, k: int) -> None:
     """Refuse a table whose columns do not fit networks of these sizes, or with numbers that are not finite."""
-    geometry = ["x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3"]
+    geometry = ["x", "y", "z", *ROTATION]
     for prefix, count in (("f_offset_", 3 * k), ("f_anchor_feat_", feat_dim), ("scale_", SCALINGS)):
         names = table.columns_named(prefix)
         if len(names) != count:
