@@ -127,7 +127,7 @@ def test_detect_certifies_and_says_whether_the_key_is_the_committed_one(owned, p
     write_model(tmp_path / "key" / "clean.ply", owned.public.model)
     assert main(words) == 0
     streams = capsys.readouterr()
-    assert "clean.ply" in streams.err
+    assert "other than committed: the key" in streams.err
     assert "holds" not in streams.out
     commitment = read_json(tmp_path / "commitment.json")
     write_json(tmp_path / "commitment.json", {"scheme": commitment["scheme"]})

@@ -35,7 +35,7 @@ FAILED: Final = 2
 LOST: Final = 3
 _STATUSES = """
 exit status: 0, even if the message is gone; 2 after bad input or failed jobs; 3 if the robust radius is smaller than
---fail-under; 130 after Ctrl-C, from where the next run goes on. docs/troubleshooting.md lists all.
+--fail-under; 130 after Ctrl-C: the next run resumes there. docs/troubleshooting.md lists more.
 """
 
 
@@ -49,7 +49,7 @@ def add_arguments(parser: Parser) -> None:
     add_cameras(parser, "views of MODEL", more=default, required=False)
     parser.text("--suite", "NAME", f"attacks and strengths to try: small-1, standard-1 (default with --key: {SUITE})")
     parser.flag("--everyday", "what customers do, instead of attacks: half precision, web formats, fewer rows, crops")
-    meaning = "folder of the results (default: here or, if the results here are others, a folder of their own)"
+    meaning = "folder of the results (default: here or, if it holds those of another audit, a new subfolder)"
     parser.writes("--out", "DIR", meaning, required=False)
     add_run_options(parser)
 

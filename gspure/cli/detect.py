@@ -41,7 +41,7 @@ def add_arguments(parser: Parser) -> None:
     options.add_control_keys(parser)
     parser.text("--message", "BITS", "the embedded bits, if the detector returns bits", "", type=_bits)
     parser.number("--timeout", "S", "stop the detector after this many seconds", SECONDS, 600.0)
-    parser.number("--certify", "KEYS", "rank the model's keyed pattern among those of so many other keys", MOST_KEYS)
+    parser.number("--certify", "KEYS", "rank the model's keyed pattern among those of KEYS other keys", MOST_KEYS)
     parser.reads("--commitment", "JSON", "what `gspure embed` wrote (default: beside the key)", required=False)
     parser.writes("--out", "CSV", "the table to write, one row per image")
 

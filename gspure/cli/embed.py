@@ -29,7 +29,7 @@ EXAMPLES = """\
 
 Writes public/, the public model, and key/, the owner's key, with readability.json: how much of the message is legible
 with this key and with a wrong one, in a few training views. A warning is printed if the message is not readable.
-Publish commitment.json with the model: the digests of key and model show that the key was there before any dispute.
+Have commitment.json dated by somebody else when you publish the model: this proves that the key already existed.
 gs_hider, secure_gs and keyss need PyTorch: pip install 'gspure[torch]'.
 """
 
@@ -39,7 +39,9 @@ def add_arguments(parser: Parser) -> None:
     options.list_choices(parser, "schemes", BUILT_IN)
     parser.reads("pair", "PAIR", "output folder of `gspure pair`; or --scene and --message", nargs="?")
     parser.text("--scene", "SCENE", "the visible scene, as for `gspure pair`: it makes the pair first, in DIR/pair")
-    meaning = "the hidden scene: photographs, at poses of their own, or what `gspure pair` takes"
+    meaning = (
+        "the scene to hide (not by schemes of bits): photographs, at poses of their own, or what `gspure pair` takes"
+    )
     parser.text("--message", "MESSAGE", meaning)
     parser.text("--resolution", "RULE", "with --scene: photographs' size, as for `train`", "320px")
     parser.writes("--out", "DIR", "folder for public/ and key/")
