@@ -35,6 +35,15 @@ class AuditRequest:
         return self.source.suffix in {".yaml", ".yml"}
 
     @property
+    def scene(self) -> str:
+        """The name of a model's folder of results: that of its file or, for general names, of its folder."""
+        from gspure.model.inria import UNPACKED_SOG
+
+        source = self.source.resolve()
+        named = source.parent if self.source.name in {UNPACKED_SOG, "public"} else source
+        return re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
+
+    @property
     def suite_name(self) -> str:
         """The suite; empty for the attacks of a run that names none."""
         if self.everyday:
@@ -54,23 +63,24 @@ class AuditRequest:
 
 def own_place(wanted: AuditRequest) -> Path:
     """Return this folder if its results are of the same model and suite, or it has none; else a folder below it."""
-    scene = _scene_name(wanted.source)
-    name = "-".join(filter(None, ("audit", scene, wanted.suite_name)))
-    numbered = (Path(f"{name}-{number}") for number in count(2))
-    return next(place for place in chain([Path(), Path(name)], numbered) if _is_free(place, wanted))
-
-
-def _is_free(place: Path, wanted: AuditRequest) -> bool:
-    """Return whether a folder has no results, or those of this model and suite."""
     from gspure.model import model_file
+
+    this = (model_file(wanted.source).resolve(), wanted.suite_name)
+    name = "-".join(filter(None, ("audit", wanted.scene, wanted.suite_name)))
+    numbered = (Path(f"{name}-{number}") for number in count(2))
+    return next(place for place in chain([Path(), Path(name)], numbered) if audited_in(place) in {None, this})
+
+
+def audited_in(place: Path) -> tuple[Path, str] | None:
+    """Return the model and the suite of the audit whose results a folder has; None if it has none."""
     from gspure.workflow.config_reading import load_yaml
 
     if not (place / AUDIT_FILE).is_file():
-        return True
-    known = load_yaml(place / AUDIT_FILE)
-    models = [str(asset.get("model", "")) for asset in known.get("assets", {}).values()]
-    is_same = [(place / model).resolve() for model in models] == [model_file(wanted.source).resolve()]
-    return is_same and known.get("suite", "") == wanted.suite_name
+        return None
+    content = load_yaml(place / AUDIT_FILE)
+    models = [place / str(asset.get("model", "")) for asset in content.get("assets", {}).values()]
+    first = next(iter(models), place)
+    return first.resolve(), str(content.get("suite", ""))
 
 
 def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> Path:
@@ -81,7 +91,7 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     from gspure.cameras.worlds import in_world_of
     from gspure.files import write_text
     from gspure.model import model_file, read_model
-    from gspure.schemes.registry import recognized
+    from gspure.schemes.registry import read_public_model, recognized
 
     model = model_file(wanted.source)
     rows = read_model(wanted.source)
@@ -90,9 +100,13 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
         source = Path(asset["cameras"])
         in_world_of(model, read_cameras(source), source)  # for its warnings, before the workflow runs
     elif draws:
-        _mention_up(wanted)
-    scene = _scene_name(wanted.source)
-    content: Json = {"assets": {scene: asset}}
+        from gspure.figures.panels import mention_up
+
+        public = read_public_model(wanted.source).drawable(wanted.source)
+        if public.visible:
+            scene = public.scene(background=public.model.background)
+            mention_up(public.model, scene, wanted.up, RESULTS)
+    content: Json = {"assets": {wanted.scene: asset}}
     scheme = recognized(rows)
     if scheme:
         content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
@@ -100,24 +114,6 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
         content["suite"] = wanted.suite_name
     write_text(target, yaml.safe_dump(content))
     return target
-
-
-def _scene_name(source: Path) -> str:
-    """Return the name of a model's folder of results: that of its file or, for general names, of its folder."""
-    from gspure.model.inria import UNPACKED_SOG
-
-    named = source.resolve().parent if source.name in {UNPACKED_SOG, "public"} else source.resolve()
-    return re.sub("[^A-Za-z0-9_-]+", "_", named.stem).lstrip("-")[:100] or "model"
-
-
-def _mention_up(wanted: AuditRequest) -> None:
-    """Warn if the up direction of generated views is unsure, and draw the model with each axis up."""
-    from gspure.figures.panels import mention_up
-    from gspure.schemes.registry import read_public_model
-
-    public = read_public_model(wanted.source).drawable(wanted.source)
-    if public.visible:
-        mention_up(public.model, public.scene(background=public.model.background), wanted.up, RESULTS)
 
 
 def _asset(wanted: AuditRequest, model: Path) -> Json:
