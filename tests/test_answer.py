@@ -74,7 +74,7 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "legible", "p", "as", "published"]
     assert lines[2].split() == ["GOF", "0.4", "20.0", "0%", "0.9", "gone"]
     assert lines[3].split() == ["noise", "0.9", "20.0", "50%", "0.005", "traces"]
-    assert lines[4] == "traces: ≥ 40% legible; p: probability of as much by chance"
+    assert lines[4] == "traces: ≥ 40% legible; p: probability by chance"
     assert lines[5] == "controls: clean model gone, wrong key gone"
     assert lines[6] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
     failed = answer_of([outcome("crop", failure="no memory", protocol="shared", initialization="both"), *LOST])
@@ -122,13 +122,13 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
     leaking.append(attacked("wrong_key", 0.0, message=PLAIN))
     untouched = replace(attacked("rigid", 0.0, message=PLAIN), affects={"message": False})
     remarks = " ".join(answer_of([*leaking, untouched]).audit.remarks)
-    assert "p ≤ 0.005: 199 candidates, 8 redrawn twins, no test against clean models" in remarks
+    assert "p ≤ 0.005, the larger of two: by rank among 199 candidates, and by a t-test against 8 " in remarks
     for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
         assert text in remarks
     others = models_of("vault", gof=(0.4, FAINT))
     assert ("readable in 1 of 2", "with a wrong key") in [*answer_of([*leaking, *others]).key_numbers()]
     many = attacked("gof", 0.4, message=Evidence(0.95, 1.0, 60 * PLAIN.candidates))
-    assert answer_of([many]).audit.remarks[0].startswith("Proven means p ≤ 0.001: 11940 candidates")
+    assert "p ≤ 0.001, the larger of two: by rank among 11940 candidates" in answer_of([many]).audit.remarks[0]
 
 
 def test_without_a_key_nothing_is_said_about_a_message() -> None:
@@ -159,5 +159,5 @@ def test_a_verdict_on_a_mark_follows_from_its_own_rows_alone() -> None:
 def test_a_scan_is_a_key_number_before_and_after() -> None:
     answer = answer_of(LOST)
     scans = [{"before": LIKELY, "after": NOTHING}, {"before": LIKELY, "after": UNLIKE}]
-    found = [[number for number, _ in answer.key_numbers(scans[:count])][-2] for count in (1, 2)]
-    assert found == ["yes → no", "2 of 2 → 0 of 2"]
+    found = [": ".join([*answer.key_numbers(scans[:count])][-2]).split(": ")[::2] for count in (1, 2)]
+    assert found == [["found", "not found"], ["found in 2 of 2", "found in 0 of 2"]]

@@ -140,7 +140,7 @@ def attempt(
 PROOFS = {
     "present": (attempt(0.4), True),
     "shown in clean models too: a fitted key": (attempt(0.4, clean=0.4), False),
-    "shown in twins too: descent": (attempt(0.98, twins=0.98), False),
+    "shown in twins too: key-only": (attempt(0.98, twins=0.98), False),
     "absent": (attempt(0.03), False),
     "inverted": (attempt(-0.4), False),
     "inverted, not fitted": (attempt(-0.4, two_sided=True), True),

@@ -44,11 +44,11 @@ WORDS = {
     "faint": (shown(0.3, 0.1), "proven"),
     "noise": (NOTHING, "gone"),
     "blank": (shown(0.95, 1.0, is_blank=True), "gone"),
-    "of its descent": (shown(0.3, 0.9, twins=(0.28, 0.31, 0.3, 0.29, 0.32, 0.3, 0.31, 0.29)), "descent"),
+    "of the key alone": (shown(0.3, 0.9, twins=(0.28, 0.31, 0.3, 0.29, 0.32, 0.3, 0.31, 0.29)), "key-only"),
     "inverted, fitted": (shown(-0.5, 0.9, is_fitted=True), "gone"),
     "no null": (Evidence(0.95, 1.0), "readable"),
     "no null, faint": (Evidence(0.95, 0.3), "gone"),
-    "no null, of its descent": (Evidence(0.95, 1.0, (), (0.95, 0.94, 0.96, 0.95)), "descent"),
+    "no null, of the key alone": (Evidence(0.95, 1.0, (), (0.95, 0.94, 0.96, 0.95)), "key-only"),
 }
 
 
@@ -77,8 +77,8 @@ def test_a_key_that_learned_proves_a_message_only_beside_eight_clean_models() ->
 
 
 def test_an_owner_who_adapts_is_never_worse_than_as_published() -> None:
-    descent = shown(0.9, 1.0, twins=(0.9, 0.91, 0.89, 0.9, 0.92, 0.9, 0.88, 0.9))
-    found = words(attacked("unattacked", 0.0, message=shown(0.3, 0.2), message_adaptive=descent))
+    key_only = shown(0.9, 1.0, twins=(0.9, 0.91, 0.89, 0.9, 0.92, 0.9, 0.88, 0.9))
+    found = words(attacked("unattacked", 0.0, message=shown(0.3, 0.2), message_adaptive=key_only))
     assert found == {("unattacked", PUBLISHED): "proven", ("unattacked", ADAPTS): "readable"}
     lost = words(attacked("unattacked", 0.0, message=NOTHING, message_adaptive=PLAIN))
     assert lost == {("unattacked", PUBLISHED): "gone", ("unattacked", ADAPTS): "readable"}

@@ -10,8 +10,8 @@ from gspure.evaluation.evidence import Evidence
 from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.results import (
     ADAPTS,
-    DESCENT,
     GONE,
+    KEY_ONLY,
     PROVEN,
     PUBLISHED,
     READABLE,
@@ -155,15 +155,15 @@ def _shows_message(control: Evidence) -> bool:
 def word_of(proof: Proof, legible: float) -> Word:
     """Return whether a message is readable, shows traces, is proven only, or gone.
 
-    An extraction that shows the message no better than from a redrawn twin shows whence the file comes. Without
+    An extraction that shows the message no better than from a redrawn twin shows what the key holds. Without
     candidates, nothing is proven: what can be recognized counts.
     """
     is_legible = legible >= legibility.TRACES
     if not proof.candidates and proof.p_twins is not None and proof.p_twins > COARSEST:
-        return DESCENT if is_legible else GONE
+        return KEY_ONLY if is_legible else GONE
     if proof.candidates and not proof.is_proven:
         others = [proof.p_candidates] if proof.p_clean is None else [proof.p_candidates, proof.p_clean]
-        return DESCENT if max(others) <= proof.level <= COARSEST else GONE
+        return KEY_ONLY if max(others) <= proof.level <= COARSEST else GONE
     if legible >= legibility.READABLE:
         return READABLE
     if is_legible:

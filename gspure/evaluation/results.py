@@ -20,11 +20,11 @@ OwnerName = Literal["published", "adaptive", ""]
 READABLE: Final = "readable"  # proven, and a person or a program reads all of it
 TRACES: Final = "traces"  # proven, and a part of it can be recognized
 PROVEN: Final = "proven"  # proven, but nothing of it can be recognized
-DESCENT: Final = "descent"  # the file descends from the owner's, but the message is not proven
+KEY_ONLY: Final = "key-only"  # gone: what the extraction shows comes from the key, not from the file
 GONE: Final = "gone"  # neither
-Word = Literal["readable", "traces", "proven", "descent", "gone", ""]
+Word = Literal["readable", "traces", "proven", "key-only", "gone", ""]
 
-IN_ORDER: Final[tuple[Word, ...]] = (READABLE, TRACES, PROVEN, DESCENT, GONE)
+IN_ORDER: Final[tuple[Word, ...]] = (READABLE, TRACES, PROVEN, KEY_ONLY, GONE)
 
 _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 

@@ -13,8 +13,8 @@ from gspure.evaluation.outcomes import title_with_damage
 from gspure.evaluation.radius import Radius
 from gspure.evaluation.results import (
     ADAPTS,
-    DESCENT,
     IN_ORDER,
+    KEY_ONLY,
     PROVEN,
     PUBLISHED,
     READABLE,
@@ -33,13 +33,13 @@ from gspure.report.audit import ConditionAudit, audits
 from gspure.scan.verdict import LIKELY, NOTHING, UNLIKE
 from gspure.text import UNKNOWN, decimal, p_value, percent, significant
 
-_DETECTED: Final = {LIKELY: "yes", NOTHING: "no", UNLIKE: "unclear"}
+_DETECTED: Final = {LIKELY: "found", NOTHING: "not found", UNLIKE: "unclear"}
 
 _OF_PICTURES: Final[Mapping[str, str]] = {
     READABLE: f"≥ {percent(legibility.READABLE, 0)} legible",
     TRACES: f"≥ {percent(legibility.TRACES, 0)} legible",
     PROVEN: "less, but not by chance",
-    DESCENT: "only in the key, so gone",
+    KEY_ONLY: "gone (the picture is the key's)",
 }
 _OF_MARKS: Final[Mapping[str, str]] = {READABLE: "all of it", PROVEN: "a part, but not by chance"}
 
@@ -127,14 +127,20 @@ class Answer:
             ADAPTS: "if the owner adapts to the attack",
             PUBLISHED: "extracted as published",
         }
+        names = {ADAPTS: "robust radius: the least damage that ends the message", PUBLISHED: "robust radius"}
         for owner, of_owner in owners.items():
             radius = self.audit.radius(owner=owner)
             if radius:
-                name = "ends the message" if isnan(radius.radius) else "robust radius"
+                name = "ends the message" if isnan(radius.radius) else names[owner]
                 yield self._radius(radius), f"{name}, {of_owner}"
         readable = self.audit.radius("readable")
         if readable:
-            yield self._radius(readable), "makes it unreadable" if isnan(readable.radius) else "readable radius"
+            yield (
+                self._radius(readable),
+                "makes it unreadable"
+                if isnan(readable.radius)
+                else "readable radius: the least that makes it unreadable",
+            )
         yield self._with_wrong_key()
         if scans:
             yield _scanned(scans)
@@ -177,7 +183,7 @@ class Answer:
             cells = [f"{cell:{'>' if number else '<'}{widths[number]}}" for number, cell in enumerate(row)]
             yield "  ".join(cells).rstrip()
         if self.legend:
-            yield f"{self.legend}; p: probability of as much by chance"
+            yield f"{self.legend}; p: probability by chance"
         controls = [f"{row.attack} {row.published}" for row in self.controls if row.published]
         if controls:
             yield f"controls: {', '.join(controls)}"
@@ -299,5 +305,6 @@ def _scanned(scans: Sequence[Mapping[str, str]]) -> tuple[str, str]:
     texts = []
     for when in ("before", "after"):
         answers = [_DETECTED[scan[when]] for scan in scans]
-        texts.append(answers[0] if len(answers) == 1 else f"{answers.count('yes')} of {len(answers)}")
-    return " → ".join(texts), "suspected by a scan without key, before → after GSPure"
+        texts.append(answers[0] if len(answers) == 1 else f"found in {answers.count('found')} of {len(answers)}")
+    before, after = texts
+    return before, f"by a scan of the file without a key; after GSPure: {after}"

@@ -162,9 +162,10 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
     remarks = []
     if nulls:
         candidates, clean_models, twins, level = min(nulls)
-        models = f"{clean_models} clean models" if clean_models else "no test against clean models, which takes eight"
+        models = f"and {clean_models} clean models" if clean_models else "(clean models: too few for a test)"
         remarks.append(
-            f"Proven means p ≤ {decimal(level, 3)}: {candidates} candidates, {twins} redrawn twins, {models}."
+            f"Proven means p ≤ {decimal(level, 3)}, the larger of two: by rank among {candidates} candidates, and by a "
+            f"t-test against {twins} redrawn twins {models}."
         )
     if any(not row.candidates and not isnan(row.trace) for row in attacked):
         remarks.append("There are no candidates of the message's kind: what is said of it is no proof.")
