@@ -72,7 +72,7 @@ LOST = models_of(noise=(0.9, shown(0.3, 0.5)), gof=(0.4, FAINT))
 def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     lines = [*answer_of(LOST).lines()]
     assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "legible", "p", "as", "published"]
-    assert lines[2].split() == ["GOF", "0.4", "20.0", "0%", "0.9", "gone"]
+    assert lines[2].split() == ["GOF", "0.40", "20.0", "0%", "0.9", "gone"]
     assert lines[3].split() == ["noise", "0.9", "20.0", "50%", "0.005", "traces"]
     assert lines[4] == "traces: ≥ 40% legible; p: probability by chance"
     assert lines[5] == "controls: clean model gone, wrong key gone"
@@ -134,7 +134,7 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
 def test_without_a_key_nothing_is_said_about_a_message() -> None:
     first, header, row, verdict = answer_of(KEYLESS).lines()
     assert (first, header.split()) == ("sis", ["attack", "damage", "dB", "scene", "dB"])
-    assert row.split() == ["GSPure", "0.0", "30.0"]
+    assert row.split() == ["GSPure", "0.00", "30.0"]
     assert verdict.startswith("No verdict: only the owner's key can tell")
 
 

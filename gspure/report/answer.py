@@ -39,7 +39,7 @@ _OF_PICTURES: Final[Mapping[str, str]] = {
     READABLE: f"≥ {percent(legibility.READABLE, 0)} legible",
     TRACES: f"≥ {percent(legibility.TRACES, 0)} legible",
     PROVEN: "less, but not by chance",
-    KEY_ONLY: "gone (the picture is the key's)",
+    KEY_ONLY: "gone (unmarked twins show it, too)",
 }
 _OF_MARKS: Final[Mapping[str, str]] = {READABLE: "all of it", PROVEN: "a part, but not by chance"}
 
@@ -201,7 +201,7 @@ class Answer:
             titles.append("owner who adapts")
         table = [titles]
         for row in self.attacks:
-            cells = [row.attack, decimal(self.axis(row), 1), self.level(row.level)]
+            cells = [row.attack, decimal(self.axis(row)), self.level(row.level)]
             if self.has_legibility:
                 cells.append(percent(row.legibility, 0))
             if self.has_message:

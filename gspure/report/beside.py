@@ -34,4 +34,4 @@ def _cells(answer: Answer, row: AttackRow | None) -> list[Cell]:
     """Return what an attack costs the scene, and leaves of the message."""
     if row is None:
         return [Cell(), Cell()]
-    return [Cell(decimal(answer.axis(row), 1)), Cell(row.word or UNKNOWN)]
+    return [Cell(decimal(answer.axis(row))), Cell(row.word or UNKNOWN)]

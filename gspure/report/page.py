@@ -7,7 +7,7 @@ import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -130,7 +130,7 @@ def environment() -> Environment:
     templates.filters |= {
         "name": display_name,
         "extraction_name": extraction_name,
-        "decimal": partial(decimal, decimals=1),
+        "decimal": decimal,
         "p_value": p_value,
         "sentence_case": lambda text: text[:1].upper() + text[1:],
     }
