@@ -73,7 +73,7 @@ def test_lines_are_attacks_by_damage_then_controls_then_the_verdict() -> None:
     lines = [*answer_of(LOST).lines()]
     assert lines[1].split() == ["attack", "damage", "dB", "message", "dB", "legible", "p", "as", "published"]
     assert lines[2].split() == ["GOF", "0.40", "20.0", "0%", "0.9", "gone"]
-    assert lines[3].split() == ["noise", "0.9", "20.0", "50%", "0.005", "traces"]
+    assert lines[3].split() == ["noise", "0.90", "20.0", "50%", "0.005", "traces"]
     assert lines[4] == "traces: ≥ 40% legible; p: probability by chance"
     assert lines[5] == "controls: clean model gone, wrong key gone"
     assert lines[6] == "BROKEN: the message is gone at 0.40 dB of damage (GOF)."
