@@ -14,7 +14,9 @@ from gspure.codec import read
 from gspure.evaluation.attack_record import ATTACK_RECORD, Applied, AttackRecord, Refused, StrengthValue
 from gspure.evaluation.attacking import Context, attacked
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
+from gspure.evaluation.judging import word_left
 from gspure.evaluation.plan import AttackSpec, Control, Detector, Job, Views
+from gspure.evaluation.searching import LEFT, searched
 from gspure.files import read_json
 from gspure.images import read_image, write_image
 from gspure.metrics.bit_evidence import BitEvidence
@@ -143,12 +145,22 @@ def test_a_strength_is_searched_for_a_drop_of_the_mean_psnr_against_photographs(
     assert "dB of 0.5 dB" in comments
 
 
+@pytest.mark.parametrize("until", ["gone", "unreadable"])
+def test_the_least_strength_is_searched_that_ends_the_message(until) -> None:
+    planned = job("ended", AttackSpec("random_pruning", until=until))
+    found = searched(planned)
+    assert [row.psnr for row in found.metrics if row.target == MESSAGE] == likeness(planned, MESSAGE)
+    weaker = run(attack_job("weaker", "random_pruning", attack={"fraction": found.attack.strength.value - 1 / 128}))
+    assert [word_left(one.evidence) in LEFT[until] for one in (weaker, found)] == [True, False]
+
+
 NO_PHOTOGRAPHS = [("gaussian_noise", {"damage": 0.5}, "a damage is a drop of the PSNR against photographs")]
 NOT_APPLIED = [("opacity_noise", {}, "rows do not store opacity")]
+NO_MESSAGE = [("gaussian_noise", {"until": "gone"}, "its strength is searched for the end of a message")]
 LEFT_NOTHING = [("crop", {"settings": {"fraction": 1e-9}}, "none of 60 rows would remain")]
 
 
-@pytest.mark.parametrize(("attack", "spec", "reason"), NOT_APPLIED + LEFT_NOTHING + NO_PHOTOGRAPHS)
+@pytest.mark.parametrize(("attack", "spec", "reason"), NOT_APPLIED + LEFT_NOTHING + NO_PHOTOGRAPHS + NO_MESSAGE)
 def test_an_attack_that_does_not_apply_or_leaves_nothing_is_refused(attack, spec, reason) -> None:
     planned = job(f"refused_{attack}", AttackSpec(attack, **spec))
     evaluation = run(planned)

@@ -143,6 +143,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         (variant("gspur"), "variants.gspur: expected one of .*plain_weight.*, found 'gspur'"),
         (variant("crop", fraction=2), "variants.crop.fraction: expected a number from 0 to 1"),
         (variant("crop", damage=1, fraction=0.5), "variants.crop.fraction: "),
+        (variant("crop", damage=1, until="gone"), "variants.crop.until: expected nothing beside damage, found gone"),
         (variant("crop", decision="mild"), "variants.crop.decision: "),
         (variant("gspure", decision="wild"), "variants.gspure.decision: expected one of mild, found 'wild'"),
         (variant("gspure", damage=1), "variants.gspure.damage: expected an attack with a strength, found gspure"),

@@ -74,6 +74,8 @@ def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackR
     does not fit.
     """
     attack = find_attack(spec.name)
+    if spec.until is not None:
+        raise NotApplicable(attack.name, "its strength is searched for the end of a message, and there is none")
     measurements = Measurements.read(public, spec.measured)
     known: dict[str, Any] = {"seed": spec.seed, "cameras": [], "device": None}
     if learns(attack):

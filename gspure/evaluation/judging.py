@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from gspure.evaluation.evidence import Evidence
+from gspure.evaluation.evidence import Evidence, JobEvidence
 from gspure.evaluation.outcomes import Outcome, by_model
 from gspure.evaluation.results import (
     ADAPTS,
@@ -171,13 +171,34 @@ def word_of(proof: Proof, legible: float) -> Word:
     return PROVEN if proof.candidates else GONE
 
 
+def word_left(evidence: JobEvidence) -> Word:
+    """Return what a job alone shows of the message, by the best of its extractions; no clean model is asked."""
+    pictures = [one for one in evidence.pictures.values() if counts(one, ())]
+    words = [word_of(proof_of(one, ()), one.legibility) for one in pictures]
+    words += [word_of_bits(one) for one in evidence.bits.values()]
+    return better(words) if words else GONE
+
+
+def word_of_bits(evidence: BitEvidence) -> Word:
+    """Return whether all bits are read, or enough of them that it is no chance."""
+    if evidence.p <= _level_of(evidence) <= COARSEST:
+        return READABLE if evidence.correct == evidence.bits else PROVEN
+    return GONE
+
+
+def _level_of(evidence: BitEvidence) -> float:
+    return max(SIGNIFICANCE, 2.0**-evidence.bits)
+
+
 def _of_bits(row: Result, evidence: BitEvidence) -> Result:
     """Return a row with the bits that the majority of views shows."""
-    level = max(SIGNIFICANCE, 2.0**-evidence.bits)
-    word: Word = GONE
-    if evidence.p <= level <= COARSEST:
-        word = READABLE if evidence.correct == evidence.bits else PROVEN
-    return row._replace(p=evidence.p, level=level, correct=evidence.correct, bits=evidence.bits, word=word)
+    return row._replace(
+        p=evidence.p,
+        level=_level_of(evidence),
+        correct=evidence.correct,
+        bits=evidence.bits,
+        word=word_of_bits(evidence),
+    )
 
 
 def _of_score(row: Result, detection: Detection) -> Result:

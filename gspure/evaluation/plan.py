@@ -18,6 +18,7 @@ from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.settings import Setting
 
 Split = Literal["train", "test", "all"]
+Until = Literal["gone", "unreadable"]
 
 PLAN_FILE: Final = "plan.json"  # file in the folder of results
 CONFIGURATION: Final = "configuration.json"  # for people
@@ -36,7 +37,7 @@ class Detector:
 
 @dataclass(frozen=True)
 class AttackSpec:
-    """An attack with its settings; with a `damage`, dB, its strength is searched.
+    """An attack with its settings; its strength is searched for a `damage`, dB, or `until` the message is gone.
 
     `entry` is the entry of the configuration, which variants of several damages share.
     """
@@ -46,6 +47,7 @@ class AttackSpec:
     settings: Mapping[str, Setting] = field(default_factory=dict)
     seed: int = 0
     damage: float | None = None
+    until: Until | None = None
     measured: Mapping[str, Path] = field(default_factory=dict)  # files of `gspure.attacks.Measurements` by name
 
 

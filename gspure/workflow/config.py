@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Final, Literal
 
 from gspure.codec import REST, Text
+from gspure.evaluation.plan import Until
 from gspure.method.settings import MethodSettings
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.settings import (
@@ -225,6 +226,11 @@ class VariantConfig:
         Damage | tuple[Damage, ...] | None,
         "Drop of the scene's PSNR in dB, or a list of them, instead of the attack's strength: the strength is "
         "searched. Each is a variant of its own, NAME@1dB; together they are a sweep.",
+    ] = None
+    until: Annotated[
+        Until | None,
+        "Instead of the attack's strength: the least one is searched after which the owner's message is gone, or "
+        "unreadable.",
     ] = None
 
 

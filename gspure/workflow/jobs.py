@@ -58,6 +58,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
         settings=_settings(subject.decisions[variant.decision], variant),
         seed=variant.seed + subject.id.seed,
         damage=variant.damage,
+        until=variant.until,
         measured=_measurement_files(subject, variant),
     )
     inputs = (*subject.inputs, *spec.measured.values())
@@ -128,7 +129,7 @@ def _settings(decision: Decision, variant: VariantSpec) -> dict[str, float | int
     if attack in BUILT_IN:
         factors = {"tau_c": decision.settings.tau_c, "tau_n": decision.settings.tau_n, "tau": decision.settings.tau_n}
         values = {**{name: value for name, value in factors.items() if value is not None}, **values}
-    searched = attack.strength.setting if attack.strength and variant.damage is not None else ""
+    searched = attack.strength.setting if attack.strength and variant.is_searched else ""
     return {name: value for name, value in values.items() if name in attack.settings and name != searched}
 
 

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 from gspure.attacks import Attack, attacks
 from gspure.errors import InputError
-from gspure.evaluation.plan import METHOD
+from gspure.evaluation.plan import METHOD, Until
 from gspure.external import words_of
 from gspure.metrics.names import CONTROLS, variant_at
 from gspure.metrics.targets import HIDDEN_BITS, SCENE, is_picture
@@ -26,6 +26,12 @@ class VariantSpec(NamedTuple):
     seed: int
     settings: Mapping[str, Setting]
     damage: float | None = None  # to search a strength for, dB
+    until: Until | None = None  # what to search the least strength for
+
+    @property
+    def is_searched(self) -> bool:
+        """Whether the strength is searched."""
+        return self.damage is not None or self.until is not None
 
 
 def read_variants(config: Config, source: str) -> dict[str, VariantSpec]:
@@ -61,15 +67,19 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
         if not attack.needs & {"weights", "prune_mask"}:
             expected = f"no entry, since {attack_name} uses no decision"
             raise InputError(source, f"{place}.decision", expected=expected, found=repr(entry.decision))
-    if entry.damage is not None:
+    for search in ("damage", "until"):
+        if getattr(entry, search) is None:
+            continue
         if attack.strength is None:
-            raise InputError(source, f"{place}.damage", expected="an attack with a strength", found=attack_name)
+            raise InputError(source, f"{place}.{search}", expected="an attack with a strength", found=attack_name)
         strength = entry.settings.get(attack.strength.setting)
         if strength is not None:
             field = f"{place}.{attack.strength.setting}"
-            raise InputError(source, field, expected="nothing beside damage", found=repr(strength))
+            raise InputError(source, field, expected=f"nothing beside {search}", found=repr(strength))
+    if entry.damage is not None and entry.until is not None:
+        raise InputError(source, f"{place}.until", expected="nothing beside damage", found=entry.until)
     settings = typed_settings(attack.function, entry.settings)
-    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, settings)
+    return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, settings, until=entry.until)
 
 
 def check_detectors(config: Config, source: str) -> None:

@@ -2,15 +2,16 @@
 
 from pathlib import Path
 
-from gspure.evaluation.evaluate import evaluate, write
+from gspure.evaluation.evaluate import write
 from gspure.evaluation.plan import Job
+from gspure.evaluation.searching import searched
 from gspure.files import write_json
 from gspure.workflow.step import run
 
 
 def evaluate_jobs(jobs: tuple[Job, ...], listed: Path | None = None) -> None:
     for job in jobs:
-        write(job, evaluate(job))
+        write(job, searched(job))
     if listed:
         write_json(listed, [job.variant for job in jobs])
 
