@@ -81,7 +81,7 @@ SCHEMES: dict[str, dict[str, Any]] = {
 }
 CLEAN_OF = {"keyss": "splats_in_splats", "secure_gs_hardened": "secure_gs"}  # schemes that share clean models
 LEARNING = ("keyss", "secure_gs")  # schemes whose keys learn
-CANDIDATES = 199  # the default of an audit
+CANDIDATES = 999  # of an audit for a publication; the default is 199
 WRONG_MESSAGES = 200  # of each kind
 FIRST_WRONG_SEED = 10_000  # no seed of `PAIRS` or of a candidate
 FITTED_MESSAGES = (0,)  # that keys learn on all models that never held them
