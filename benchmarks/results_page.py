@@ -2,29 +2,30 @@
 
 import csv
 import string
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from gspure.evaluation import paper
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.radius import Radius, model_radii, radii
-from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, known_cells, read_results
+from gspure.evaluation.radius import Radius
+from gspure.evaluation.results import PUBLISHED, Result, known_cells, read_results
 from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import UNATTACKED, display_name, variant_at, variant_title
+from gspure.metrics.names import GSPURE, UNATTACKED, display_name, variant_at, variant_title
 from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
 from gspure.metrics.targets import MESSAGE
-from gspure.report.audit import audits
+from gspure.report.audit import ConditionAudit, audits
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
-from gspure.text import decimal, significant
+from gspure.text import UNKNOWN, decimal, significant
 
 DOCS: Final = Path(__file__).parents[1] / "docs"
 PAGE: Final = DOCS / "results.md"
 TEMPLATE: Final = Path(__file__).with_name("results_page.md")
-RADII: Final = DOCS / "results" / "radius" / "results.csv"
+RADII: Final = tuple(DOCS / "results" / run / "results.csv" for run in ("radius", "scenes"))
 OURS: Final = "gspure_equal"
 OTHERS: Final = ("gof_equal", "random_equal", "noise_equal")
 DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
@@ -48,52 +49,57 @@ def page() -> str:
     networks = read_results(*sorted((DOCS / "results" / "networks").glob("*.csv")))
     compared = comparisons(large)
     facts = {
-        "radius": radius_section(),
         "compared": compared_table(compared),
         "least_p": significant(min(one.p for one in compared), 2),
         "least_corrected": significant(min(one.corrected for one in compared), 2),
         "paper": paper_table([*large, *networks]),
         "networks": networks_table(networks),
         "over_gof": over_gof(compared),
+        **radius_facts(),
+        **paper_facts([*large, *networks]),
         **large_facts(large),
         **capture_facts(),
     }
     return string.Template(TEMPLATE.read_text(encoding="utf-8")).substitute(facts)
 
 
-def radius_section() -> str:
-    """Return the section of the robust radii; nothing before their run is committed."""
-    if not RADII.is_file():
-        return ""
-    rows = read_results(RADII)
-    of_models = model_radii(rows)
-    known = radii(of_models, {row.model: row.condition for row in rows})
-    columns = [Column("condition"), Column("radius, adaptive"), Column("radius, as published")]
+def radius_facts() -> dict[str, str]:
+    """Return what the page says of the robust radius; both runs have the same suite, size and steps."""
+    of_conditions = audits(read_results(*RADII))
+    columns = [Column("condition"), Column("scenes"), Column("radius, adaptive"), Column("radius, as published")]
     columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
-    lines = [TableRow(cells) for cells in _radius_cells(known)]
-    return (
-        "## The robust radius\n\nThe [robust radius](statistics.md#the-robust-radius) is the least damage after which "
-        "the message is no longer proven;\nthe readable radius, after which it is not readable. One ray-traced pair at "
-        "208x156, one seed, audited with\n[`config/radius.yaml`](../config/radius.yaml) "
-        "([results.csv](results/radius/results.csv)):\n\n"
-        f"{Table('', columns, lines).markdown()}\n\n{''.join(_without_radius(rows))}"
-    )
+    lines = [TableRow([*map(Cell, _radius_cells(audit))]) for audit in of_conditions if audit.has_radius]
+    known = [(audit, audit.radius()) for audit in of_conditions]
+    over_scenes = {audit.condition: radius for audit, radius in known if radius and radius.scenes > 1}
+    clauses = [f"{_scheme(condition)} {_with_range(radius)}" for condition, radius in over_scenes.items()]
+    return {
+        "radius_table": Table("", columns, lines).markdown(),
+        "without_radius": " ".join(
+            f"{audit.condition.title}: {audit.sentence}" for audit in of_conditions if not audit.has_radius
+        ),
+        "answer_radius": "; ".join(clauses),
+        "answer_radius_scenes": ", ".join(str(radius.scenes) for radius in over_scenes.values()),
+    }
 
 
-def _without_radius(rows: Sequence[Result]) -> Iterator[str]:
-    for audit in audits(rows):
-        if not audit.has_radius:
-            yield f"{audit.condition.title}: {audit.sentence}\n\n"
+def _radius_cells(audit: ConditionAudit) -> list[str]:
+    adaptive = audit.radius()
+    published = audit.radius(owner=PUBLISHED)
+    readable = audit.radius("readable")
+    scenes = str(adaptive.scenes) if adaptive else UNKNOWN
+    texts = [_with_range(radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
+    return [audit.condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else UNKNOWN]
 
 
-def _radius_cells(known: Sequence[Radius]) -> Iterator[list[Cell]]:
-    for condition, alike in grouped(known, lambda one: one.condition).items():
-        known_radii = {(one.kind, one.owner): one for one in alike}
-        published = known_radii.get(("message", PUBLISHED))
-        adaptive = known_radii.get(("message", ADAPTS), published)
-        readable = known_radii.get(("readable", ADAPTS), known_radii.get(("readable", PUBLISHED)))
-        texts = [str(one) if one else "–" for one in (adaptive, published, readable)]
-        yield [*map(Cell, [condition.title, *texts, display_name(adaptive.killer) if adaptive else "–"])]
+def _with_range(radius: Radius) -> str:
+    if radius.scenes == 1:
+        return str(radius)
+    high = decimal(radius.high) if isfinite(radius.high) else "more"
+    return f"{radius} ({decimal(radius.low)} to {high})"
+
+
+def _scheme(condition: Condition) -> str:
+    return condition.title.partition(",")[0]
 
 
 def comparisons(rows: Sequence[Result]) -> list[Compared]:
@@ -148,6 +154,21 @@ def compared_table(compared: Sequence[Compared]) -> str:
             cells += [Cell(str(pairs)), *(at_damage.get(damage, Cell()) for damage in DAMAGES)]
             lines.append(TableRow(cells))
     return Table("", columns, lines).markdown()
+
+
+def paper_facts(rows: Sequence[Result]) -> dict[str, str]:
+    """Return GSPure's drops of the message at shared poses, in the paper and here."""
+    ours = [row for row in paper.beside(paper.read_rows(), rows) if row.variant == GSPURE]
+    shared = {row.condition.scheme: row for row in ours if row.condition.protocol == "shared"}
+    splats = shared["splats_in_splats"]
+    hider = shared["gs_hider"]
+    return {
+        "paper_splats": decimal(splats.paper_message_drop),
+        "paper_hider": decimal(hider.paper_message_drop),
+        "hider_message": decimal(hider.message_drop),
+        "answer_paper_scenes": f"{splats.scenes}, {hider.scenes}",
+        "answer_pruning_scenes": str(splats.scenes),
+    }
 
 
 def paper_table(rows: Sequence[Result]) -> str:
