@@ -16,6 +16,7 @@ from gspure.evaluation.outcomes import Outcome
 from gspure.figures import style
 from gspure.files import Json, write_text
 from gspure.images import opened
+from gspure.metrics import legibility
 from gspure.metrics.names import UNATTACKED, display_name, extraction_name
 from gspure.report.answer import Answer
 from gspure.report.audit import BROKEN, WEAK
@@ -85,6 +86,7 @@ def write_page(results: Path, comparisons: Sequence[Comparison], links: Sequence
         links=[os.path.relpath(file.resolve(), results.resolve()) for file in links],
         weak=WEAK,
         broken=BROKEN,
+        legible=legibility.TRACES,
     )
     write_text(results / "report.html", text)
 

@@ -1,0 +1,38 @@
+"""A check of a plug-in: what it expects, and what is wrong."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+
+class Check(NamedTuple):
+    """What was checked; the problem is empty if the plug-in passed."""
+
+    name: str
+    problem: str = ""
+    is_rule: bool = True  # a plug-in that breaks it does not work; else, a finding about its mark
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is no problem."""
+        return not self.problem
+
+
+class RuleError(Exception):
+    """A plug-in does not keep a rule."""
+
+
+def check(name: str, test: Callable[[], object], *, is_rule: bool = True) -> Check:
+    """Run a test, which raises an exception where the plug-in fails; any other exception is a problem, too."""
+    try:
+        test()
+    except RuleError as broken:
+        return Check(name, str(broken), is_rule)
+    except Exception as error:  # noqa: BLE001 (a foreign module may raise anything)
+        return Check(name, f"{type(error).__name__}: {error}", is_rule)
+    return Check(name, is_rule=is_rule)
+
+
+def require(holds: bool, problem: str) -> None:  # noqa: FBT001
+    """Raise `RuleError` with a problem unless a rule holds."""
+    if not holds:
+        raise RuleError(problem)

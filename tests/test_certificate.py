@@ -1,0 +1,87 @@
+"""What `gspure check-plugin` finds wrong with schemes and attacks that break one rule each."""
+
+from dataclasses import replace
+from itertools import count
+
+import pytest
+
+from gspure.attacks import Attack, Attacked, Strength, find_attack
+from gspure.certificate.check import Check
+from gspure.certificate.of_attacks import Trial, attack_checks
+from gspure.certificate.of_schemes import scheme_checks
+from gspure.cli import check_plugin, main
+from gspure.public_model import PublicModel
+from gspure.schemes.registry import find_scheme
+
+SEEDS = count()
+PLANTED = find_scheme("planted")
+
+
+def embed_anew(pair, seed, device=None, *, message_weight=1, gaussians=300):
+    return PLANTED.embed(pair, next(SEEDS), message_weight=message_weight, gaussians=gaussians)
+
+
+def embed_always(pair, seed, device=None, *, message_weight=1, gaussians=300):
+    return PLANTED.embed(pair, seed, gaussians=gaussians)
+
+
+def read_turned(path):
+    return PublicModel(PublicModel.read(path).model[::-1])
+
+
+def read_anything(folder):
+    return PLANTED.read_key(folder) if [*folder.iterdir()] else None
+
+
+BROKEN_SCHEMES = {
+    "declares columns that its file has": {"extractions": {"message": ("no_column",)}},
+    "reads its files back": {"read_public": read_turned},
+    "gives the same files with the same seed": {"embed": embed_anew},
+    "refuses a folder without its files": {"read_key": read_anything},
+    "trains a clean model without a key": {"embed": embed_always},
+}
+
+
+@pytest.mark.parametrize(("rule", "fault"), [("", {}), *BROKEN_SCHEMES.items()])
+def test_a_scheme_fails_the_check_of_the_rule_that_it_breaks(rule, fault, pair, tmp_path) -> None:
+    scheme = replace(PLANTED, **fault)
+    found = [*scheme_checks(scheme, pair, {"gaussians": 300}, tmp_path)]
+    assert [check.name for check in found if check.is_rule and not check.passed] == [rule] * bool(rule)
+    assert len(found) == 9
+
+
+def shift(model, rng, *, by: float = 1.0) -> Attacked:
+    return Attacked.changed(model, {"x": model.table["x"] + by})
+
+
+def shift_at_random(model, rng, *, by: float = 1.0) -> Attacked:
+    return shift(model, rng, by=next(SEEDS))
+
+
+def shift_in_place(model, rng, *, by: float = 1.0) -> Attacked:
+    model.table["x"] += 1
+    return shift(model, rng)
+
+
+BROKEN_ATTACKS = {
+    "": find_attack("random_pruning"),
+    "does more damage at the strong end": Attack("weak", shift, strength=Strength("by", 1.0, 0.0)),
+    "gives the same result with the same seed": Attack("random", shift_at_random),
+    "leaves its input as it is": Attack("in_place", shift_in_place),
+}
+
+
+@pytest.mark.parametrize(("rule", "attack"), BROKEN_ATTACKS.items())
+def test_an_attack_fails_the_check_of_the_rule_that_it_breaks(rule, attack, pair) -> None:
+    dataset = pair.scene.dataset
+    public, _ = PLANTED.embed(pair, 0, gaussians=300)
+    found = attack_checks(Trial(attack, public, dataset.train, dataset.test))
+    assert rule in [check.name for check in found if not check.passed] if rule else all(check.passed for check in found)
+
+
+@pytest.mark.parametrize(("is_rule", "status", "mark"), [(True, 1, "FAILED"), (False, 0, "note")])
+def test_a_line_per_check_is_printed_and_a_broken_rule_fails(is_rule, status, mark, monkeypatch, capsys) -> None:
+    found = [Check("applies"), Check("repeats", "rows differ", is_rule)]
+    monkeypatch.setattr(check_plugin, "_checks", lambda *_: found)
+    assert main(["check-plugin", "crop"]) == status
+    assert capsys.readouterr().out.split("\n")[:2] == [" 1  ok      applies", f" 2  {mark:<7} repeats: rows differ"]
