@@ -138,7 +138,7 @@ STATEMENTS = {
     "": 1509,
     "attacks": 786,
     "cameras": 1411,
-    "certificate": 110,
+    "certificate": 195,
     "cli": 1853,
     "cuda_free": 533,
     "evaluation": 1428,
