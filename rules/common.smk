@@ -11,6 +11,7 @@ from gspure.attacks import find_attack
 from gspure.errors import InputError
 from gspure.evaluation.plan import CONFIGURATION, PLAN_FILE
 from gspure.files import write_json, write_text
+from gspure.metrics.names import CLEAN, clean_seed
 from gspure.plugins import require_packages
 from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
@@ -49,6 +50,7 @@ wildcard_constraints:
     scheme="|".join(dict.fromkeys(model.id.scheme for model in PLAN.models)),
     scene="|".join(dict.fromkeys([*PLAN.pairs, *(model.id.folder_name for model in PLAN.models)])),
     variant="|".join(map(re.escape, VARIANTS)),
+    clean=rf"{CLEAN}(_\d+)?",
     decision=f"(?:{'|'.join(DECISIONS)})",
 
 
@@ -191,13 +193,19 @@ def get_settings(*names):
     return {name: lambda wildcards, name=name: getattr(get_decision(wildcards).settings, name) for name in names}
 
 
-def get_embedding(wildcards, out, **changes):
+def get_clean_training(wildcards):
+    """Return the command that trains a clean model, each with its own random seed."""
+    seed = get_model(wildcards).embedding.seed + clean_seed(wildcards.clean)
+    return get_embedding(wildcards, "results/{scheme}/{scene}/{clean}", seed=seed, message_weight=0)
+
+
+def get_embedding(wildcards, out, seed=None, **changes):
     """Return the command that trains a model with the scheme's settings and some changes."""
     embedding = get_model(wildcards).embedding
     return command(
         *("embed", wildcards.scheme, embedding.pair, "--force"),
         out=out.format(**wildcards),
-        seed=embedding.seed,
+        seed=embedding.seed if seed is None else seed,
         initialization=embedding.initialization,
         set={**embedding.settings, **changes},
     )

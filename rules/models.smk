@@ -93,16 +93,16 @@ use rule base_command as embed_message with:
         "Embedding the message of {wildcards.scene} with {wildcards.scheme}"
 
 
-# A clean model, trained without the message, is a control.
+# Clean models, trained without the message, are controls.
 use rule embed_message as train_clean_model with:
     output:
-        model="results/{scheme}/{scene}/clean/public/point_cloud.ply",
+        model="results/{scheme}/{scene}/{clean}/public/point_cloud.ply",
     log:
-        "results/logs/{scheme}/{scene}/clean/embed.log",
+        "results/logs/{scheme}/{scene}/{clean}/embed.log",
     benchmark:
-        "results/benchmarks/{scheme}/{scene}/clean/embed.tsv"
+        "results/benchmarks/{scheme}/{scene}/{clean}/embed.tsv"
     params:
-        command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}/clean", message_weight=0),
+        command=get_clean_training,
     message:
         "Training {wildcards.scheme} on {wildcards.scene} without a message"
 

@@ -146,7 +146,11 @@ def refusal_of(kind: Any, value: object, place: str = "") -> InputError:
         (LETTERS, ["a"], ["aA", "", 3]),
         (Annotated[str, Text("a|bc", "a or bc")], ["a", "bc"], ["ac", "abc", "b", ""]),
         (Circle, [CIRCLE], [3, {}, {"centre": {}}, {**CIRCLE, "r": 1}, {**CIRCLE, "radius": 0}]),
-        (SchemeConfig, [{"bits": 3, "tau": 0.5, "settings": 4, "seed": 1}], [3, {"bits": [3]}, {"seed": "a"}]),
+        (
+            SchemeConfig,
+            [{"bits": 3, "tau": 0.5, "settings": 4, "seed": 1, "clean_models": 2}],
+            [3, {"bits": [3]}, {"seed": "a"}],
+        ),
     ],
     ids=str,
 )

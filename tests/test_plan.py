@@ -138,6 +138,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         ({"assets": {"a": {**BOT, "clean": "b"}, "b": {**BOT, "clean": "c"}, "c": BOT}}, "assets.a.clean: "),
         ({"assets": {"desk": {"train": "desk"}}}, "assets.desk.train: "),
         (variant("clean", attack="crop"), "variants.clean: expected a name of no control"),
+        (variant("clean_2", attack="crop"), "variants.clean_2: expected a name of no control"),
         (variant("public", attack="crop"), "variants.public: expected a name of no control"),
         (variant("crop", attack="gof"), "variants.crop: "),
         (variant("gspur"), "variants.gspur: expected one of .*plain_weight.*, found 'gspur'"),
@@ -371,6 +372,9 @@ def test_controls_of_a_marked_model_render_its_message_alone(again: ModelPlan) -
     clean = again.by_variant[CLEAN]
     assert (clean.case, clean.public) == (Control(CLEAN), FOLDER / "clean/public/point_cloud.ply")
     assert clean.public in clean.inputs
+    (many,) = planned(pairs={"raised": {}}, schemes={"keyss": {"clean_models": 3}}).models
+    assert controls(many) == [CLEAN, "clean_2", "clean_3", WRONG_KEY]
+    assert many.by_variant["clean_3"].public == many.folder / "clean_3/public/point_cloud.ply"
 
 
 @pytest.mark.parametrize("split", ["test", "all"])

@@ -24,7 +24,7 @@ from gspure.evaluation.results import (
 from gspure.metrics import legibility
 from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.detection import Detection
-from gspure.metrics.names import MESSAGE_FREE
+from gspure.metrics.names import is_message_free
 from gspure.metrics.proof import COARSEST, SIGNIFICANCE, Proof, Traces, prove, rank_p
 from gspure.metrics.targets import ADAPTIVE, SCENE, is_picture
 
@@ -46,7 +46,7 @@ def judged(outcomes: Sequence[Outcome], attacks: Mapping[str, Sequence[str]]) ->
 
 def _clean_evidence(outcomes: Sequence[Outcome]) -> CleanEvidence:
     """Return what every extraction shows of the message in models that never held it."""
-    clean = [o for o in outcomes if o.variant in MESSAGE_FREE]
+    clean = [o for o in outcomes if is_message_free(o.variant)]
     names = dict.fromkeys(name for o in clean for name in o.evidence)
     return {name: [o.evidence[name] for o in clean if name in o.evidence] for name in names}
 
@@ -54,7 +54,7 @@ def _clean_evidence(outcomes: Sequence[Outcome]) -> CleanEvidence:
 def _results(o: Outcome, clean: CleanEvidence, attack: str) -> Iterator[Result]:
     """Yield a row for each owner, and for each detector; one of no owner if nothing reads a message."""
     row = _without_owner(o, attack)
-    others = {} if o.variant in MESSAGE_FREE else clean
+    others = {} if is_message_free(o.variant) else clean
     pictures = [name for name in o.messages if is_picture(name)]
     for name in pictures:
         owner: OwnerName = ADAPTS if name == ADAPTIVE else PUBLISHED

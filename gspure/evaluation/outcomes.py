@@ -13,7 +13,7 @@ from gspure.metrics.bit_evidence import BitEvidence
 from gspure.metrics.comparison import ViewMetrics
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
+from gspure.metrics.names import UNATTACKED, is_control, variant_title
 from gspure.metrics.statistics import Interval, difference, known_interval, scene_means
 from gspure.metrics.targets import HIDDEN_BITS, MESSAGE, SCENE, is_picture, needs_rows
 from gspure.text import decimal
@@ -122,7 +122,7 @@ class Outcome:
     @property
     def is_control(self) -> bool:
         """Whether it is a negative control (`gspure.metrics.names`)."""
-        return self.variant in CONTROLS
+        return is_control(self.variant)
 
     @property
     def messages(self) -> list[str]:

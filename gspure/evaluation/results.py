@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal, NamedTuple
 from gspure.evaluation.attack_record import StrengthValue
 from gspure.evaluation.identity import ModelId, OfCondition
 from gspure.metrics.csv_tables import read_table, write_table
-from gspure.metrics.names import CONTROLS, UNATTACKED, variant_title
+from gspure.metrics.names import UNATTACKED, is_control, variant_title
 from gspure.metrics.proof import COARSEST
 
 PUBLISHED: Final = "published"  # the owner who extracts exactly as the scheme's authors do
@@ -80,7 +80,7 @@ class Result(NamedTuple):
     @property
     def is_attack(self) -> bool:
         """Whether it is an attacked model, neither a control nor the unattacked one."""
-        return self.variant not in CONTROLS and self.variant != UNATTACKED
+        return not is_control(self.variant) and self.variant != UNATTACKED
 
     @property
     def is_decided(self) -> bool:

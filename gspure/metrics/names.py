@@ -1,5 +1,6 @@
 """Names of schemes, scenes, variants and targets, and how reports and figures show them."""
 
+import re
 from math import isnan, nan
 from typing import Final
 
@@ -13,11 +14,10 @@ WRONG_KEY: Final = "wrong_key"
 OTHER_SCENE: Final = "other_scene"
 BLACK: Final = "black"
 MEAN_COLOUR: Final = "mean_colour"
-MESSAGE_FREE: Final = (CLEAN, OTHER_SCENE)  # models that never held the message: trained without it, or with another
 BASELINES: Final = (BLACK, MEAN_COLOUR)  # blank images: black, and the mean colour of the message
 
 CONTROLS: Final = (CLEAN, WRONG_KEY, OTHER_SCENE)
-"""Negative controls: extractions without the message or without the right key."""
+"""Negative controls: extractions without the message or without the right key. There may be more clean models."""
 
 SCHEMES: Final = {  # display names of the built-in schemes and of the examples
     "splats_in_splats": "Splats in Splats",
@@ -50,7 +50,30 @@ _NAMES: Final = SCHEMES | {
     "vanilla": "Own model",
 }
 
+_CLEAN_MODEL: Final = re.compile(rf"{CLEAN}(_\d+)?")
+
 _WORDS: Final = {"gspure": "GSPure", "gof": "GOF", "gaussian": "Gaussian", "jpeg": "JPEG"}
+
+
+def clean_model(number: int) -> str:
+    """Return the name of a model's n-th clean model; numbers begin with 1."""
+    return CLEAN if number == 1 else f"{CLEAN}_{number}"
+
+
+def clean_seed(variant: str) -> int:
+    """Return what a clean model adds to the random seed of the marked one; nothing for the first."""
+    number = int(variant.rpartition("_")[2]) if variant != CLEAN else 1
+    return 1000 * (number - 1)
+
+
+def is_message_free(variant: str) -> bool:
+    """Return whether a variant is a model that never held the message: trained without it, or with another."""
+    return variant == OTHER_SCENE or _CLEAN_MODEL.fullmatch(variant) is not None
+
+
+def is_control(variant: str) -> bool:
+    """Return whether a variant is a negative control."""
+    return variant in CONTROLS or is_message_free(variant)
 
 
 def variant_at(variant: str, damage: float) -> str:

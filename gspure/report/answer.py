@@ -26,7 +26,7 @@ from gspure.evaluation.results import (
 from gspure.files import Json
 from gspure.grouping import grouped
 from gspure.metrics import legibility
-from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name
+from gspure.metrics.names import CONTROLS, GSPURE, UNATTACKED, WRONG_KEY, display_name, is_control
 from gspure.metrics.statistics import scene_means
 from gspure.metrics.targets import MESSAGE, SCENE, is_picture
 from gspure.report.audit import ConditionAudit, audits
@@ -228,7 +228,8 @@ def _answer(audit: ConditionAudit, rows: Sequence[Result]) -> Answer:
     by_variant = grouped(rows, lambda row: row.variant)
     lines = {variant: _attack_row(audit.extraction, alike) for variant, alike in by_variant.items()}
     inapplicable = {name for name, alike in by_variant.items() if all(map(_is_inapplicable, alike))}
-    attacks = [row for variant, row in lines.items() if variant not in {UNATTACKED, *CONTROLS, *inapplicable}]
+    others = {variant for variant in lines if variant == UNATTACKED or is_control(variant)} | inapplicable
+    attacks = [row for variant, row in lines.items() if variant not in others]
     attacks.sort(key=_place)
     known = [row for row in rows if row.variant == UNATTACKED]
     return Answer(
@@ -260,7 +261,7 @@ def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
     adaptive = [row for row in alike if row.owner == ADAPTS]
     first = alike[0]
     drops = scene_means(known_cells(alike, "damage")).values()
-    name = display_name(first.variant) if first.variant in CONTROLS else first.title
+    name = display_name(first.variant) if is_control(first.variant) else first.title
     return AttackRow(
         variant=first.variant,
         attack=title_with_damage(name, first.wanted, *drops),
@@ -269,7 +270,7 @@ def _attack_row(extraction: str, alike: Sequence[Result]) -> AttackRow:
         level=_level(published or alike),
         legibility=_mean(published, "legibility"),
         p=max((row.p for row in published if not isnan(row.p)), default=nan),
-        published=_words(published, least=first.variant not in CONTROLS),
+        published=_words(published, least=not is_control(first.variant)),
         adaptive=_words(adaptive),
         failure=next((row.failure for row in alike if row.failure and not row.word), ""),
     )

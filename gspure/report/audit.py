@@ -10,7 +10,7 @@ from gspure.evaluation.radius import Kind, Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, READABLE, TRACES, OwnerName, Result
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
-from gspure.metrics.names import MESSAGE_FREE, UNATTACKED, WRONG_KEY, extraction_name, variant_title
+from gspure.metrics.names import UNATTACKED, WRONG_KEY, extraction_name, is_message_free, variant_title
 from gspure.metrics.targets import HIDDEN_BITS, MESSAGE, is_picture
 from gspure.text import decimal
 
@@ -134,7 +134,7 @@ def _verdict(rows: Sequence[Result], judged: Sequence[Result], known: Sequence[R
 
 def _not_present(judged: Sequence[Result]) -> str:
     """Return why a message is not proven before any attack."""
-    if any(row.is_proven for row in judged if row.variant in MESSAGE_FREE):
+    if any(row.is_proven for row in judged if is_message_free(row.variant)):
         return "with this key, a model that never held the message shows it, too, and eight are needed for a test"
     return "before any attack, the message is not proven: look at the extraction"
 

@@ -7,7 +7,7 @@ from typing import Final
 from gspure.evaluation.outcomes import title_with_damage
 from gspure.evaluation.results import ADAPTS, IN_ORDER, Result, known_cells
 from gspure.grouping import grouped
-from gspure.metrics.names import CONTROLS, UNATTACKED, display_name, extraction_name
+from gspure.metrics.names import UNATTACKED, display_name, extraction_name, is_control
 from gspure.metrics.statistics import Interval, known_interval, scene_means
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.text import UNKNOWN, decimal, p_value, percent, significant
@@ -45,7 +45,7 @@ def _table(extraction: str, rows: Sequence[Result]) -> Table:
         f"What is left: {'message, if the owner adapts' if rows[0].owner == ADAPTS else extraction_name(extraction)}"
     )
     table_rows = [
-        TableRow([line[name] for name in shown], "control" if variant in CONTROLS else "")
+        TableRow([line[name] for name in shown], "control" if is_control(variant) else "")
         for variant, line in zip(grouped(rows, lambda row: row.variant), lines, strict=True)
     ]
     return Table(title, [columns[name] for name in shown], table_rows, _NOTE)
@@ -54,7 +54,7 @@ def _table(extraction: str, rows: Sequence[Result]) -> Table:
 def _cells(alike: Sequence[Result], scenes: int) -> dict[str, Cell]:
     """Return the cells of one variant, by column."""
     first = alike[0]
-    name = display_name(first.variant) if first.variant in CONTROLS else first.title
+    name = display_name(first.variant) if is_control(first.variant) else first.title
     drops = scene_means(known_cells(alike, "damage"))
     title = title_with_damage(name, first.wanted, *drops.values())
     is_unaffected = first.variant != UNATTACKED and all(row.reached is False for row in alike)

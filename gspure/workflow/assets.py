@@ -27,9 +27,9 @@ class Asset:
 
 @dataclass(frozen=True)
 class Clean:
-    """The clean model of another one, with its files if it is the user's."""
+    """The clean models of another one, with their files if they are the user's."""
 
-    public: Path
+    public: tuple[Path, ...]
     files: tuple[Path, ...] = ()
 
 

@@ -28,6 +28,7 @@ SEEDS: Final = Range(0, 4_000_000_000)  # repetitions add to a seed
 REPETITIONS: Final = Range(1, 100)
 GENERATED_VIEWS: Final = Range(2, 10_000)
 CANDIDATES: Final = Range(0, 100_000)
+CLEAN_MODELS: Final = Range(1, 100)
 TWINS: Final = Range(0, 1000)
 
 NAME: Final = Text(
@@ -162,6 +163,11 @@ class SchemeConfig:
 
     settings: Annotated[Mapping[str, Setting], REST] = field(default_factory=dict)
     seed: Annotated[Seed, "Random seed of the training."] = 0
+    clean_models: Annotated[
+        Annotated[int, CLEAN_MODELS],
+        "Clean models of each pair, as controls. Keys that learn (KeySS, the adaptive ones of GS-Hider and SecureGS) "
+        "prove nothing without eight.",
+    ] = 1
 
 
 @dataclass(frozen=True)

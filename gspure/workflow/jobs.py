@@ -8,7 +8,7 @@ from gspure.attacks import BUILT_IN
 from gspure.evaluation.identity import ModelId
 from gspure.evaluation.plan import METHOD, AttackSpec, Control, Decision, Detector, Job, Owner, Views
 from gspure.external import files_of
-from gspure.metrics.names import CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY
+from gspure.metrics.names import CLEAN, OTHER_SCENE, UNATTACKED, WRONG_KEY, clean_model
 from gspure.workflow.inputs import distinct
 from gspure.workflow.variants import VariantSpec
 
@@ -26,7 +26,7 @@ class Subject:
     owner: Owner | None
     detectors: Mapping[str, Detector]
     is_clean: bool = False  # whether it is the clean model of another one, without a mark to read
-    clean: Path | None = None  # the public model without the message
+    clean: tuple[Path, ...] = ()  # public models without the message
     other_scene: Path | None = None  # the public model with another message
     inputs: tuple[Path, ...] = ()  # made by other jobs, and read by each of its own
     users_files: tuple[Path, ...] = ()  # read by each of its jobs
@@ -89,8 +89,8 @@ def control_job(subject: Subject, name: str) -> Job:
     rendered = subject.targets[1:] if shows_mark and subject.hides_picture else subject.targets
     compared = () if shows_mark and subject.bit_targets else rendered
     is_read = not subject.is_clean
-    public = {CLEAN: subject.clean, OTHER_SCENE: subject.other_scene}.get(name)
-    is_made = public is not None and not (public == subject.clean and subject.clean_files)
+    public = {**_clean_models(subject), OTHER_SCENE: subject.other_scene}.get(name)
+    is_made = public is not None and not (public in subject.clean and subject.clean_files)
     inputs = (*subject.inputs, subject.renders)
     return Job(
         model=subject.id,
@@ -111,12 +111,17 @@ def control_job(subject: Subject, name: str) -> Job:
 
 def controls_of(subject: Subject) -> tuple[str, ...]:
     """Return the negative controls of a model, in the order of tables."""
-    controls = [CLEAN] if subject.clean else []
+    controls = [*_clean_models(subject)]
     if subject.owner:
         controls.append(WRONG_KEY)
         if subject.other_scene:
             controls.append(OTHER_SCENE)
     return tuple(controls)
+
+
+def _clean_models(subject: Subject) -> dict[str, Path]:
+    """Return the clean models of a model, by the control that shows each."""
+    return {clean_model(number): public for number, public in enumerate(subject.clean, 1)}
 
 
 def _settings(decision: Decision, variant: VariantSpec) -> dict[str, float | int | str]:

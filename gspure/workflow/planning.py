@@ -24,7 +24,7 @@ from gspure.evaluation.plan import (
     Preparation,
     Views,
 )
-from gspure.metrics.names import CLEAN, UNATTACKED
+from gspure.metrics.names import UNATTACKED, clean_model
 from gspure.metrics.targets import ADAPTIVE, HIDDEN_BITS, MESSAGE, SCENE, is_picture
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Scheme
@@ -189,7 +189,7 @@ class _Planner:
             return None
         clean = self.assets[asset.config.clean]
         trained = ModelId(VANILLA, asset.config.clean).folder / "public" / "point_cloud.ply"
-        return Clean(clean.model, model_files(clean.model)) if clean.model else Clean(trained)
+        return Clean((clean.model,), model_files(clean.model)) if clean.model else Clean((trained,))
 
     def _of_pair(self, scheme: Scheme, pair: PlannedPair, seed: int) -> ModelPlan:
         """Return the plan of a scheme's model of a pair."""
@@ -227,7 +227,8 @@ class _Planner:
         if owner.candidates:
             inputs.append(owner.candidates)
         inputs += [pair.folder / "scene", pair.folder / "message"]
-        clean = Clean(identity.folder / CLEAN / "public" / "point_cloud.ply")
+        names = [clean_model(number + 1) for number in range(entry.clean_models)]
+        clean = Clean(tuple(identity.folder / name / "public" / "point_cloud.ply" for name in names))
         subject = self._subject(model, (SCENE, MESSAGE), tuple(inputs), clean)
         if others:
             other_folder = ModelId(scheme.name, others[0].name).folder
@@ -254,7 +255,7 @@ class _Planner:
             owner=model.owner,
             detectors=self.detectors,
             is_clean=model.embedding is None and model.id.scene in self.clean_assets,
-            clean=clean.public if clean else None,
+            clean=clean.public if clean else (),
             clean_files=clean.files if clean else (),
             inputs=inputs,
             users_files=model.users_files,

@@ -7,7 +7,7 @@ from gspure.attacks import Attack, attacks
 from gspure.errors import InputError
 from gspure.evaluation.plan import METHOD, Until
 from gspure.external import words_of
-from gspure.metrics.names import CONTROLS, variant_at
+from gspure.metrics.names import is_control, variant_at
 from gspure.metrics.targets import HIDDEN_BITS, SCENE, is_picture
 from gspure.schemes.registry import schemes
 from gspure.settings import Setting, require_settings, typed_settings
@@ -56,7 +56,7 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
     """Return a variant; refuse it unless its name, attack, settings, decision and damage go together."""
     place = f"variants.{name}"
     known = attacks()
-    if name in {*CONTROLS, *_FOLDERS}:
+    if name in _FOLDERS or is_control(name):
         raise InputError(source, place, expected="a name of no control and no folder of a model", found=name)
     attack_name = entry.attack or name
     require_known(attack_name, [name] if name in known else [*known], source, place)
