@@ -14,7 +14,7 @@ if not (workflow.configfiles or {"assets", "pairs"} & config.keys()):
     configfile: Path(workflow.basedir) / "config" / "config.yaml"
 
 
-report: "report/workflow.rst"
+report: "rules/report/workflow.rst"
 
 
 # Reads the configuration and makes the plan; the rules name jobs of it. Their functions of wildcards are called later, when

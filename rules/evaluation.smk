@@ -68,7 +68,7 @@ rule write_report:
     input:
         REPORTED,
     output:
-        page=report("results/report.html", caption="../report/page.rst", category="Report", labels={"page": "report"}),
+        page=report("results/report.html", caption="report/page.rst", category="Report", labels={"page": "report"}),
         table="results/tables/results.csv",
         results=report("results/tables/results.md", category="Tables", labels={"table": "all results"}),
         radius="results/radius.json",

@@ -115,7 +115,7 @@ use rule base_step as draw_model with:
         figures=report(
             directory("results/{scheme}/{scene}/figures/model"),
             patterns=["{name,splats|weights|purification|separation|kept|clusters}.png"],
-            caption="../report/cloud.rst",
+            caption="report/cloud.rst",
             category="{scheme}/{scene}",
             subcategory="Model",
             labels={"figure": "{name}"},

@@ -17,7 +17,7 @@ REPORT = ROOT / "results" / "report.html"
 OUTSIDE = {
     "README.md": "index.md",
     "CHANGELOG.md": "changelog.md",
-    "CONTRIBUTING.md": "contributing.md",
+    ".github/CONTRIBUTING.md": "contributing.md",
     "RESPONSIBLE_USE.md": "responsible-use.md",
     "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",

@@ -197,7 +197,7 @@ def test_an_unknown_key_is_refused_with_the_nearest_or_all_known_ones(key: str, 
 
 
 def test_the_schema_of_the_configuration_is_that_of_its_file() -> None:
-    assert (ROOT / "schemas" / "config.schema.json").read_text() == schema_text()
+    assert (ROOT / "config" / "config.schema.json").read_text() == schema_text()
     Draft202012Validator.check_schema(json.loads(schema_text()))
 
 

@@ -28,12 +28,12 @@ def test_a_wheel_contains_kernels_workflow_and_data(tmp_path):
     code += "from gspure.opencl.program import kernel_folder; print(kernel_folder(), snakefile().parent, sep='\\n')"
     kernels, workflow = map(Path, python(code, cwd=tmp_path))
     files = {path: kernels / path.name for path in (ROOT / "kernels_cl").glob("*.cl")}
-    for folder in ("rules", "schemas", "profiles", "report", "envs"):
+    for folder in ("rules", "profiles", "envs"):
         files |= {path: workflow / path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.*")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("*.csv")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure/workflow/plugins").rglob("*.py")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("templates/*")}
-    files |= {ROOT / name: workflow / name for name in ("Snakefile", "config/config.yaml")}
+    files |= {ROOT / name: workflow / name for name in ("Snakefile", "config/config.yaml", "config/config.schema.json")}
     files |= {ROOT / "gspure/py.typed": installed / "gspure/py.typed"}
     for ours, theirs in files.items():
         assert installed in theirs.parents

@@ -1,6 +1,6 @@
 """The JSON schema of the configuration, for editors.
 
-``python -m gspure.workflow.schema > schemas/config.schema.json`` renews its file.
+``python -m gspure.workflow.schema > config/config.schema.json`` renews its file.
 """
 
 import json
