@@ -27,7 +27,7 @@ Attacks and schemes
     row that it comes from.
     `find_scheme`: a watermarking scheme by name, which reads the owner's key; the key's ``message(...)`` renders the
     message. `Pair`: photographs of a scene and a message. `hide`: trains a scheme on a pair. `read_public_model`: a
-    model with the files beside it.
+    model with the files beside it. `Plugin`: what a package adds.
 Metrics
     `psnr`, `ssim`: of two images [H,W,3] in 0..1, as 3DGS defines them.
 Errors
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from gspure.model import Gaussians as Gaussians
     from gspure.model import read_model as read_model
     from gspure.model import write_model as write_model
+    from gspure.plugins import Plugin as Plugin
     from gspure.renderer import Renderer as Renderer
     from gspure.schemes.pair import Pair as Pair
     from gspure.schemes.registry import find_scheme as find_scheme
@@ -64,6 +65,7 @@ else:
         "Gaussians": "gspure.model",
         "InputError": "gspure.errors",
         "Pair": "gspure.schemes.pair",
+        "Plugin": "gspure.plugins",
         "Renderer": "gspure.renderer",
         "View": "gspure.viewer.view",
         "audit": "gspure.workflow.auditing",

@@ -1,13 +1,18 @@
-"""Attacks and schemes of installed packages, and the optional packages that attacks and schemes need."""
+"""What installed packages add: attacks, schemes and detectors; and the optional packages that these need."""
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
-from typing import Protocol, TypeVar
+from typing import Any, Final, Literal, Protocol, TypeVar
 
 from gspure.errors import InputError
+
+GROUP: Final = "gspure"  # of entry points, each a `Plugin`
+
+Part = Literal["attacks", "schemes"]
 
 
 class Named(Protocol):
@@ -21,33 +26,79 @@ class Named(Protocol):
 T = TypeVar("T", bound=Named)
 
 
-def registered(group: str, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
-    """Return the built-in objects and those of the entry points of `group`, by name.
+@dataclass(frozen=True)
+class Plugin:
+    """What a package adds to gspure: an entry point of the group ``gspure`` names one.
 
-    ``require(plugin, source)`` refuses an unsuitable plug-in. Raise `InputError` if a plug-in cannot be imported, is
-    not of this kind, is unsuitable, or has the name of another one.
+    Parameters
+    ----------
+    attacks : sequence of `gspure.attacks.Attack`
+        Attacks on models and on renders.
+    schemes : sequence of `gspure.schemes.scheme.Scheme`
+        Watermarking schemes.
+    detectors : mapping of str to str
+        Commands that read a mark, by the name that configurations use.
+
     """
-    by_name = {plugin.name: plugin for plugin in built_in}
-    for entry in installed(group):
-        source = f"{entry.dist.name if entry.dist else 'unknown package'} (entry point {entry.name!r} of {group})"
-        expected = f"an importable {group}.{kind.__name__}"
-        try:
-            plugin = entry.load()
-        except Exception as error:  # a foreign module may raise anything
-            reason = f"{type(error).__name__}: {error}"
-            raise InputError(source, entry.value, expected=expected, found=reason) from error
-        if not isinstance(plugin, kind):
-            raise InputError(source, entry.value, expected=expected, found=type(plugin).__name__)
-        require(plugin, source)
-        if plugin.name in by_name:
-            raise InputError(source, "name", expected="a name not in use", found=repr(plugin.name))
-        by_name[plugin.name] = plugin
+
+    attacks: Sequence[Any] = ()
+    schemes: Sequence[Any] = ()
+    detectors: Mapping[str, str] = field(default_factory=dict)
+
+
+def registered(part: Part, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
+    """Return the built-in attacks or schemes, and those of plug-ins, by name.
+
+    ``require(object, source)`` refuses an unsuitable one. Raise `InputError` if a plug-in cannot be imported, holds
+    anything of another kind or anything unsuitable, or has the name of another one.
+    """
+    by_name = {known.name: known for known in built_in}
+    for entry in installed():
+        source = source_of(entry)
+        for added in getattr(loaded(entry), part):
+            if not isinstance(added, kind):
+                raise InputError(source, part, expected=f"objects of {kind.__name__}", found=type(added).__name__)
+            require(added, source)
+            if added.name in by_name:
+                raise InputError(source, "name", expected="a name not in use", found=repr(added.name))
+            by_name[added.name] = added
     return by_name
 
 
-def installed(group: str) -> list[EntryPoint]:
-    """Return the entry points of a group, by name; nothing is imported."""
-    return _entries(group, tuple(sys.path))
+def detectors() -> dict[str, str]:
+    """Return the commands of the detectors of plug-ins, by name."""
+    return {name: command for entry in installed() for name, command in loaded(entry).detectors.items()}
+
+
+def names_of(entry: EntryPoint, part: Part) -> list[str]:
+    """Return the names of the attacks or schemes of a plug-in; none if it cannot be imported."""
+    try:
+        return [added.name for added in getattr(loaded(entry), part)]
+    except InputError:
+        return []
+
+
+def loaded(entry: EntryPoint) -> Plugin:
+    """Return the plug-in of an entry point, or raise `InputError` if it cannot be imported or is none."""
+    expected = "an importable gspure.Plugin"
+    try:
+        plugin = entry.load()
+    except Exception as error:  # a foreign module may raise anything
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(source_of(entry), entry.value, expected=expected, found=reason) from error
+    if not isinstance(plugin, Plugin):
+        raise InputError(source_of(entry), entry.value, expected=expected, found=type(plugin).__name__)
+    return plugin
+
+
+def source_of(entry: EntryPoint) -> str:
+    """Return how errors name a plug-in."""
+    return f"{entry.dist.name if entry.dist else 'unknown package'} (entry point {entry.name!r} of {GROUP})"
+
+
+def installed() -> list[EntryPoint]:
+    """Return the entry points of plug-ins, by name; nothing is imported."""
+    return _entries(tuple(sys.path))
 
 
 def package_of(entry: EntryPoint) -> str:
@@ -56,8 +107,8 @@ def package_of(entry: EntryPoint) -> str:
 
 
 @cache
-def _entries(group: str, path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (it determines the packages)
-    return sorted(entry_points(group=group), key=lambda entry: entry.name)
+def _entries(path: tuple[str, ...]) -> list[EntryPoint]:  # noqa: ARG001 (it determines the packages)
+    return sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
 
 
 def require_packages(packages: Mapping[str, str], user: str) -> None:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 import pytest
 
+from gspure import Plugin
 from gspure.arrays import Bools, Float32
 from gspure.attacks import Attack, Attacked
 from gspure.cameras import write_cameras
@@ -108,13 +109,11 @@ LANTERN = Scheme(
 BLINKER = replace(LANTERN, name="blinker", extractions={BITS: ("f_dc_*",)}, fits=False)
 ETCHED = replace(BLINKER, name="etched", extractions={MODEL_BITS: ("f_dc_0",)})
 CONVERT = Attack("convert", convert)
+ADDED = Plugin(attacks=(CONVERT,), schemes=(LANTERN, BLINKER, ETCHED))
 PLUGIN = {
     "name": "gspure-lantern",
     "version": "1.0",
-    "entry-points": {
-        "gspure.schemes": {name.lower(): f"{__name__}:{name}" for name in ("LANTERN", "BLINKER", "ETCHED")},
-        "gspure.attacks": {"convert": f"{__name__}:CONVERT"},
-    },
+    "entry-points": {"gspure": {"lantern": f"{__name__}:ADDED"}},
 }
 
 

@@ -8,10 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gspure import plugins
+from gspure import Plugin, plugins
 from gspure.attacks import (
     BUILT_IN,
-    GROUP,
     Attack,
     Attacked,
     Measurements,
@@ -128,23 +127,25 @@ def half(model, _rng, weights, *, upper: int = 1) -> Attacked:
     return Attacked.without(model, (weights > np.median(weights)) != bool(upper))
 
 
-TAKEN = Attack("gspure", half)
-GREEDY = Attack("greedy", lambda model, rng, key: Attacked.without(model, key))
+OTHER = Plugin(attacks=[half])
+TAKEN = Plugin(attacks=[Attack("gspure", half)])
+GREEDY = Plugin(attacks=[Attack("greedy", lambda model, rng, key: Attacked.without(model, key))])
 
 
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ("MISSING", "expected an importable gspure.attacks.Attack, found AttributeError"),
-        ("half", "expected an importable gspure.attacks.Attack, found function"),
+        ("MISSING", "expected an importable gspure.Plugin, found AttributeError"),
+        ("half", "expected an importable gspure.Plugin, found function"),
+        ("OTHER", "attacks: expected objects of Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
         ("GREEDY", "needs: expected of columns, labels, opacities, .*, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:
-    entry = EntryPoint("theirs", f"{__name__}:{target}", GROUP)
-    monkeypatch.setattr(plugins, "_entries", lambda group, _: [entry] if group == GROUP else [])
-    with pytest.raises(InputError, match=r"\(entry point 'theirs' of gspure.attacks\): .*" + message):
+    entry = EntryPoint("theirs", f"{__name__}:{target}", plugins.GROUP)
+    monkeypatch.setattr(plugins, "_entries", lambda _: [entry])
+    with pytest.raises(InputError, match=r"\(entry point 'theirs' of gspure\): .*" + message):
         attacks()
 
 

@@ -149,6 +149,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         (variant("gspure", decision="wild"), "variants.gspure.decision: expected one of mild, found 'wild'"),
         (variant("gspure", damage=1), "variants.gspure.damage: expected an attack with a strength, found gspure"),
         ({"detectors": {"scene": READ}}, "detectors.scene: "),
+        ({"detectors": {"blue": {}}}, "detectors.blue: expected one of green, found 'blue'"),
         ({"detectors": {"message_x": READ}}, "detectors.message_x: "),
         ({"detectors": {"mark": {"command": "read 'image"}}}, "detectors.mark: "),
     ],
@@ -283,6 +284,8 @@ def test_detectors_read_all_models_but_the_clean_asset_of_another_and_of_control
     assert marked.by_variant["gspure"].detectors == pair.by_variant["gspure"].detectors == expected
     assert all(not job.detectors and Path("mark.py") not in job.users_files for job in clean.jobs)
     assert (controls(marked), controls(pair)) == ([CLEAN], [CLEAN, WRONG_KEY])
+    of_plugin = planned(assets={"room": written_asset("room.ply")}, detectors={"green": {"timeout": 5}})
+    assert of_plugin.models[0].by_variant["gspure"].detectors == {"green": Detector("python3 green.py", timeout=5.0)}
     assert [job.variant for job in (*marked.controls, *pair.controls) if job.detectors] == [CLEAN, CLEAN]
     control = marked.by_variant[CLEAN]
     assert (control.public, control.detectors) == (Path("room.ply"), expected)

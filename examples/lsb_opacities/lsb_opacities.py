@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+from gspure import Plugin
 from gspure.arrays import load_arrays, save_arrays
 from gspure.metrics.targets import MODEL_BITS
 from gspure.public_model import PublicModel
@@ -87,3 +88,4 @@ def read_key(folder):
 
 
 SCHEME = Scheme("lsb_opacities", embed, PublicModel.read, read_key, {MODEL_BITS: ("opacity", "x", "y", "z")})
+PLUGIN = Plugin(schemes=(SCHEME,))

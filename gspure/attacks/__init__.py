@@ -29,7 +29,6 @@ BUILT_IN = (
     *marks.ATTACKS,
     *renders.ATTACKS,
 )
-GROUP = "gspure.attacks"  # entry points of plug-ins
 
 
 def attacks() -> dict[str, Attack]:
@@ -37,7 +36,7 @@ def attacks() -> dict[str, Attack]:
 
     Raise `InputError` if a plug-in cannot be imported, is not an `Attack`, or takes a name that is already in use.
     """
-    return registered(GROUP, Attack, BUILT_IN, _require_known)
+    return registered("attacks", Attack, BUILT_IN, _require_known)
 
 
 def find_attack(name: str) -> Attack:

@@ -128,18 +128,20 @@ def packages() -> list[Finding]:
 
 
 def plug_ins() -> list[Finding]:
-    """Return one finding per attack or scheme of an installed package."""
-    from gspure.plugins import installed, package_of
+    """Return one finding per plug-in."""
+    from gspure.errors import InputError
+    from gspure.plugins import installed, loaded, package_of
 
     findings = []
-    for entry in [*installed("gspure.attacks"), *installed("gspure.schemes")]:
-        problem = ""
+    for entry in installed():
         try:
-            entry.load()
-        except Exception as error:  # noqa: BLE001 - a foreign module may raise anything
-            problem = f"{type(error).__name__}: {error}"
-        cells = (entry.name, entry.group.removeprefix("gspure.").removesuffix("s"), package_of(entry), problem)
-        findings.append(Finding(not problem, cells, needed=False))
+            plugin = loaded(entry)
+        except InputError as error:
+            findings.append(Finding(ok=False, cells=(entry.name, package_of(entry), error.found), needed=False))
+            continue
+        names = [added.name for added in (*plugin.attacks, *plugin.schemes)]
+        cells = (entry.name, package_of(entry), ", ".join([*names, *plugin.detectors]))
+        findings.append(Finding(ok=True, cells=cells, needed=False))
     return findings or [Finding(ok=True, cells=("none",), needed=False)]
 
 

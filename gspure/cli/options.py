@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gspure.attacks import Attack
     from gspure.cameras import Camera
     from gspure.opencl.device import Device
+    from gspure.plugins import Part
     from gspure.schemes.scheme import Key, Scheme
 
 Options = TypeVar("Options", bound="DataclassInstance")
@@ -231,16 +232,15 @@ def remove_older(folder: Path, *patterns: str) -> None:
                 path.unlink()
 
 
-def list_choices(parser: Parser, title: str, choices: Iterable[Attack | Scheme]) -> None:
+def list_choices(parser: Parser, part: Part, choices: Iterable[Attack | Scheme]) -> None:
     """Add a list of attacks or schemes below the examples, with their settings and defaults; then those of packages."""
-    from gspure.plugins import installed, package_of
+    from gspure.plugins import installed, names_of, package_of
 
-    lines = [f"{parser.epilog}", f"{title}, with the defaults of their settings:"]
+    lines = [f"{parser.epilog}", f"{part}, with the defaults of their settings:"]
     for choice in choices:
         settings = " ".join(f"{name}={value}" for name, value in choice.settings.items())
         lines.append(f"  {choice.name:<28}{settings}".rstrip())
-    plug_ins = installed(f"gspure.{title}")
-    if plug_ins:
-        lines.append(f"{title} of installed packages:")
-        lines += [f"  {entry.name:<28}{package_of(entry)}" for entry in plug_ins]
+    of_packages = [f"  {name:<28}{package_of(entry)}" for entry in installed() for name in names_of(entry, part)]
+    if of_packages:
+        lines += [f"{part} of installed packages:", *of_packages]
     parser.epilog = "\n".join(lines)

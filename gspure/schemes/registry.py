@@ -1,4 +1,4 @@
-"""All schemes by name: built-in ones, adapters, and those of installed plug-ins (entry points ``gspure.schemes``)."""
+"""All schemes by name: built-in ones, adapters, and those of installed plug-ins."""
 
 import os
 from pathlib import Path
@@ -29,7 +29,6 @@ BUILT_IN = (
     keyss.CANONICAL,
     keyed_pattern.SCHEME,
 )
-GROUP = "gspure.schemes"
 ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters
 
 
@@ -38,7 +37,7 @@ def schemes() -> dict[str, Scheme]:
     folder = os.environ.get(ADAPTERS)
     files = sorted(Path(folder).glob("*.toml")) if folder else []
     adapters = [read_adapter(file, BUILT_IN) for file in files]
-    return registered(GROUP, Scheme, (*BUILT_IN, *adapters), lambda *_: None)
+    return registered("schemes", Scheme, (*BUILT_IN, *adapters), lambda *_: None)
 
 
 def find_scheme(name: str) -> Scheme:

@@ -175,10 +175,11 @@ class DetectorConfig:
     """A command that reads a mark from renders, or from the model's file."""
 
     command: Annotated[
-        File,
+        File | None,
         "A command; the folder of images, or the model's file, is appended. The last line that it prints is a JSON "
-        'object with an entry for each image, by its name without .png, or for "model": bits ("0110"), or a score.',
-    ]
+        'object with an entry for each image, by its name without .png, or for "model": bits ("0110"), or a score. '
+        "By default that of the plug-in's detector of this name.",
+    ] = None
     message: Annotated[
         str, BITS_TEXT, "The embedded bits, such as 0110, in quotes; empty if the command returns scores."
     ] = ""

@@ -16,7 +16,6 @@ from gspure.evaluation.plan import (
     METHOD,
     CameraSource,
     Candidates,
-    Detector,
     Embedding,
     ModelPlan,
     Owner,
@@ -34,7 +33,7 @@ from gspure.workflow.decisions import SettingsByDecision, attack_groups, decisio
 from gspure.workflow.inputs import camera_files, capture_files, distinct, model_files
 from gspure.workflow.jobs import Subject, control_job, controls_of, variant_job
 from gspure.workflow.pairs import PlannedPair, candidates_of_message, message_training, pair_training, planned_pair
-from gspure.workflow.variants import VariantSpec, check_detectors, check_schemes, read_variants
+from gspure.workflow.variants import VariantSpec, check_schemes, read_detectors, read_variants
 
 VANILLA: Final = "vanilla"  # folder of the user's own models without a key
 PLAIN_READER: Final = "gspure.public_model"  # module that reads models of no scheme
@@ -45,7 +44,6 @@ def plan_of(config: Config, source: str) -> Plan:
     if not config.assets and not (config.pairs and config.schemes):
         raise InputError(source, "assets", expected="at least one model, or a pair and a scheme", found="none")
     variants = dict(sorted(read_variants(config, source).items()))  # tables list them by name
-    check_detectors(config, source)
     check_schemes(config, source)
     pairs = {name: planned_pair(name, pair, source) for name, pair in config.pairs.items()}
     planner = _Planner(config, source, variants, pairs)
@@ -89,10 +87,7 @@ class _Planner:
         of_keys = [asset.scheme for asset in self.assets.values() if asset.scheme]
         self.schemes = {name: find_scheme(name) for name in dict.fromkeys([*config.schemes, *of_keys])}
         self.of_messages: dict[str, Candidates] = {}
-        self.detectors = {
-            name: Detector(entry.command, entry.message, entry.timeout, entry.reads)
-            for name, entry in config.detectors.items()
-        }
+        self.detectors = read_detectors(config, source)
 
     def decision_settings(self, scheme: Scheme | None) -> SettingsByDecision:
         """Return the settings of every decision, that of the method first, with the factors that suit a scheme."""

@@ -5,10 +5,11 @@ from typing import Final, NamedTuple
 
 from gspure.attacks import Attack, attacks
 from gspure.errors import InputError
-from gspure.evaluation.plan import METHOD, Until
+from gspure.evaluation.plan import METHOD, Detector, Until
 from gspure.external import words_of
 from gspure.metrics.names import is_control, variant_at
 from gspure.metrics.targets import HIDDEN_BITS, SCENE, is_picture
+from gspure.plugins import detectors as detectors_of_plugins
 from gspure.schemes.registry import schemes
 from gspure.settings import Setting, require_settings, typed_settings
 from gspure.workflow.assets import require_known
@@ -82,12 +83,19 @@ def _variant(name: str, entry: VariantConfig, config: Config, source: str) -> Va
     return VariantSpec(attack, name, entry.decision or METHOD, entry.seed, settings, until=entry.until)
 
 
-def check_detectors(config: Config, source: str) -> None:
-    """Refuse commands that cannot be split, and names of targets."""
-    for name, detector in config.detectors.items():
-        words_of(detector.command, f"{source}: detectors.{name}")
+def read_detectors(config: Config, source: str) -> dict[str, Detector]:
+    """Return the detectors of a configuration; refuse commands that cannot be split, and names of targets."""
+    detectors = {}
+    for name, entry in config.detectors.items():
+        place = f"detectors.{name}"
         if name in (SCENE, *HIDDEN_BITS) or is_picture(name):
-            raise InputError(source, f"detectors.{name}", expected="a name of no target", found=name)
+            raise InputError(source, place, expected="a name of no target", found=name)
+        if entry.command is None:
+            require_known(name, [*detectors_of_plugins()], source, place)
+        command = entry.command or detectors_of_plugins()[name]
+        words_of(command, f"{source}: {place}")
+        detectors[name] = Detector(command, entry.message, entry.timeout, entry.reads)
+    return detectors
 
 
 def check_schemes(config: Config, source: str) -> None:

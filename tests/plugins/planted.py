@@ -10,6 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
+from gspure import Plugin
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
@@ -90,3 +91,4 @@ class PlantedKey(Key):
 
 
 SCHEME = Scheme("planted", embed, PublicModel.read, PlantedKey.read, {MESSAGE: ("x", "y", "z", "scale_*", "rot_*")})
+PLUGIN = Plugin(schemes=(SCHEME,), detectors={"green": "python3 green.py"})
