@@ -1,6 +1,7 @@
 """Draw the pictures of the documentation from results.
 
-``python docs/pictures/make.py demo|poses|robot [RESULTS]``, in a checkout: of `make demo`, config/six_pairs.yaml, or of
+``python docs/pictures/make.py radius|demo|poses|robot [RESULTS]``, in a checkout: of the committed radii,
+of `make demo`, of config/six_pairs.yaml, or of
 
     gspure pair snowmiku_plush robot.ply --resolution 640px --out pair     # the robot stands where the figure does
     gspure embed splats_in_splats pair --out marked --set iterations=7000 --set max_gaussians=120000
@@ -15,8 +16,11 @@ from pathlib import Path
 
 from PIL import Image
 
+from gspure.evaluation.results import read_results
 from gspure.figures.panels import Tile, write_tiles
+from gspure.figures.radius_chart import draw_conditions
 from gspure.images import read_image
+from gspure.report.audit import audits, is_judged
 
 HERE = Path(__file__).parent
 
@@ -40,7 +44,16 @@ def side_by_side(name: str, files: list[Path]) -> None:
 
 
 what, results = sys.argv[1], Path(*sys.argv[2:] or ["results"])
-if what == "demo":
+if what == "radius":
+    rows = read_results(*sorted(HERE.parent.glob("results/radius/*.csv")))
+    conditions = {}
+    for audit in audits(rows):
+        if audit.has_radius:
+            alike = [row for row in rows if row.condition == audit.condition and is_judged(row, audit.extraction)]
+            conditions[audit.condition.title] = (alike, audit.radii)
+    draw_conditions(HERE / "radius.png", conditions)
+    shrink(HERE / "radius.png", "radius")
+elif what == "demo":
     shrink(results / "splats_in_splats" / "room" / "figures" / "model" / "purification.png", "purification")
 elif what == "robot":
     folders = ("scene", "message", "scene_after", "message_after")

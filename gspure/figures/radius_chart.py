@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from textwrap import shorten
@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gspure.evaluation.radius import Radius
-from gspure.evaluation.results import ADAPTS, PUBLISHED, Result
+from gspure.evaluation.results import ADAPTS, PUBLISHED, OwnerName, Result
 from gspure.figures import style
 from gspure.grouping import grouped
 from gspure.metrics.names import display_name
 from gspure.metrics.statistics import scene_means
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 MOST_DAMAGE: Final = 8.0  # dB; attacks that do more are drawn at the edge
@@ -63,24 +64,11 @@ def _mean(values: Sequence[tuple[Result, float]]) -> float:
 
 def draw_evidence(path: Path, rows: Sequence[Result], known: Sequence[Radius]) -> str | None:
     """Draw the attacks of one condition as PNG and SVG, and return the caption; None if no damage is known."""
-    attacked = [row for row in rows if row.is_attack and row.owner]
-    by_owner = {owner: points([row for row in attacked if row.owner == owner]) for owner in (ADAPTS, PUBLISHED)}
-    best = by_owner[ADAPTS] or by_owner[PUBLISHED]
-    if not best:
+    by_owner = _by_owner(rows)
+    if not any(by_owner.values()):
         return None
-    in_order = sorted(best, key=lambda point: (point.is_proven, point.damage))
-    named = [*dict.fromkeys(point.attack for point in in_order)][:_NAMED]
-    is_picture = any(isfinite(row.z) for row in attacked)
     with style.page(path, style.COLUMN, 3.0, vector=True) as figure:
-        axes = figure.add_subplot()
-        _draw_owner(axes, best, named, "-")
-        if by_owner[ADAPTS]:
-            _draw_owner(axes, by_owner[PUBLISHED], named, ":")
-        axes.axhspan(*_unproven(rows), color=style.tint(style.FAINT, 0.8), linewidth=0, zorder=0)
-        _mark(axes, known)
-        _scale(axes, [point.evidence for points_of in by_owner.values() for point in points_of])
-        axes.set_xlabel("damage to the scene (dB)")
-        axes.set_ylabel("evidence of the message (z)" if is_picture else "evidence of the message (−log₁₀ p)")
+        _draw_condition(figure.add_subplot(), rows, known, _named(rows))
         figure.legend(loc="outside upper center", ncols=3)
     lines = "Solid: the owner who adapts; dotted: as published. " if by_owner[ADAPTS] else ""
     return (
@@ -88,6 +76,49 @@ def draw_evidence(path: Path, rows: Sequence[Result], known: Sequence[Radius]) -
         f"scenes. {lines}Filled: proven; open: gone. Grey: nothing is proven. Star: the robust radius; ring: the "
         "readable radius."
     )
+
+
+def draw_conditions(path: Path, conditions: Mapping[str, tuple[Sequence[Result], Sequence[Radius]]]) -> None:
+    """Draw a panel for each condition, by its title, two beside each other, as PNG; attacks share their colours."""
+    lines = -(-len(conditions) // 2)
+    named = _named([row for rows, _ in conditions.values() for row in rows])
+    with style.page(path, style.PAGE, 2.4 * lines + 0.3) as figure:
+        entries: dict[str, Artist] = {}
+        for number, (title, (rows, known)) in enumerate(conditions.items(), 1):
+            axes = figure.add_subplot(lines, 2, number)
+            _draw_condition(axes, rows, known, named)
+            axes.set_title(title)
+            handles, labels = axes.get_legend_handles_labels()
+            entries |= dict(zip(labels, handles, strict=True))
+        figure.legend(entries.values(), entries, loc="outside upper center", ncols=5)
+
+
+def _named(rows: Sequence[Result]) -> list[str]:
+    """Return the attacks with a colour: those that end the message first."""
+    by_owner = _by_owner(rows)
+    in_order = sorted(by_owner[ADAPTS] + by_owner[PUBLISHED], key=lambda point: (point.is_proven, point.damage))
+    return [*dict.fromkeys(point.attack for point in in_order)][:_NAMED]
+
+
+def _by_owner(rows: Sequence[Result]) -> dict[OwnerName, list[Point]]:
+    attacked = [row for row in rows if row.is_attack and row.owner]
+    owners: tuple[OwnerName, ...] = (ADAPTS, PUBLISHED)
+    return {owner: points([row for row in attacked if row.owner == owner]) for owner in owners}
+
+
+def _draw_condition(axes: Axes, rows: Sequence[Result], known: Sequence[Radius], named: Sequence[str]) -> None:
+    """Draw the attacks of one condition: a line each, for the owner who adapts and as published."""
+    by_owner = _by_owner(rows)
+    best = by_owner[ADAPTS] or by_owner[PUBLISHED]
+    is_picture = any(isfinite(row.z) for row in rows if row.is_attack and row.owner)
+    _draw_owner(axes, best, named, "-")
+    if by_owner[ADAPTS]:
+        _draw_owner(axes, by_owner[PUBLISHED], named, ":")
+    axes.axhspan(*_unproven(rows), color=style.tint(style.FAINT, 0.8), linewidth=0, zorder=0)
+    _mark(axes, known)
+    _scale(axes, [point.evidence for points_of in by_owner.values() for point in points_of])
+    axes.set_xlabel("damage to the scene (dB)")
+    axes.set_ylabel("evidence of the message (z)" if is_picture else "evidence of the message (−log₁₀ p)")
 
 
 def _draw_owner(axes: Axes, known: Sequence[Point], named: Sequence[str], dash: str) -> None:
@@ -126,6 +157,11 @@ def _mark(axes: Axes, known: Sequence[Radius]) -> None:
             fill = style.MESSAGE if marker == "*" else "none"
             look: dict[str, Any] = {"markerfacecolor": fill, "markeredgecolor": style.MESSAGE, "clip_on": False}
             axes.plot(at, max(low, 0.0), marker, markersize=size, zorder=5, **look)
+            if kind == "message":
+                killer = display_name(radius.killer.partition("@")[0])
+                axes.annotate(
+                    killer, (at, max(low, 0.0)), (5, 4), textcoords="offset points", fontsize=6.5, color=style.MESSAGE
+                )
 
 
 def _scale(axes: Axes, evidence: Sequence[float]) -> None:
