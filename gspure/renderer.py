@@ -93,6 +93,12 @@ class Renderer:
     entry_budget : int
         Most tile entries held at a time.
 
+    Examples
+    --------
+    >>> renderer = gspure.Renderer(model)
+    >>> renderer.image(cameras[0]).shape, renderer.depth(cameras[0]).shape
+    ((36, 48, 3), (36, 48))
+
     """
 
     def __init__(

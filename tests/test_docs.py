@@ -1,6 +1,7 @@
 """The documentation agrees with the code: links, constants, functions, diagrams, the example of a package."""
 
 import csv
+import doctest
 import importlib
 import json
 import re
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
+import gspure
 from benchmarks import results_page
 from benchmarks.results_page import PAGE
 from gspure import constants
@@ -152,3 +154,14 @@ def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp
         ["SecureGS", "own", "small-1", "2", "–", "–", "–", "GSPure scaled, 1 dB"],
     ]
     assert [re.findall('class="(.*?)"', "".join(row)) for row in rows] == [["holds"], ["broken"] * 3, []]
+
+
+@pytest.mark.parametrize("name", [name for name in gspure.__all__ if ">>> " in (getattr(gspure, name).__doc__ or "")])
+def test_the_examples_of_the_public_functions_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    model = blobs(400, sh_degree=1)
+    gspure.write_model("model.ply", model)
+    gspure.write_cameras("cameras.json", gspure.orbit_cameras(model, count=8, width=48, height=36, up=(0, 0, 1)))
+    known = {"gspure": gspure, "np": np, "model": model, "cameras": gspure.read_cameras("cameras.json")}
+    (test,) = doctest.DocTestFinder(recurse=False).find(getattr(gspure, name), name, globs=known)
+    assert doctest.DocTestRunner().run(test).failed == 0

@@ -40,7 +40,12 @@ def attacks() -> dict[str, Attack]:
 
 
 def find_attack(name: str) -> Attack:
-    """Return the attack of this name, or raise `InputError` with the known ones."""
+    """Return the attack of this name, or raise `InputError` with the known ones.
+
+    >>> attacked = gspure.find_attack("random_pruning").apply(model, seed=1, fraction=0.25)
+    >>> len(attacked.model), int(attacked.prune_mask.sum())
+    (300, 100)
+    """
     known = attacks()
     if name not in known:
         raise InputError("attack", "name", expected=f"one of {', '.join(known)}", found=repr(name))

@@ -35,6 +35,10 @@ def write_cameras(path: str | Path, cameras: Sequence[Camera], place: Path | Non
     """Write cameras as cameras.json, one view per line, with every digit of their float64 values.
 
     Paths of photographs are relative to `place`, the final folder of the file, by default the folder of `path`.
+
+    >>> gspure.write_cameras("first.json", cameras[:1])
+    >>> len(gspure.read_cameras("first.json"))
+    1
     """
     path = Path(path)
     for name, count in Counter(camera.name for camera in cameras).most_common(1):

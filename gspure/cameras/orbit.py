@@ -58,6 +58,9 @@ def orbit_cameras(model: Gaussians, *, count: int = 24, **framing: Any) -> list[
     the world: (0, -1, 0) for models trained from COLMAP data, (0, 0, 1) for those from nerfstudio, Blender and most
     scanners. By default it is guessed, and printed. Raise `InputError` if the model has no finite row, or a setting is
     out of range.
+
+    >>> [camera.name for camera in gspure.orbit_cameras(model, count=3, up=(0, 0, 1))]
+    ['orbit_000', 'orbit_001', 'orbit_002']
     """
     VIEWS.require("orbit views", "count", count)
     placements = [(_ELEVATIONS[i % len(_ELEVATIONS)], 360.0 * i / count, 1.0) for i in range(count)]

@@ -58,7 +58,12 @@ _LISTED: Final = 8  # most folders in an error
 
 
 def read_cameras(path: str | Path) -> list[Camera]:
-    """Read the cameras of a file or folder as `read_lenses` does; raise `InputError` for a distorted one."""
+    """Read the cameras of a file or folder as `read_lenses` does; raise `InputError` for a distorted one.
+
+    >>> camera = gspure.read_cameras("cameras.json")[0]
+    >>> camera.width, camera.height, camera.viewmat.shape
+    (48, 36, (4, 4))
+    """
     if str(path) in GENERATED and not Path(path).exists():
         hint = f"gspure.cameras.{GENERATED[str(path)].__name__}(model) generates views"
         raise InputError("read_cameras", "path", expected="a file or folder", found=repr(str(path)), hint=hint)

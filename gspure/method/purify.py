@@ -118,6 +118,12 @@ def purify(
         Before the computation: the model or the views are invalid, a setting is out of range, or there is no device.
         After it: no view shows any row, or every row would be pruned.
 
+    Examples
+    --------
+    >>> purification = gspure.purify(model, cameras, min_cluster_size=10)
+    >>> purification.weights.shape == purification.prune_mask.shape == (400,)
+    True
+
     """
     from gspure.opencl.device import choose_device
     from gspure.renderer import CONTRIBUTION

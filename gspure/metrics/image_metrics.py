@@ -26,6 +26,9 @@ def psnr(a: NDArray[Any], b: NDArray[Any]) -> float:
     .. math:: -10 \log_{10} \mathrm{MSE}
 
     with the mean over all pixels and channels (not a mean of three channels' PSNRs); infinite for equal images.
+
+    >>> round(gspure.psnr(np.zeros((4, 4, 3)), np.full((4, 4, 3), 0.1)), 6)
+    20.0
     """
     _check_same_shape(a, b)
     return _decibels(sum(float(np.sum(np.square(x - y))) for x, y in _strips(a, b)), a.size)
@@ -40,6 +43,10 @@ def ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     (Wang et al. 2004) in the form of 3DGS: a Gaussian window of 11 x 11 with σ = 1.5, population covariances, and
     zeros beyond the border.
+
+    >>> image = np.random.default_rng(0).random((32, 32, 3))
+    >>> round(gspure.ssim(image, image), 6), round(gspure.ssim(image, 1 - image), 2) < 0
+    (1.0, True)
     """
     _check_same_shape(a, b)
     return float(np.mean(_mean_similarities(a, b)[0]))

@@ -89,6 +89,10 @@ def read_model(path: str | Path) -> Gaussians:
     The file is a 3DGS or compressed ``.ply``, ``.splat``, ``.spz``, ``.sog``, or the ``meta.json`` or ``lod-meta.json``
     of an unpacked or streamed SOG model; a folder of several SOG models is one model in chunks. Raise `InputError` if
     there is no such file, or if it holds no 3DGS model.
+
+    >>> model = gspure.read_model("model.ply")
+    >>> len(model), model.means.shape, model.sh_degree
+    (400, (400, 3), 1)
     """
     file = model_file(Path(path))
     if file.suffix.lower() in _FORMATS:
@@ -145,6 +149,10 @@ def write_model(path: str | Path, model: Gaussians) -> None:
     rows that are not finite become invisible, with a warning. In a compressed ``.ply``, 256 successive rows share one
     range of values: sort them along a space-filling curve before. Raise `InputError` for a format that can only be
     read.
+
+    >>> gspure.write_model("half.ply", model[:200])
+    >>> len(gspure.read_model("half.ply"))
+    200
     """
     path = Path(path)
     if _is_plain(path):

@@ -41,7 +41,11 @@ def schemes() -> dict[str, Scheme]:
 
 
 def find_scheme(name: str) -> Scheme:
-    """Return the scheme of this name, or raise `InputError` with a list of all names."""
+    """Return the scheme of this name, or raise `InputError` with a list of all names.
+
+    >>> [*gspure.find_scheme("splats_in_splats").extractions]
+    ['message', 'message_adaptive']
+    """
     by_name = schemes()
     if name not in by_name:
         raise InputError("scheme", "name", expected=f"one of {', '.join(by_name)}", found=repr(name))
@@ -52,6 +56,9 @@ def read_public_model(path: str | Path, scheme: str | None = None) -> PublicMode
     """Read a model's file as that of the named scheme, else of the scheme with its columns, else as vanilla 3DGS.
 
     Warn of implausible values, and of reasons why other programs may draw another image.
+
+    >>> gspure.read_public_model("model.ply").scene()(cameras[0]).shape
+    (36, 48, 3)
     """
     public = _read_public(Path(path), scheme)
     for doubt in doubts(public.model):
