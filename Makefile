@@ -29,7 +29,7 @@ test: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## set up, then run the tests, 
 
 test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## all tests, with more hostile files, and mutants: hours
 	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist loadfile
-	@$(BIN)/python -m tests.hostile.mutants
+	@$(BIN)/python setup/mutants.py
 
 setup: $(OPENCL) $(GL) ## set up only: .venv, packages, an OpenCL driver, OpenGL
 	@echo "Set up. Try: $(BIN)/gspure doctor"

@@ -1,11 +1,11 @@
 """The pages in a browser: report, 3-D view and leaderboard answer to mouse and keys, at any width, without errors."""
 
-import importlib
 import io
 import re
 import time
 from pathlib import Path
 
+import leaderboard
 import numpy as np
 import pytest
 from PIL import Image
@@ -157,8 +157,6 @@ def test_tables_begin_in_the_order_of_the_verdict_and_are_sorted_by_a_click(
     radii = [Radius(Condition(f"s{i}"), "message", "published", "message", i / 4, False, 0, 9, 1) for i in (2, 9, 4)]
     record = Record("0.1.0", "small-1", "2026-11-29", 1, "96x72", "", tuple(radii), ())
     write_json(tmp_path / "records" / "mine.json", plain(record))
-    monkeypatch.syspath_prepend(str(ROOT / "setup"))
-    leaderboard = importlib.import_module("leaderboard")
     monkeypatch.setattr(leaderboard, "RECORDS", tmp_path / "records")
     table = re.search(r"<table.*?</table>", leaderboard.leaderboard_page(), re.DOTALL)[0]
     (tmp_path / "leaderboard.html").write_text(f"<!doctype html>{table}<script>{script}</script>")

@@ -9,6 +9,7 @@ from math import inf, nan
 from operator import attrgetter
 from pathlib import Path
 
+import leaderboard
 import numpy as np
 import pytest
 import yaml
@@ -131,8 +132,6 @@ def radius(
 
 
 def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "setup"))
-    leaderboard = importlib.import_module("leaderboard")
     monkeypatch.setattr(leaderboard, "RECORDS", tmp_path)
     assert leaderboard.NO_RECORD in leaderboard.leaderboard_page()
     weak, strong, unknown = (Condition(name, "own", "both") for name in ("gs_hider", "keyss", "secure_gs"))

@@ -1,8 +1,7 @@
 """The lists of tests that must notice mutants."""
 
 import pytest
-
-from tests.hostile.mutants import MODULES, ROOT
+from mutants import MODULES, ROOT
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from gspure.progress import say
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 _FRAME = (
     "test_renderer.py::test_any_image_size_agrees",
     "test_renderer.py::test_any_number_of_channels_agrees_with_a_background_for_each",
@@ -49,7 +49,7 @@ CORE = {
 }
 
 _RESULTS = ("test_radius.py", "test_answer.py")
-_EVALUATED = ("attacking", "comparing", "evaluate", "showing")
+_EVALUATED = ("attacking", "comparing", "evaluate", "searching", "showing")
 _PLANS = ("test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_configuration.py"),
@@ -182,7 +182,7 @@ class _Changed(MetaPathFinder, Loader):
 
 def main() -> None:
     """Test all mutants of the modules; show the score of each, and what survived."""
-    parser = argparse.ArgumentParser(prog="python -m tests.hostile.mutants", description=main.__doc__)
+    parser = argparse.ArgumentParser(prog="python setup/mutants.py", description=main.__doc__)
     parser.add_argument("--only", nargs="*", default=list(MODULES), metavar="MODULE")
     parser.add_argument("--sample", type=int, default=1000, help="at most so many of each module, drawn at random")
     args = parser.parse_args()
