@@ -124,10 +124,10 @@ def colluding(trial: Trial) -> Iterator[Result]:
     """Yield what n owners of differently marked copies make of them."""
     key = trial.key
     others = [KeyedPatternKey.random(np.random.default_rng([9, n]), 32, key.clean, key.views) for n in range(15)]
+    copies = [strongest(key.clean, other.pattern, trial.pair.scene, DAMAGE) for other in others]
     for count in (2, 4, 16):
         with TemporaryDirectory() as folder:
-            for number, other in enumerate(others[: count - 1]):
-                copy = strongest(key.clean, other.pattern, trial.pair.scene, DAMAGE)
+            for number, copy in enumerate(copies[: count - 1]):
                 write_model(Path(folder, f"{number}.ply"), copy)
             for rule in RULES:
                 yield "collusion", f"{count} copies, {rule}", trial.attacked("collusion", copies=folder, rule=rule)
