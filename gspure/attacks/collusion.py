@@ -27,7 +27,7 @@ def collusion(model: Gaussians, rng: Rng, *, copies: str = NONE, rule: str = RUL
     require("collusion", "rule", rule, f"one of {', '.join(RULES)}", fits=rule in RULES)
     files = [] if copies == NONE else sorted(Path(copies).rglob("*.ply"))
     if not files:
-        raise NotApplicable("collusion", f"no other copies (.ply) below {copies}")
+        raise NotApplicable("collusion", f"no .ply file of another copy: copies={copies}")
     tables = [model.table, *(_table(file, model) for file in files)]
     chosen = rng.integers(len(tables), size=len(model))
     values = {}
