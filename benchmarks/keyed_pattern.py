@@ -41,10 +41,17 @@ DAMAGE = 0.3  # of embedding, dB
 KEYS = 1000
 CERTIFIED = 1_000_000
 LEVEL = 0.001
-TRIES = ("rows", "clean model", *(f"unmark {clip:g} x{passes}" for clip, passes in SMOOTHED))
+ANSWERED = "collusion, unmark"  # what a finer bank is for
+FINER = ((0.005, 1), (0.0075, 1))  # clip and passes of further references, of a finer bank
 COLUMNS = ("attack", "strength", "damage", "z rows", "z clean model", "z bank", "p", "correct bits of 32")
 
 Result = tuple[str, str, Attacked]
+
+
+class FinerKey(KeyedPatternKey):
+    """The key of an owner with more references."""
+
+    bank = (*FINER, *SMOOTHED)
 
 
 class Trial(NamedTuple):
@@ -129,8 +136,12 @@ def colluding(trial: Trial) -> Iterator[Result]:
         with TemporaryDirectory() as folder:
             for number, copy in enumerate(copies[: count - 1]):
                 write_model(Path(folder, f"{number}.ply"), copy)
-            for rule in RULES:
-                yield "collusion", f"{count} copies, {rule}", trial.attacked("collusion", copies=folder, rule=rule)
+            mixtures = {rule: trial.attacked("collusion", copies=folder, rule=rule) for rule in RULES}
+        for rule, mixture in mixtures.items():
+            yield "collusion", f"{count} copies, {rule}", mixture
+    for clip in (0.004, 0.006, 0.007, 0.01):
+        cleared = trial.attacked("unmark", mixtures["interleave"].model, clip=clip, passes=1)
+        yield ANSWERED, f"{count} copies, interleave, clip={clip} passes=1", cleared
 
 
 def controls(trial: Trial) -> Iterator[tuple[str, PublicModel, KeyedPatternKey]]:
@@ -150,24 +161,28 @@ def attack_rows(trial: Trial) -> Iterator[list[str]]:
     for name, public, key in controls(trial):
         yield row(name, "", float("nan"), key, public)
     damage_of = scene_damage(trial.public, test, photographs)
+    key = trial.key
+    finer = FinerKey(key.secret, key.bits, key.clean, key.views)
+    clips = ", ".join(f"clip={clip}" for clip, _ in FINER)
     for results in (simple, colluding, combined):
         for name, strength, attacked in results(trial):
             public = PublicModel(attacked.model)
-            yield row(name, strength, damage_of(public, attacked.transform), trial.key, public)
+            damage = damage_of(public, attacked.transform)
+            yield row(name, strength, damage, key, public)
+            if name == ANSWERED:
+                yield row(name, f"{strength}, bank also of {clips}", damage, finer, public)
 
 
 def row(name: str, strength: str, damage: float, key: KeyedPatternKey, public: PublicModel) -> list[str]:
     """Return a row: what the owner reads, from each of the tries and in all."""
     findings = key.findings(public)
     mark = key.pattern.mark(findings.cells)
-    scores = dict(zip(TRIES[-len(findings.tries) :], (findings.tries * mark).sum(axis=(1, 2)), strict=True))
-    if len(findings.tries) < len(TRIES):  # the clean model does not differ from itself
-        scores["rows"] = float((findings.tries[0] * mark).sum())
-        scores["clean model"] = float("nan")
-    bank = max(scores[trial] for trial in TRIES[2:])
+    sums = (findings.tries * mark).sum(axis=(1, 2)).tolist()
+    if len(sums) <= 1 + len(key.bank):  # the clean model does not differ from itself
+        sums.insert(1, float("nan"))
     certificate = key.certificate(findings, CERTIFIED - 1 if name == "unattacked" else 9_999)
     correct = int((key.decoded(findings) == key.bits).sum())
-    numbers = [damage, scores["rows"], scores["clean model"], bank]
+    numbers = [damage, *sums[:2], max(sums[2:])]
     cells = [
         name,
         strength,
