@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -16,12 +17,13 @@ from room import panning, room
 from scipy.stats import binomtest, kstest
 
 from gspure.attacks import Attacked, Measurements, find_attack
+from gspure.attacks.collusion import RULES
 from gspure.attacks.strength import scene_damage
 from gspure.files import write_text
 from gspure.method.purify import purify
 from gspure.metrics.csv_tables import csv_text
 from gspure.metrics.sign_ranks import largest_sums
-from gspure.model import Gaussians
+from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.schemes.keyed_pattern.key import SMOOTHED, Findings, KeyedPatternKey
 from gspure.schemes.keyed_pattern.pattern import Pattern, marked
@@ -39,10 +41,17 @@ DAMAGE = 0.3  # of embedding, dB
 KEYS = 1000
 CERTIFIED = 1_000_000
 LEVEL = 0.001
-TRIES = ("rows", "clean model", *(f"unmark {clip:g} x{passes}" for clip, passes in SMOOTHED))
+ANSWERED = "collusion, unmark"  # what a finer bank is for
+FINER = ((0.005, 1), (0.0075, 1))  # clip and passes of further references, of a finer bank
 COLUMNS = ("attack", "strength", "damage", "z rows", "z clean model", "z bank", "p", "correct bits of 32")
 
 Result = tuple[str, str, Attacked]
+
+
+class FinerKey(KeyedPatternKey):
+    """The key of an owner with more references."""
+
+    bank = (*FINER, *SMOOTHED)
 
 
 class Trial(NamedTuple):
@@ -71,12 +80,22 @@ def simple(trial: Trial) -> Iterator[Result]:
         ("quantize", {"bits": 16}),
         ("compression", {"codec": "spz"}),
         ("compression", {"codec": "sog"}),
+        ("sh_edit", {"sigma": 0.02}),
+        ("sh_edit", {"sigma": 0.0, "factor": 0.5}),
+        ("warp", {"amplitude": 0.001}),
+        ("warp", {"amplitude": 0.003}),
+        ("warp", {"amplitude": 0.01}),
+        ("split", {"fraction": 1.0}),
+        ("merge_pairs", {"fraction": 0.1}),
         ("rigid_transform", {"angle": 30.0, "scale": 1.1}),
         ("feature_scaling", {"factor": 1.2}),
         ("gaussian_noise", {"sigma": 0.1}),
         ("prune_repair", {"tau": 4.0}),
         ("gspure", {}),
         ("reestimate", {}),
+        ("finetune", {"render": "jpeg:50"}),
+        ("densify", {}),
+        ("remesh", {}),
         ("crop", {"fraction": 0.9}),
         ("crop", {"fraction": 0.5}),
         ("unmark", {"clip": 0.006, "passes": 1}),
@@ -86,9 +105,7 @@ def simple(trial: Trial) -> Iterator[Result]:
         ("unmark", {"clip": 0.03, "passes": 4}),
     ]
     for name, settings in attacks:
-        strength = " ".join(
-            f"{setting}={value:g}" if setting != "codec" else value for setting, value in settings.items()
-        )
+        strength = " ".join(f"{setting}={value}" for setting, value in settings.items())
         yield name, strength, trial.attacked(name, **settings)
 
 
@@ -97,6 +114,8 @@ def combined(trial: Trial) -> Iterator[Result]:
     steps = f"{DISTILLATION} steps"
     distilled = trial.attacked("distil", iterations=DISTILLATION)
     yield "distil", steps, distilled
+    for render in ("jpeg:50", "jpeg:20", "blur:1", "median:1", "resize:0.5"):
+        yield "distil", f"{steps}, render={render}", trial.attacked("distil", iterations=DISTILLATION, render=render)
     turned = trial.attacked("rigid_transform", distilled.model, angle=30.0, scale=1.1, translation="0.3,0,0.2")
     yield "distil, rigid_transform", steps, turned
     smoothed = trial.attacked("unmark", clip=0.015, passes=2).model
@@ -112,16 +131,17 @@ def colluding(trial: Trial) -> Iterator[Result]:
     """Yield what n owners of differently marked copies make of them."""
     key = trial.key
     others = [KeyedPatternKey.random(np.random.default_rng([9, n]), 32, key.clean, key.views) for n in range(15)]
-    copies = [trial.public.model]
-    copies += [strongest(key.clean, other.pattern, trial.pair.scene, DAMAGE) for other in others]
-    rows = np.arange(len(key.clean))
-    rng = np.random.default_rng(0)
+    copies = [strongest(key.clean, other.pattern, trial.pair.scene, DAMAGE) for other in others]
     for count in (2, 4, 16):
-        colours = np.stack([copy.sh_coeffs[:, 0] for copy in copies[:count]])
-        mixtures = {"mean": colours.mean(axis=0), "interleaved": colours[rng.integers(count, size=len(rows)), rows]}
-        for name, mixture in mixtures.items():
-            columns = {f"f_dc_{channel}": column.astype(np.float32) for channel, column in enumerate(mixture.T)}
-            yield "collusion", f"{count} copies, {name}", Attacked.changed(trial.public.model, columns)
+        with TemporaryDirectory() as folder:
+            for number, copy in enumerate(copies[: count - 1]):
+                write_model(Path(folder, f"{number}.ply"), copy)
+            mixtures = {rule: trial.attacked("collusion", copies=folder, rule=rule) for rule in RULES}
+        for rule, mixture in mixtures.items():
+            yield "collusion", f"{count} copies, {rule}", mixture
+    for clip in (0.004, 0.006, 0.007, 0.01):
+        cleared = trial.attacked("unmark", mixtures["interleave"].model, clip=clip, passes=1)
+        yield ANSWERED, f"{count} copies, interleave, clip={clip} passes=1", cleared
 
 
 def controls(trial: Trial) -> Iterator[tuple[str, PublicModel, KeyedPatternKey]]:
@@ -141,24 +161,28 @@ def attack_rows(trial: Trial) -> Iterator[list[str]]:
     for name, public, key in controls(trial):
         yield row(name, "", float("nan"), key, public)
     damage_of = scene_damage(trial.public, test, photographs)
+    key = trial.key
+    finer = FinerKey(key.secret, key.bits, key.clean, key.views)
+    clips = ", ".join(f"clip={clip}" for clip, _ in FINER)
     for results in (simple, colluding, combined):
         for name, strength, attacked in results(trial):
             public = PublicModel(attacked.model)
-            yield row(name, strength, damage_of(public, attacked.transform), trial.key, public)
+            damage = damage_of(public, attacked.transform)
+            yield row(name, strength, damage, key, public)
+            if name == ANSWERED:
+                yield row(name, f"{strength}, bank also of {clips}", damage, finer, public)
 
 
 def row(name: str, strength: str, damage: float, key: KeyedPatternKey, public: PublicModel) -> list[str]:
     """Return a row: what the owner reads, from each of the tries and in all."""
     findings = key.findings(public)
     mark = key.pattern.mark(findings.cells)
-    scores = dict(zip(TRIES[-len(findings.tries) :], (findings.tries * mark).sum(axis=(1, 2)), strict=True))
-    if len(findings.tries) < len(TRIES):  # the clean model does not differ from itself
-        scores["rows"] = float((findings.tries[0] * mark).sum())
-        scores["clean model"] = float("nan")
-    bank = max(scores[trial] for trial in TRIES[2:])
+    sums = (findings.tries * mark).sum(axis=(1, 2)).tolist()
+    if len(sums) <= 1 + len(key.bank):  # the clean model does not differ from itself
+        sums.insert(1, float("nan"))
     certificate = key.certificate(findings, CERTIFIED - 1 if name == "unattacked" else 9_999)
     correct = int((key.decoded(findings) == key.bits).sum())
-    numbers = [damage, scores["rows"], scores["clean model"], bank]
+    numbers = [damage, *sums[:2], max(sums[2:])]
     cells = [
         name,
         strength,

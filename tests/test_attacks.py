@@ -17,6 +17,7 @@ from gspure.attacks import (
     NotApplicable,
     affected,
     attacks,
+    collusion,
     compression,
     find_attack,
     learning,
@@ -26,13 +27,13 @@ from gspure.attacks import (
 from gspure.attacks.geometry import radius
 from gspure.constants import SH_DC
 from gspure.errors import InputError
-from gspure.model import Gaussians
+from gspure.model import Gaussians, write_model
 from tests.attack_cases import KINDS, anchors, apply, changed, features, measurements, unhurried
-from tests.models import blobs, camera
+from tests.models import blobs, camera, covariances, gaussians
 from tests.reference.blending import render
 
 COUNT = 30
-ELSEWHERE = (*compression.ATTACKS, *learning.ATTACKS, *renders.ATTACKS)  # need a package or views, or act on these
+ELSEWHERE = (*compression.ATTACKS, *learning.ATTACKS, *collusion.ATTACKS, *renders.ATTACKS)  # need or act on more
 HERE = [attack for attack in BUILT_IN if attack not in ELSEWHERE]
 
 
@@ -94,6 +95,8 @@ def test_image_attacks_do_what_they_say() -> None:
     assert np.sqrt(variance) == pytest.approx(3.0, rel=0.1)
     ramp = np.linspace(0, 1, 64, dtype=np.float32)[None, :, None] * np.ones((64, 1, 3), np.float32)
     assert np.ptp(renders.resized_crop(ramp, rng, area=0.25)) == pytest.approx(0.5, abs=0.03)
+    dot = np.where(np.indices((9, 9)).sum(axis=0)[..., None] == 0, np.float32(1), grey[:9, :9])
+    assert renders.median(dot, rng, radius=1) == pytest.approx(0.25, abs=1 / 255)
     assert renders.resize(ramp, rng, scale=0.5) == pytest.approx(ramp, abs=0.03)
     assert renders.resize(np.indices((64, 64, 3)).sum(0) % 2, rng, scale=0.25).std() < 0.05
 
@@ -115,6 +118,9 @@ def test_missing_measurements_are_refused_with_the_command_that_writes_them(atta
         ("quantize", {"bits": 9}, "bits: expected 1 to 8, or 16"),
         ("rigid_transform", {"axis": "0,0,0"}, "axis: expected an axis"),
         ("rigid_transform", {"translation": "1,x,2"}, "translation: expected three numbers"),
+        ("finetune", {"render": "sepia:1"}, "attack: expected one of jpeg"),
+        ("distil", {"render": "jpeg:0"}, "quality: expected a whole number from 1 to 100, found '0'"),
+        ("collusion", {"rule": "most"}, "rule: expected one of mean"),
         ("random_pruning", {"seed": -1}, "seed: expected a whole number from 0 .* found -1"),
     ],
 )
@@ -274,6 +280,50 @@ def test_a_merged_scene_lies_beside_the_untouched_rows_and_has_other_centres(kin
     assert sorted(attacked.rows[COUNT:]) == list(range(COUNT)) != attacked.rows[COUNT:].tolist()
 
 
+def test_halves_have_the_moments_and_the_area_of_a_row_and_merge_into_it_again() -> None:
+    means = np.stack([*np.meshgrid([-2.0, 0.0, 2.0], [-1.5, 1.5]), np.full((2, 3), 8.0)], axis=2).reshape(-1, 3)
+    quats = np.random.default_rng(0).normal(size=(6, 4)) * [1, 0, 0, 1]  # about the line of sight
+    model = gaussians(means=means, scales=[0.5, 0.2, 0.1], quats=quats, opacities=np.linspace(0.1, 0.99, 6))
+    halves = apply("split", model, fraction=1.0)
+    assert halves.rows.tolist() == [*range(6), *range(6)]
+    first, second = halves.model[:6], halves.model[6:]
+    assert (np.linalg.norm(first.means - second.means, axis=1) > 0.4).all()
+    np.testing.assert_allclose((first.means + second.means) / 2, model.means, atol=1e-6)
+    assert image(halves.model).sum() == pytest.approx(image(model).sum(), rel=0.01)
+    merged = apply("merge_pairs", halves.model, fraction=0.5).model
+    np.testing.assert_allclose(merged.means, model.means, atol=1e-5)
+    np.testing.assert_allclose(covariances(merged), covariances(model), atol=1e-5)
+    assert image(merged).sum() == pytest.approx(image(model).sum(), rel=0.1)
+
+
+@pytest.mark.parametrize("amplitude", [0.001, 0.01])
+def test_a_warp_moves_centres_smoothly_by_at_most_its_amplitude(amplitude: float) -> None:
+    model = blobs(200)
+    neighbours = model.with_columns({"x": model.table["x"] + np.float32(0.01 * radius(model))})
+    both = Gaussians(np.concatenate([model.table, neighbours.table]))
+    shifts = (apply("warp", both, amplitude=amplitude).model.means - both.means) / radius(both)
+    lengths = np.linalg.norm(shifts, axis=1)
+    assert amplitude / 10 < lengths.max() <= amplitude * (1 + 1e-3)
+    assert np.abs(shifts[:200] - shifts[200:]).max() < 2 * np.pi * 0.01 * amplitude + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"), [("mean", [1, 2, 4]), ("majority", [0, 0, 3]), ("interleave", [[0, 3], [0, 6], [3, 6]])]
+)
+def test_copies_are_mixed_number_by_number_or_row_by_row(rule: str, expected: list, tmp_path) -> None:
+    model = blobs(COUNT)
+    marks = [[0, 0, 3], [0, 0, 3], [3, 6, 6]]
+    copies = [model.with_columns({f"f_dc_{i}": np.full(COUNT, value) for i, value in enumerate(m)}) for m in marks]
+    for number, copy in enumerate(copies[1:]):
+        write_model(tmp_path / f"{number}.ply", copy)
+    mixed = apply("collusion", copies[0], copies=str(tmp_path), rule=rule).model
+    for channel, values in enumerate(expected):
+        assert {*mixed.table[f"f_dc_{channel}"].tolist()} == {*np.atleast_1d(values).tolist()}
+    assert changed(model, mixed) <= {"f_dc_0", "f_dc_1", "f_dc_2"}
+    with pytest.raises(InputError, match="copy: expected 5 rows"):
+        apply("collusion", model[:5], copies=str(tmp_path))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_attacks_on_colour_change_harmonics_or_features_alone(kind: str) -> None:
     before = KINDS[kind](COUNT)
@@ -288,6 +338,9 @@ def test_noise_has_the_given_deviation_and_is_independent() -> None:
     before = blobs(20_000, sh_degree=1)
     noise = (apply("gaussian_noise", before, sigma=0.05).model.sh_coeffs - before.sh_coeffs).reshape(20_000, -1)
     np.testing.assert_allclose(np.cov(noise.T), 0.05**2 * np.eye(12), atol=0.04 * 0.05**2)
+    edited = apply("sh_edit", before, sigma=0.05, factor=0.5).model.sh_coeffs
+    np.testing.assert_array_equal(edited[:, 0], before.sh_coeffs[:, 0])
+    np.testing.assert_allclose((edited - before.sh_coeffs / 2)[:, 1:].std(axis=0), 0.05, rtol=0.05)
     after = apply("opacity_noise", before, sigma=0.05).model
     assert changed(before, after) == {"opacity"}
     middle = (before.opacities > 0.01) & (before.opacities < 0.7)  # nothing of these is clipped

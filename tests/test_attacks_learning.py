@@ -15,7 +15,7 @@ from gspure.model import Gaussians
 from gspure.public_model import PublicModel
 from tests.anchor_cases import random_public
 from tests.attack_cases import changed, measurements, photographs
-from tests.models import blobs, camera, tilted_camera
+from tests.models import blobs, camera, gaussians, tilted_camera
 
 VIEWS = [camera(name="a"), tilted_camera(name="b")]
 ROWS = 80
@@ -106,6 +106,35 @@ def test_finetuning_everything_learns_what_the_networks_read(shown) -> None:
     assert bool(difference & {"x", "rot_0"}) == (type(public) is PublicModel)
     offsets = {name for name in public.model.names if name.startswith("f_offset_")}
     assert not offsets or difference & offsets
+
+
+def test_renders_are_learned_as_an_attack_on_them_leaves_them() -> None:
+    def brightness(model: Gaussians) -> float:
+        return np.mean([PublicModel(model).scene()(view).mean() for view in VIEWS])
+
+    before = brightness(blobs(ROWS))
+    for name in ("finetune", "distil"):
+        attacked = attacked_by(name, iterations=150, render="brightness:0.5")
+        assert brightness(attacked.model) == pytest.approx(before / 2, rel=0.15)
+
+
+def test_densifying_adds_rows_in_other_places_and_names_their_parents() -> None:
+    attacked = attacked_by("densify", iterations=40, share=0.2)
+    assert len(attacked.model) > 1.2 * ROWS
+    assert np.bincount(attacked.rows).max() > 1
+    assert len(np.unique(attacked.model.means, axis=0)) == len(attacked.model)
+    origins = blobs(ROWS).means[attacked.rows]
+    assert (np.linalg.norm(attacked.model.means - origins, axis=1) < 1).mean() > 0.9
+
+
+def test_remeshed_rows_are_new_flat_and_on_the_surface() -> None:
+    places = np.stack(np.meshgrid(np.linspace(-2, 2, 15), np.linspace(-2, 2, 15), 5.0), axis=-1).reshape(-1, 3)
+    wall = PublicModel(gaussians(means=places, scales=[0.3, 0.3, 0.02], opacities=0.95))
+    attacked = attacked_by("remesh", wall)
+    assert attacked.prune_mask.all()
+    assert len(attacked.model) == len(places)
+    assert np.abs(attacked.model.means[:, 2] - 5).max() < 0.15
+    assert (attacked.model.scales.min(axis=1) < attacked.model.scales.max(axis=1) / 5).all()
 
 
 @pytest.mark.parametrize("target", [0.3, 1.0, 2.0])

@@ -1,6 +1,18 @@
 """Attacks by name: the built-in ones, and those of installed plug-ins; pure functions of a public model."""
 
-from gspure.attacks import compression, geometry, learning, marks, pruning, renders, symmetries, values
+from gspure.attacks import (
+    collusion,
+    compression,
+    geometry,
+    learning,
+    marks,
+    pruning,
+    renders,
+    resampling,
+    symmetries,
+    values,
+    warping,
+)
 from gspure.attacks.attack import MEASUREMENTS, PUBLIC, Attack, Measurements
 from gspure.attacks.attacked import Attacked, NotApplicable, affected
 from gspure.attacks.strength import Strength
@@ -24,9 +36,12 @@ BUILT_IN = (
     *values.ATTACKS,
     *compression.ATTACKS,
     *geometry.ATTACKS,
+    *warping.ATTACKS,
+    *resampling.ATTACKS,
     *symmetries.ATTACKS,
     *learning.ATTACKS,
     *marks.ATTACKS,
+    *collusion.ATTACKS,
     *renders.ATTACKS,
 )
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gspure import __version__
 from gspure.arrays import Bools, Float32, Int32, load_array
-from gspure.attacks.attacked import Attacked, require
+from gspure.attacks.attacked import Attacked, Retouch, require
 from gspure.attacks.strength import Damage, Match, Strength, search
 from gspure.cameras.camera import Camera
 from gspure.errors import InputError
@@ -86,14 +86,16 @@ class Teacher:
     public: PublicModel
     cameras: Sequence[Camera]  # without photographs
     device: Device | None
+    retouch: Retouch = lambda image, _view: image
 
     @cached_property
     def images(self) -> list[Float32]:
-        """Its renders, as 8-bit images show them."""
+        """Its renders, as 8-bit images show them, retouched."""
         if not self.cameras:
             raise InputError(f"attack {self.attack}", "cameras", expected="public views", found="none")
         scene = self.public.scene(self.device, self.public.model.background)
-        return [read_back(scene(camera)) for camera in track(self.cameras, "renders to learn")]
+        cameras = track(self.cameras, "renders to learn")
+        return [self.retouch(read_back(scene(camera)), camera.name) for camera in cameras]
 
     def train(self, student: PublicModel, rng: Rng, iterations: int, learn: str, rate_factor: float = 1.0) -> Gaussians:
         """Return the rows of `student` after training the attributes that `learn` names."""

@@ -1,5 +1,6 @@
 """Attacks that train on renders of the public model at public cameras: no photographs, no key, no message."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -7,6 +8,9 @@ import numpy as np
 from gspure.arrays import Bools, Float32
 from gspure.attacks.attack import Rng, Teacher, named
 from gspure.attacks.attacked import Attacked, NotApplicable
+from gspure.attacks.densifying import densify
+from gspure.attacks.remeshing import remesh
+from gspure.attacks.renders import retouch
 from gspure.constants import TAU_N
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
@@ -19,14 +23,31 @@ from gspure.training.trainer import beginning, train
 ITERATIONS: Final = 200  # training steps of an existing model; ours
 DISTILLATION: Final = 1500  # training steps of a new model; ours
 RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
+UNCHANGED: Final = "unchanged"  # renders to learn
 
 
 def finetune(
-    _model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = ITERATIONS, learn: str = "all"
+    _model: Gaussians,
+    rng: Rng,
+    teacher: Teacher,
+    *,
+    iterations: Steps = ITERATIONS,
+    learn: str = "all",
+    render: str = UNCHANGED,
 ) -> Attacked:
-    """Train the attributes that `learn` names (`LEARNED`) on the model's own renders for `iterations` steps."""
-    rows = teacher.train(teacher.public, rng, iterations, learn)
+    """Train the attributes that `learn` names (`LEARNED`) on the model's own renders for `iterations` steps.
+
+    `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
+    """
+    rows = _retouching(teacher, render, rng).train(teacher.public, rng, iterations, learn)
     return Attacked(rows, np.arange(len(rows)), len(rows))
+
+
+def _retouching(teacher: Teacher, render: str, rng: Rng) -> Teacher:
+    """Return a teacher whose renders an attack on renders has changed."""
+    if render == UNCHANGED:
+        return teacher
+    return replace(teacher, retouch=retouch(render, int(rng.integers(2**31))))
 
 
 def prune_repair(
@@ -72,12 +93,15 @@ def reestimate(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Step
     return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
-def distil(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = DISTILLATION) -> Attacked:
+def distil(
+    model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = DISTILLATION, render: str = UNCHANGED
+) -> Attacked:
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md).
+    (docs/limits.md). `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
     """
+    teacher = _retouching(teacher, render, rng)
     is_vanilla = type(teacher.public).attributes is PublicModel.attributes
     per_row = max(1, len(model.columns_named("f_offset_")) // 3)  # Gaussians of an anchor
     cameras = teacher.cameras
@@ -108,5 +132,7 @@ ATTACKS = named(
         gspure_repair: None,
         reestimate: None,
         distil: None,
+        densify: None,
+        remesh: None,
     }
 )

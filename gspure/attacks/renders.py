@@ -2,20 +2,25 @@
 
 Each is a function from an image [H,W,3], 0 to 1, to an image of the same size, which is clipped later. Strengths are
 those of WAVES (An et al. 2024, arXiv 2401.08573) for images of 512x512 pixels: JPEG of quality 90 to 10, blurs of up to
-20 pixels, crops to half of the area, noise of up to 0.1, brightness of up to 2. `resize` is ours.
+20 pixels, crops to half of the area, noise of up to 0.1, brightness of up to 2. `resize` and `median` are ours.
+
+Attacks that train on renders can retouch these first (`retouch`).
 """
 
 import io
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 
 from gspure.arrays import Float32
 from gspure.attacks.attack import Attack, Rng
+from gspure.attacks.attacked import Retouch
 from gspure.attacks.strength import Strength
+from gspure.errors import InputError
 from gspure.images import levels
-from gspure.settings import Amount, Range
+from gspure.settings import Amount, Range, parsed_settings
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -39,6 +44,13 @@ def blur(image: Float32, _rng: Rng, *, radius: Annotated[float, Range(0.0, 1000.
     from PIL import ImageFilter
 
     return _array(_picture(image).filter(ImageFilter.GaussianBlur(radius)))
+
+
+def median(image: Float32, _rng: Rng, *, radius: Annotated[int, Range(0, 50)] = 1) -> Float32:
+    """Replace every channel of a pixel by the median of the square of 2 `radius` + 1 pixels around it."""
+    from PIL import ImageFilter
+
+    return _array(_picture(image).filter(ImageFilter.MedianFilter(2 * radius + 1)))
 
 
 def resized_crop(image: Float32, rng: Rng, *, area: Part = 0.7) -> Float32:
@@ -87,6 +99,7 @@ def _array(picture: "Image") -> Float32:
 _STRENGTHS: Final[dict[Callable[..., Float32], Strength]] = {
     jpeg: Strength("quality", 100, 1),
     blur: Strength("radius", 0.1, 100.0, "log"),
+    median: Strength("radius", 0, 20),
     resized_crop: Strength("area", 1.0, 0.01),
     resize: Strength("scale", 1.0, 0.01),
     pixel_noise: Strength("sigma", 1e-3, 1.0, "log"),
@@ -95,3 +108,17 @@ _STRENGTHS: Final[dict[Callable[..., Float32], Strength]] = {
 ATTACKS = tuple(
     Attack(function.__name__, function, strength=strength, of_renders=True) for function, strength in _STRENGTHS.items()
 )
+
+
+def retouch(text: str, seed: int) -> Retouch:
+    """Return what changes a render and the name of its view as a text such as ``jpeg:50`` says: attack and strength.
+
+    Raise `InputError` if there is no such attack on renders, or no such strength of it.
+    """
+    name, _, value = text.partition(":")
+    known = {attack.name: (attack, strength) for attack, strength in zip(ATTACKS, _STRENGTHS.values(), strict=True)}
+    if name not in known:
+        raise InputError("render", "attack", expected=f"one of {', '.join(known)}", found=repr(name))
+    attack, strength = known[name]
+    settings = parsed_settings(f"render {name}", attack.function, {strength.setting: value} if value else {})
+    return partial(attack.retouched, seed=seed, settings=settings)

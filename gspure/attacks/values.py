@@ -21,6 +21,7 @@ FACTOR: Final = 1.2  # scale of the features; ours: the paper says "amplifies", 
 BITS: Final = 8
 QUANTIZED: Final = "colour,opacity,scale,rotation"  # ours: formats keep 16 bits and more for positions
 HALF: Final = 16  # bits of IEEE-754 half precision
+EDITED: Final = 0.02  # deviation of noise on view-dependent colour, in units of the stored values; ours
 COLOURS: Final = ("colour", "base_colour", "opacity")
 
 
@@ -105,6 +106,19 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     return Attacked.changed(model, dict.fromkeys(above, np.zeros(len(model), np.float32)))
 
 
+def sh_edit(model: Gaussians, rng: Rng, *, sigma: Amount = EDITED, factor: Amount = 1.0) -> Attacked:
+    """Multiply the harmonics above degree 0 by `factor`, and add Gaussian noise of deviation `sigma` to each (ours).
+
+    Only view-dependent colour changes. Models without it are refused.
+    """
+    names = model.columns_named("f_rest_")
+    if not names:
+        raise NotApplicable("sh_edit", "no harmonics above degree 0")
+    noise = sigma * rng.standard_normal((len(names), len(model)))
+    edited = {name: factor * model.table[name] + change for name, change in zip(names, noise, strict=True)}
+    return Attacked.changed(model, edited)
+
+
 def _to_levels(values: Float32, levels: int) -> Float32:
     """Return the nearest of `levels` equally spaced numbers between the finite extremes of `values`."""
     finite = values[np.isfinite(values)]
@@ -125,5 +139,6 @@ ATTACKS = named(
         feature_scaling: Strength("factor", 1.01, 10.0, "log"),
         quantize: Strength("bits", 8, 1),
         sh_truncation: None,
+        sh_edit: Strength("sigma", 1e-3, 10.0, "log"),
     }
 )

@@ -15,7 +15,7 @@ from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class Findings(NamedTuple):
 class KeyedPatternKey(Key):
     """The private part of the scheme: secret [32], bits [N], the clean model, and views to compare."""
 
+    bank: ClassVar[Sequence[tuple[float, int]]] = SMOOTHED
+
     def __init__(self, secret: UInt8, bits: Bools, clean: Gaussians, views: Sequence[Camera]) -> None:
         self.secret = secret
         self.bits = bits
@@ -75,7 +77,7 @@ class KeyedPatternKey(Key):
     @cached_property
     def references(self) -> list[Float32]:
         """The renders of the clean model, and of what ``unmark`` makes of it."""
-        models = [self.clean, *(smoothed(self.clean, self.grid, clip, passes) for clip, passes in SMOOTHED)]
+        models = [self.clean, *(smoothed(self.clean, self.grid, clip, passes) for clip, passes in self.bank)]
         return [renders(model, self.views) for model in models]
 
     def findings(self, public: PublicModel) -> Findings:
