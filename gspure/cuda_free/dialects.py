@@ -91,7 +91,8 @@ DIALECTS: Final = {
 def find_wrapper(folder: Path) -> Path | None:
     """Return the Python wrapper of the rasterizer in a checkout, at most four folders below `folder`."""
     patterns = ("/".join(["*"] * depth + [PACKAGE, "__init__.py"]) for depth in range(4))
-    return next((path for pattern in patterns for path in sorted(folder.glob(pattern))), None)
+    wrappers = (path for pattern in patterns for path in sorted(folder.glob(pattern)))
+    return next((path for path in wrappers if not path.resolve().is_relative_to(Path(__file__).parent)), None)
 
 
 def read_dialect(wrapper: Path) -> Dialect:

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.arrays import Float32
+from gspure.arrays import Float32, Int32
 from gspure.cameras.camera import Camera
 from gspure.constants import FOOTPRINT_FLOATS, NEAR_CENTRE
-from gspure.opencl.frame import Frame
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Frame, Traversal
+from gspure.opencl.storage import Storage
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,18 @@ def project(frame: Frame) -> Projected:
         projected.depth_keys,
     )
     return projected
+
+
+def splat_radii(engine: Engine, storage: Storage, camera: Camera) -> Int32:
+    """Return the radii [K] of splats as the rasterizer of 3DGS does, by row: pixels, 0 where they touch no tile."""
+    radii = np.empty(storage.count, np.int32)
+    frame = Frame(engine, storage, camera, Traversal("ewa"))
+    program = frame.program("vector", "layout", "projection", "radii", SH_DEGREE=-1, CHANNEL_ATTRIBUTES=0)
+    numbers = engine.buffers.camera.holding(camera_numbers(camera))
+    with engine.writing(radii) as out:
+        items = engine.vectors(storage.count)
+        program.launch("splat_radii", items, storage.count, *frame.size, numbers, storage.geometry, storage.rows, out)
+    return radii
 
 
 def camera_numbers(camera: Camera) -> Float32:
