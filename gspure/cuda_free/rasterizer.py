@@ -67,7 +67,8 @@ class _Rasterizer(torch.nn.Module):  # type: ignore[misc]
 
 
 @cache
-def _renderer() -> TorchRenderer:
+def renderer() -> TorchRenderer:
+    """Return the renderer of this process."""
     return TorchRenderer()
 
 
@@ -97,8 +98,9 @@ class _View:
 
     def radii(self) -> torch.Tensor:
         """Return the radii [K] on the image, without drawing it."""
-        tensors = (self._means, self._shapes.quats, self._shapes.scales)
-        return _renderer().radii(self.camera, *(tensor.float() for tensor in tensors))
+        opacities = torch.ones(len(self._means))  # which these radii do not depend on
+        tensors = (self._means, self._shapes.quats, self._shapes.scales, opacities)
+        return renderer().radii(self.camera, *(tensor.float() for tensor in tensors))
 
     def outputs(self, names: tuple[str, ...]) -> tuple[torch.Tensor, ...]:
         """Return outputs by name; the colour is drawn last, since the device holds the last image for its gradient."""
@@ -109,7 +111,7 @@ class _View:
             image = self._colour(has_depth=has_depth)
             outputs |= {"color": image[:-1], "inverse_depth": image[-1:]} if has_depth else {"color": image}
         if "radii" in names:
-            outputs["radii"] = _renderer().radii_of_last().to(self._means.device)
+            outputs["radii"] = renderer().radii_of_last().to(self._means.device)
         return tuple(outputs[name] for name in names)
 
     def _features(self, names: list[str]) -> dict[str, torch.Tensor]:
@@ -169,7 +171,7 @@ class _View:
             means2d=self._centres(),
             covs2d=covs2d,
         )
-        return _renderer().blend(self.camera, inputs).permute(2, 0, 1)
+        return renderer().blend(self.camera, inputs).permute(2, 0, 1)
 
     def _centres(self) -> torch.Tensor | None:
         """Return what receives the gradients of the centres in pixels, from `means2D` in 3DGS's unit, half a side."""

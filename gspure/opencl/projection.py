@@ -63,15 +63,16 @@ def project(frame: Frame) -> Projected:
     return projected
 
 
-def splat_radii(engine: Engine, storage: Storage, camera: Camera) -> Int32:
-    """Return the radii [K] of splats as the rasterizer of 3DGS does, by row: pixels, 0 where they touch no tile."""
-    radii = np.empty(storage.count, np.int32)
+def splat_radii(engine: Engine, storage: Storage, camera: Camera, *, per_axis: bool = False) -> Int32:
+    """Return the radii of splats by row, in pixels: [K] as 3DGS has them or, `per_axis`, [K,2] as gsplat has them."""
+    radii = np.empty((storage.count, 2) if per_axis else storage.count, np.int32)
     frame = Frame(engine, storage, camera, Traversal("ewa"))
     program = frame.program("vector", "layout", "projection", "radii", SH_DEGREE=-1, CHANNEL_ATTRIBUTES=0)
     numbers = engine.buffers.camera.holding(camera_numbers(camera))
     with engine.writing(radii) as out:
         items = engine.vectors(storage.count)
-        program.launch("splat_radii", items, storage.count, *frame.size, numbers, storage.geometry, storage.rows, out)
+        arguments = (storage.count, *frame.size, numbers, storage.geometry, storage.rows, out)
+        program.launch("splat_extents" if per_axis else "splat_radii", items, *arguments)
     return radii
 
 

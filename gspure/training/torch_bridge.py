@@ -31,7 +31,8 @@ _BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees
 class BlendInputs(NamedTuple):
     """The tensors of an image, float32, as `TorchRenderer` takes them; `channels` are features or SH coefficients.
 
-    If `background` has four values for SH coefficients, the fourth channel of the image is the inverse depth.
+    If `background` has four or five values for SH coefficients, the fourth channel of the image is the inverse depth,
+    and the fifth is what the Gaussians cover.
     `means2d` [K,2] and `covs2d` [K,3] are not read. They receive the gradients of the projected centres, in pixels, and
     of the covariances on the image plane, xx, xy and yy in square pixels.
     """
@@ -116,14 +117,18 @@ class TorchRenderer:
         _require("opacities", opacities, (count,))
         return self.blend(camera, BlendInputs(colour, means, quats, scales, opacities, channels))
 
-    def radii(self, camera: Camera, means: torch.Tensor, quats: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
-        """Return the radii [K] that 3DGS gives Gaussians in a view: pixels, int32, 0 for those that it does not show."""
-        arrays = map(on_host, (means, quats, scales))
-        return torch.from_numpy(self._frames.radii(camera, *arrays)).to(means.device)
+    def radii(self, camera: Camera, *geometry: torch.Tensor, per_axis: bool = False) -> torch.Tensor:
+        """Return the radii of Gaussians in a view, int32, in pixels; 0 for those that it does not show.
 
-    def radii_of_last(self) -> torch.Tensor:
-        """Return the radii [K] of the Gaussians of the last image, on the CPU."""
-        return torch.from_numpy(self._frames.radii_of_last())
+        They are those [K] of 3DGS or, `per_axis`, those [K,2] of gsplat. `geometry` are means, quaternions, scales and
+        opacities.
+        """
+        radii = self._frames.radii(camera, *map(on_host, geometry), per_axis=per_axis)
+        return torch.from_numpy(radii).to(geometry[0].device)
+
+    def radii_of_last(self, *, per_axis: bool = False) -> torch.Tensor:
+        """Return the radii of the Gaussians of the last image, on the CPU."""
+        return torch.from_numpy(self._frames.radii_of_last(per_axis=per_axis))
 
     def blend(self, camera: Camera, inputs: BlendInputs) -> torch.Tensor:
         """Return the image [H,W,C] of tensors whose shapes and types are right."""
@@ -152,16 +157,15 @@ class _Frames:
         self.rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
         return self.last
 
-    def radii(self, camera: Camera, means: Float32, quats: Float32, scales: Float32) -> Int32:
-        """Return the radii [K] of splats, as `splat_radii` has them; no frame can be differentiated then."""
+    def radii(self, camera: Camera, *geometry: Float32, per_axis: bool) -> Int32:
+        """Return the radii of splats, as `splat_radii` has them; no frame can be differentiated then."""
         self.last += 1
-        storage = self._stored(means, quats, scales, np.ones(len(means), np.float32))
-        return splat_radii(self._engine, storage, camera)
+        return splat_radii(self._engine, self._stored(*geometry), camera, per_axis=per_axis)
 
-    def radii_of_last(self) -> Int32:
-        """Return the radii [K] of the splats of the last frame."""
+    def radii_of_last(self, *, per_axis: bool) -> Int32:
+        """Return the radii of the splats of the last frame."""
         frame = self.rendered.frame
-        return splat_radii(frame.engine, frame.storage, frame.camera)
+        return splat_radii(frame.engine, frame.storage, frame.camera, per_axis=per_axis)
 
     def _stored(self, means: Float32, quats: Float32, scales: Float32, opacities: Float32) -> Storage:
         """Upload the geometry in the order of its rows: another one would save less than it costs in every frame."""
