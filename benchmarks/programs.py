@@ -1,7 +1,7 @@
-"""Run public programs that were written for CUDA, each from the user's checkout of it, and print the table of the page.
+"""Run public programs that were written for CUDA, from the user's checkouts of them, and print the table of the page.
 
-``python benchmarks/programs.py CHECKOUTS DATA OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they are, on
-the COLMAP capture DATA. What they write goes to OUT.
+``python benchmarks/programs.py CHECKOUTS DATA OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they are,
+on the COLMAP capture DATA. What they write goes to OUT.
 """
 
 import re
@@ -85,7 +85,8 @@ def row(program: Program, folder: Path, data: Path, out: Path) -> str:
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     (out / f"{program.folder}.log").write_text(done.stdout + done.stderr)
-    commit = subprocess.run(["git", "-C", str(folder), "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True)
+    git = ["git", "-C", str(folder), "rev-parse", "--short=8", "HEAD"]
+    commit = subprocess.run(git, capture_output=True, text=True, check=False)
     levels = re.findall(r"Evaluating test: .*?PSNR ([\d.]+)", done.stdout)
     level = f"{float(levels[-1]):.1f}" if levels else "-"
     end = "runs" if done.returncode == 0 else done.stderr.strip().rpartition("\n")[2]

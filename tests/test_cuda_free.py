@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from gspure.errors import InputError
 from gspure.metrics.image_metrics import ssim
 from gspure.renderer import Renderer
 from tests.documentation import ROOT
-from tests.models import blobs, gaussians, tilted_camera
+from tests.models import blobs, camera, gaussians, tilted_camera
 from tests.reference.projection import project
 
 torch = pytest.importorskip("torch")
 
+from gspure.cuda_free import gsplat  # noqa: E402
 from gspure.cuda_free.dialects import DIALECTS, SETTINGS, Dialect, find_wrapper, read_dialect  # noqa: E402
 from gspure.cuda_free.neighbours import distCUDA2  # noqa: E402
 from gspure.cuda_free.projection import world_covariances  # noqa: E402
@@ -150,6 +152,89 @@ def test_features_are_blended_as_those_dialects_return_them():
         rasterizer()(**tensors, normals=features)
 
 
+@pytest.fixture
+def rasterization():
+    """gsplat's function, with its tensors of `blobs` and two views by name; further arguments replace them."""
+    model = blobs(120, sh_degree=1)
+    tensors = {name: torch.tensor(getattr(model, name), requires_grad=True) for name in NAMES_IN_GSPLAT}
+    tensors["colors"] = tensors.pop("sh_coeffs")
+    poses = [VIEW.viewmat, camera().viewmat]
+    cameras = {"viewmats": np.stack(poses), "Ks": np.stack([VIEW.K, VIEW.K])}
+    tensors |= {name: torch.tensor(array, dtype=torch.float32) for name, array in cameras.items()}
+    fixed = tensors | {"width": 40, "height": 30, "sh_degree": 1, "packed": False}
+    return SimpleNamespace(model=model, draw=lambda **changes: gsplat.rasterization(True, **fixed | changes), **tensors)
+
+
+NAMES_IN_GSPLAT = ("means", "quats", "scales", "opacities", "sh_coeffs")
+
+
+def test_gsplat_draws_the_images_of_the_renderer_from_each_of_its_planes(rasterization):
+    model = rasterization.model
+    renderer = Renderer(model)
+    backgrounds = torch.tensor([[0.1, 0.5, 0.9], [0.0, 0.0, 0.0]])
+    images, covers, further = rasterization.draw(backgrounds=backgrounds, near_plane=0.01)
+    np.testing.assert_allclose(covers[0, ..., 0].detach(), 1 - renderer.transmittance(VIEW), rtol=0, atol=2e-6)
+    expected, pullback = renderer.vjp(VIEW, background=[0.1, 0.5, 0.9])
+    np.testing.assert_allclose(images[0].detach().numpy(), expected, rtol=0, atol=2e-5)
+    gradient = weights(images)
+    gradient[1] = 0
+    images.backward(gradient)
+    gradients = pullback(gradient[0].numpy())
+    assert not further["means2d"].grad[1].any()
+    pairs = [(further["means2d"].grad[0], gradients.means2d), (rasterization.means.grad, gradients.means)]
+    pairs += [(rasterization.scales.grad, gradients.scales), (rasterization.colors.grad, gradients.channels)]
+    for actual, wanted in pairs:
+        assert np.abs(actual.numpy() - wanted).max() < 2e-4 * np.abs(wanted).max()
+    near = float(further["depths"][0].median())
+    shown = (further["depths"][0] > near).numpy()
+    cut, _, cut_further = rasterization.draw(near_plane=near, far_plane=2 * near)
+    kept = shown & (further["depths"][0] < 2 * near).numpy()
+    expected = Renderer(model[kept]).image(VIEW)
+    np.testing.assert_allclose(cut[0].detach(), expected, rtol=0, atol=2e-5)
+    assert not (cut_further["radii"][0, ~kept] > 0).all(dim=-1).any()
+
+
+def test_gsplat_blends_depths_and_features_and_lists_what_views_show(rasterization):
+    depth_of = {}
+    for mode in ("RGB", "D", "ED", "RGB+D", "RGB+ED"):
+        image, covers, further = rasterization.draw(render_mode=mode, packed=True)
+        depth_of[mode] = image
+        assert len(further["means2d"]) == len(further["gaussian_ids"]) < 2 * len(rasterization.model)
+    torch.testing.assert_close(depth_of["ED"] * covers.clamp_min(1e-10), depth_of["D"])
+    for depth in ("D", "ED"):
+        both = torch.cat([depth_of["RGB"], depth_of[depth]], dim=-1)
+        torch.testing.assert_close(depth_of[f"RGB+{depth}"], both, rtol=1e-5, atol=1e-5)
+    z = further["depths"]
+    features = torch.zeros(2, len(rasterization.model), 5)
+    features[further["camera_ids"], further["gaussian_ids"], 4] = z.detach()
+    blended, _, _ = rasterization.draw(colors=features, sh_degree=None)
+    torch.testing.assert_close(blended[..., 4:], depth_of["D"], rtol=1e-4, atol=1e-4)
+    depth_of["RGB"].sum().backward()
+    refused = ({"absgrad": True}, {"camera_model": "ortho"}, {"with_ut": True}, {"render_mode": "normal"})
+    refused += ({"viewmats": rasterization.viewmats.requires_grad_()},)
+    for changes in refused:
+        with pytest.raises(ValueError, match=next(iter(changes))):
+            rasterization.draw(**changes)
+
+
+def test_gsplat_projects_as_its_own_reference_does(rasterization):
+    reference = pytest.importorskip(
+        "gsplat.cuda._torch_impl", reason="gsplat, whose reference is PyTorch, is not installed"
+    )
+    opaque = torch.ones(len(rasterization.model))
+    with torch.no_grad():
+        shapes = (rasterization.quats, rasterization.scales, True, False)
+        covariances, _ = reference._quat_scale_to_covar_preci(*shapes, triu=False)
+        views = (rasterization.viewmats, rasterization.Ks, 40, 30)
+        radii, centres, depths, *_ = reference._fully_fused_projection(rasterization.means, covariances, *views)
+    _, _, further = rasterization.draw(opacities=opaque)
+    shown = (radii > 0).all(dim=-1)
+    assert torch.equal(shown, (further["radii"] > 0).all(dim=-1))
+    assert (radii != further["radii"])[shown].float().mean() < 0.01  # at opacity 1, alpha reaches 1 / 255 at 3.329
+    torch.testing.assert_close(further["means2d"][shown].detach(), centres[shown], rtol=1e-5, atol=1e-4)
+    torch.testing.assert_close(further["depths"][shown], depths[shown])
+
+
 def test_ssim_and_distances_are_those_of_3dgs():
     images = torch.from_numpy(np.random.default_rng(0).random((2, 3, 20, 24), np.float32))
     a, b = (image.numpy().transpose(1, 2, 0) for image in images)
@@ -208,6 +293,7 @@ CHECKED = """
 assert torch.cuda.is_available()
 torch.cuda.set_device(torch.device("cuda:0"))
 torch.cuda.empty_cache()
+assert __import__("gsplat").rasterization and optimizer.defaults["fused"]
 assert len(torch.load("model.pth", map_location="cuda", weights_only=False)) == 5
 raise SystemExit(3)
 """
@@ -221,7 +307,7 @@ def test_a_trainer_for_cuda_runs_as_it_is(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3, done.stderr  # the program's own
     line = done.stderr.splitlines()[0]
-    assert "diff_gaussian_rasterization, fused_ssim, simple_knn are gspure's" in line
+    assert "diff_gaussian_rasterization, fused_ssim, gsplat, simple_knn are gspure's" in line
     assert "not replaced: pointops" in line
     lines = done.stdout.splitlines()
     names = ("pointops", "NCCL", "jit_kernels")

@@ -139,7 +139,7 @@ STATEMENTS = {
     "attacks": 786,
     "cameras": 1411,
     "cli": 1853,
-    "cuda_free": 533,
+    "cuda_free": 693,
     "evaluation": 1428,
     "figures": 1044,
     "method": 672,

@@ -12,7 +12,6 @@ from gspure.cameras.camera import Camera
 from gspure.constants import EWA_DILATION, NEAR_PLANE
 from gspure.cuda_free.projection import antialiasing, image_covariances, seen_from, world_covariances
 from gspure.cuda_free.rasterizer import renderer
-from gspure.cuda_free.replacement import Replacement
 from gspure.training.pytorch import on_host, torch
 from gspure.training.torch_bridge import BlendInputs
 
@@ -46,14 +45,21 @@ _LEAST_COVER: Final = 1e-10  # by which expected depths are divided
 _BEHIND: Final = 2  # channels behind colours: the inverse depth, and the cover
 
 
-def rasterization(*arguments: Any, **named: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, Any]]:
+def rasterization(
+    has_radii_per_axis: bool,  # noqa: FBT001 -- before the arguments of gsplat
+    /,
+    *arguments: Any,
+    **named: Any,
+) -> tuple[torch.Tensor, torch.Tensor, dict[str, Any]]:
     """Return images [C,H,W,D] of C views, what Gaussians cover of them [C,H,W,1], and gsplat's further tensors.
+
+    The radii among these are numbers or, `has_radii_per_axis`, pairs of them, as gsplat has them since 1.5.
 
     Raise ValueError for an argument, or a value of it, that gspure does not have.
     """
     values = _bound(arguments, named)
     views = [_View(values, number) for number in range(len(values["viewmats"]))]
-    further = _further(values, views)
+    further = _further(values, views, has_radii_per_axis=has_radii_per_axis)
     centres = further["means2d"]
     if values["packed"]:
         rows = (further["camera_ids"], further["gaussian_ids"])
@@ -63,12 +69,12 @@ def rasterization(*arguments: Any, **named: Any) -> tuple[torch.Tensor, torch.Te
 
 
 @torch.no_grad()  # type: ignore[untyped-decorator]
-def _further(values: Mapping[str, Any], views: Sequence[_View]) -> dict[str, Any]:
+def _further(values: Mapping[str, Any], views: Sequence[_View], *, has_radii_per_axis: bool) -> dict[str, Any]:
     """Return what gsplat returns beside images: sizes and, by view and Gaussian, radii, centres, depths and opacities.
 
     If `packed`, only Gaussians that a view shows are listed. The centres in pixels only receive gradients.
     """
-    radii = torch.stack([view.radii() for view in views])
+    radii = torch.stack([view.radii(per_axis=has_radii_per_axis) for view in views])
     tensors = {
         "radii": radii,
         "means2d": torch.stack([view.centres() for view in views]),
@@ -144,9 +150,8 @@ class _View:
         tensors = (values["means"] * factor, values["quats"], values["scales"] * factor, self.opacities)
         return tuple(tensor.float() for tensor in tensors)
 
-    def radii(self) -> torch.Tensor:
-        """Return the radii, [K,2] or, until gsplat 1.4, [K]."""
-        per_axis = Replacement.of_this_process().dialect.has_radii_per_axis
+    def radii(self, *, per_axis: bool) -> torch.Tensor:
+        """Return the radii, [K] or, `per_axis`, [K,2]."""
         return renderer().radii(self._near, *self._geometry, per_axis=per_axis)
 
     def centres(self) -> torch.Tensor:

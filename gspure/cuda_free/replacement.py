@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -150,10 +151,15 @@ def _declare_operators(module: ModuleType) -> None:
         declare_suppression()
 
 
-def _replace_rasterization(module: ModuleType) -> None:
+def gsplat_rasterization() -> Callable[..., Any]:
+    """Return gsplat's function, in the dialect of the program."""
     from gspure.cuda_free.gsplat import rasterization
 
-    vars(module).update(rasterization=rasterization)
+    return partial(rasterization, Replacement.of_this_process().dialect.has_radii_per_axis)
+
+
+def _replace_rasterization(module: ModuleType) -> None:
+    vars(module).update(rasterization=gsplat_rasterization())
 
 
 _AFTERWARDS: Final = {
