@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -162,7 +163,8 @@ def rasterization():
     cameras = {"viewmats": np.stack(poses), "Ks": np.stack([VIEW.K, VIEW.K])}
     tensors |= {name: torch.tensor(array, dtype=torch.float32) for name, array in cameras.items()}
     fixed = tensors | {"width": 40, "height": 30, "sh_degree": 1, "packed": False}
-    return SimpleNamespace(model=model, draw=lambda **changes: gsplat.rasterization(True, **fixed | changes), **tensors)
+    draw = partial(gsplat.rasterization, True)
+    return SimpleNamespace(model=model, draw=lambda **changes: draw(**fixed | changes), **tensors)
 
 
 NAMES_IN_GSPLAT = ("means", "quats", "scales", "opacities", "sh_coeffs")
@@ -185,10 +187,11 @@ def test_gsplat_draws_the_images_of_the_renderer_from_each_of_its_planes(rasteri
     pairs += [(rasterization.scales.grad, gradients.scales), (rasterization.colors.grad, gradients.channels)]
     for actual, wanted in pairs:
         assert np.abs(actual.numpy() - wanted).max() < 2e-4 * np.abs(wanted).max()
-    near = float(further["depths"][0].median())
-    shown = (further["depths"][0] > near).numpy()
+    depths = further["depths"][0].detach()
+    near = float(depths.median())
+    shown = (depths > near).numpy()
     cut, _, cut_further = rasterization.draw(near_plane=near, far_plane=2 * near)
-    kept = shown & (further["depths"][0] < 2 * near).numpy()
+    kept = shown & (depths < 2 * near).numpy()
     expected = Renderer(model[kept]).image(VIEW)
     np.testing.assert_allclose(cut[0].detach(), expected, rtol=0, atol=2e-5)
     assert not (cut_further["radii"][0, ~kept] > 0).all(dim=-1).any()
@@ -215,6 +218,30 @@ def test_gsplat_blends_depths_and_features_and_lists_what_views_show(rasterizati
     for changes in refused:
         with pytest.raises(ValueError, match=next(iter(changes))):
             rasterization.draw(**changes)
+
+
+@pytest.mark.parametrize("name", ["means", "quats", "scales", "opacities"])
+def test_gradients_of_gsplat_are_slopes_through_expected_depths_and_antialiasing(name, rasterization):
+    model = soft()
+    tensors = {key: torch.tensor(getattr(model, key)) for key in NAMES_IN_GSPLAT}
+    tensors["colors"] = tensors.pop("sh_coeffs")
+    leaf = torch.zeros_like(tensors[name], requires_grad=True)
+
+    def image(step):
+        moved = tensors | {
+            name: tensors[name] + step,
+            "viewmats": rasterization.viewmats[:1],
+            "Ks": rasterization.Ks[:1],
+        }
+        return rasterization.draw(render_mode="RGB+ED", rasterize_mode="antialiased", sh_degree=0, **moved)[0]
+
+    drawn = image(leaf)
+    gradient = weights(drawn, 2)
+    drawn.backward(gradient)
+    direction = weights(leaf, 1) * tensors[name].abs().mean()
+    slope = ((image(0.01 * direction) - image(-0.01 * direction)).double() * gradient).sum() / 0.02
+    terms = leaf.grad * direction
+    assert float(terms.sum()) == pytest.approx(float(slope), abs=3e-3 * float(terms.norm()) + 1e-4)
 
 
 def test_gsplat_projects_as_its_own_reference_does(rasterization):

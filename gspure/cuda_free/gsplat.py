@@ -68,7 +68,6 @@ def rasterization(
     return torch.stack(images), torch.stack(covers), further
 
 
-@torch.no_grad()  # type: ignore[untyped-decorator]
 def _further(values: Mapping[str, Any], views: Sequence[_View], *, has_radii_per_axis: bool) -> dict[str, Any]:
     """Return what gsplat returns beside images: sizes and, by view and Gaussian, radii, centres, depths and opacities.
 
@@ -157,7 +156,7 @@ class _View:
     def centres(self) -> torch.Tensor:
         """Return the projected centres [K,2] in pixels."""
         fx, fy, cx, cy = self._camera.numbers[2:6].tolist()
-        x, y, z = self.seen
+        x, y, z = self.seen.detach()
         return torch.stack([fx * x / z + cx, fy * y / z + cy], dim=1)
 
     def drawn(self, centres: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -35,6 +35,10 @@ _ANSWERS: Final = {
 """Functions of `torch.cuda` that then have these results."""
 
 
+_PLACING: Final = {torch.Tensor.cuda, torch.Tensor.pin_memory, torch.Tensor.to}
+"""Functions that are mapped whatever their named arguments are."""
+
+
 def target_device() -> str:
     """Return what "cuda" means: "cuda" where it works, else the first of "xpu", "mps" and "cpu" that PyTorch has."""
     if DEVICE.type == "cuda":
@@ -81,9 +85,11 @@ class _Mapping(torch.overrides.TorchFunctionMode):  # type: ignore[misc]
     def __torch_function__(
         self, function: Any, types: Any, args: Sequence[Any] = (), kwargs: dict[str, Any] | None = None
     ) -> Any:
-        kwargs = dict(kwargs or {})
+        kwargs = kwargs or {}
+        if function not in _PLACING and "device" not in kwargs:
+            return function(*args, **kwargs)
         if "device" in kwargs:
-            kwargs["device"] = _placed(kwargs["device"], self._target)
+            kwargs = {**kwargs, "device": _placed(kwargs["device"], self._target)}
         if function is torch.Tensor.cuda:
             return args[0].to(self._target)
         if function is torch.Tensor.pin_memory:
