@@ -1,12 +1,13 @@
-"""Run public programs that were written for CUDA, from the user's checkouts of them, and print the table of the page.
+"""Run public programs that were written for CUDA, from the user's checkouts of them, and print the list of the page.
 
-``python benchmarks/programs.py CHECKOUTS DATA OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they are,
-on the COLMAP capture DATA. What they write goes to OUT.
+``python benchmarks/programs.py CHECKOUTS PAIR OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they are,
+on the scene of a pair (``gspure pair room vault --width 208 --height 156 --out PAIR``). What they write goes to OUT.
 """
 
 import re
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -14,13 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from PIL import Image
 
+from gspure.cameras import read_cameras
+from gspure.cameras.colmap import write_colmap
+from gspure.cameras.points import stored_points
 from gspure.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
 from gspure.errors import InputError
+from gspure.images import read_image
 
 ITERATIONS = 700
 FEATURES = 16
+WATER = Path("/userhome/StegaGS/data/water")  # from which GS-Hider reads
 
 
 @dataclass(frozen=True)
@@ -45,19 +50,21 @@ PROGRAMS = (
 )
 
 
-def with_features(data: Path, out: Path) -> Path:
-    """Return a folder with the capture and, for Feature 3DGS, features of each photograph: its colours, mixed."""
-    folder = out / data.name
-    features = folder / "rgb_feature_langseg"
-    features.mkdir(parents=True, exist_ok=True)
-    for part in ("images", "sparse"):
-        if not (folder / part).exists():
-            (folder / part).symlink_to(data / part)
+def capture_of(pair: Path, folder: Path) -> None:
+    """Write the scene of a pair as a COLMAP project, and with it what two of the programs need."""
+    views = sorted(read_cameras(pair / "cameras.json"), key=lambda view: view.name)
+    images = [read_image(pair / "scene" / f"{view.name}.png") for view in views]
+    write_colmap(folder, views, images, stored_points(pair))
+    features = folder / "rgb_feature_langseg"  # of Feature 3DGS: here, mixed colours of the photographs
+    features.mkdir()
     mixing = np.random.default_rng(0).normal(size=(FEATURES, 3)).astype(np.float32)
-    for file in (data / "images").iterdir():
-        pixels = np.asarray(Image.open(file).convert("RGB").reduce(2), np.float32) / 255
-        torch.save(torch.from_numpy(np.einsum("fc,hwc->fhw", mixing, pixels)), features / f"{file.stem}_fmap_CxHxW.pt")
-    return folder
+    for number, image in enumerate(images):
+        mixed = np.einsum("fc,hwc->fhw", mixing, image[::2, ::2])
+        torch.save(torch.from_numpy(mixed), features / f"{number:05d}_fmap_CxHxW.pt")
+    if WATER.is_dir():  # of GS-Hider: the message's photographs
+        (WATER / folder.name).mkdir(exist_ok=True)
+        for number, view in enumerate(views):
+            shutil.copy(pair / "message" / f"{view.name}.png", WATER / folder.name / f"{number:05d}.png")
 
 
 def dialect_of(program: Program, folder: Path) -> str:
@@ -70,35 +77,42 @@ def dialect_of(program: Program, folder: Path) -> str:
     try:
         dialect = read_dialect(wrapper)
     except InputError as error:
-        return f"refused: {error.field} {error.found}"
+        return f"refused: {error.found}"
     names = [name for name, known in DIALECTS.items() if known.outputs == dialect.outputs]
     return names[0] if names else ", ".join(dialect.outputs)
 
 
-def row(program: Program, folder: Path, data: Path, out: Path) -> str:
-    """Run a program, and return its row of the table."""
+def outcome(program: Program, folder: Path, data: Path, out: Path) -> str:
+    """Run a program, and return its line of the page."""
     words = shlex.split(program.command.format(data=data, out=out / program.folder))
     option = ["--dialect", program.dialect] if program.dialect else []
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-m", "gspure", "cuda-free", *option, "--", "python", *words]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     (out / f"{program.folder}.log").write_text(done.stdout + done.stderr)
     git = ["git", "-C", str(folder), "rev-parse", "--short=8", "HEAD"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False)
+    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
     levels = re.findall(r"Evaluating test: .*?PSNR ([\d.]+)", done.stdout)
-    level = f"{float(levels[-1]):.1f}" if levels else "-"
-    end = "runs" if done.returncode == 0 else done.stderr.strip().rpartition("\n")[2]
-    name = f"{program.folder} {commit.stdout.strip()}"
-    return f"| {name} | {dialect_of(program, folder)} | {end} | {level} | {seconds:.0f} |"
+    dialect = dialect_of(program, folder)
+    end = f"stops: `{done.stderr.splitlines()[-1]}`"
+    if done.returncode == 0:
+        end = f"{float(levels[-1]):.1f} dB, {seconds:.0f} CPU s"
+    elif dialect.startswith("refused"):
+        end = ""
+    return f"- {program.folder} {commit}, {dialect}: {end}"
+
+
+def main(checkouts: Path, pair: Path, out: Path) -> None:
+    """Print the lines of the page."""
+    capture = out / pair.name
+    if not capture.exists():
+        capture_of(pair, capture)
+    for program in PROGRAMS:
+        if (checkouts / program.folder).is_dir():
+            print(outcome(program, checkouts / program.folder, capture, out), flush=True)
 
 
 if __name__ == "__main__":
-    checkouts, data, out = map(Path, sys.argv[1:])
-    capture = with_features(data, out.resolve())
-    print(f"| program | dialect | end | held-out PSNR after {ITERATIONS} steps, dB | CPU seconds |")
-    print("| --- | --- | --- | ---: | ---: |")
-    for program in PROGRAMS:
-        if (checkouts / program.folder).is_dir():
-            print(row(program, checkouts / program.folder, capture, out.resolve()), flush=True)
+    main(*(Path(argument).resolve() for argument in sys.argv[1:]))

@@ -85,7 +85,7 @@ def _further(values: Mapping[str, Any], views: Sequence[_View], *, has_radii_per
         is_shown = radii.flatten(2).amin(2) > 0 if radii.ndim == 3 else radii > 0
         ids = dict(zip(ids, is_shown.nonzero(as_tuple=True), strict=True))
         tensors = {name: tensor[is_shown] for name, tensor in tensors.items()}
-    tensors["means2d"].requires_grad_()
+    tensors["means2d"].requires_grad_(values["means"].requires_grad and torch.is_grad_enabled())
     sizes = {name: values[name] for name in ("width", "height", "tile_size")}
     return {**ids, **tensors, **sizes, "n_cameras": len(views), "n_batches": 1}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import prod
 
@@ -103,11 +104,12 @@ def upload_tables(engine: Engine, tables: Sequence[Float32], blocks: Scratch) ->
     shape = blocked_shape(count, attributes)
     buffer = blocks.sized(*shape)
     first = 0
-    for table in tables:
-        width = table.shape[1]
-        values = engine.buffers.table.holding(table)
-        engine.program("rows").launch("into_blocks", shape[0], count, width, first, attributes, values, buffer)
-        first += width
+    with ExitStack() as stack:
+        for table in tables:
+            width = table.shape[1]
+            values = stack.enter_context(engine.reading(table))
+            engine.program("rows").launch("into_blocks", shape[0], count, width, first, attributes, values, buffer)
+            first += width
     return buffer
 
 
