@@ -30,23 +30,28 @@ WATER = Path("/userhome/StegaGS/data/water")  # from which GS-Hider reads
 
 @dataclass(frozen=True)
 class Program:
-    """A public program: the name of its folder, its dialect if the folder has no wrapper, and its command."""
+    """A public program: its repository on GitHub, its command, and its dialect if the folder has no wrapper."""
 
-    folder: str
+    repository: str
     command: str
     dialect: str | None = None
+
+    @property
+    def folder(self) -> str:
+        """The name of its folder."""
+        return self.repository.partition("/")[2]
 
 
 EVALUATED = f"--eval --iterations {ITERATIONS} --test_iterations {ITERATIONS} --save_iterations {ITERATIONS}"
 PROGRAMS = (
-    Program("ConcealGS", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
-    Program("gaussian-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "gsplat-1.4"),
-    Program("feature-3dgs", f"train.py -s {{data}} -m {{out}} -f lseg {EVALUATED}"),
-    Program("GS-Hider", f"train_wm.py -s {{data}} -m {{out}} {EVALUATED}"),
-    Program("Deformable-3D-Gaussians", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "depth"),
-    Program("mip-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
-    Program("Scaffold-GS", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
-    Program("2d-gaussian-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("zxk1212/ConcealGS", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("liruilong940607/gaussian-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "gsplat-1.4"),
+    Program("ShijieZhou-UCLA/feature-3dgs", f"train.py -s {{data}} -m {{out}} -f lseg {EVALUATED}"),
+    Program("xuanyuzhang21/GS-Hider", f"train_wm.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("ingra14m/Deformable-3D-Gaussians", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "depth"),
+    Program("autonomousvision/mip-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("city-super/Scaffold-GS", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("hbb1/2d-gaussian-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
 )
 
 
@@ -73,7 +78,7 @@ def dialect_of(program: Program, folder: Path) -> str:
         return program.dialect
     wrapper = find_wrapper(folder)
     if wrapper is None:
-        return "none here"
+        return "no wrapper"
     try:
         dialect = read_dialect(wrapper)
     except InputError as error:
@@ -101,7 +106,7 @@ def outcome(program: Program, folder: Path, data: Path, out: Path) -> str:
         end = f"{float(levels[-1]):.1f} dB, {seconds:.0f} CPU s"
     elif dialect.startswith("refused"):
         end = ""
-    return f"- {program.folder} {commit}, {dialect}: {end}"
+    return f"- {program.repository} {commit}, {dialect}: {end}"
 
 
 def main(checkouts: Path, pair: Path, out: Path) -> None:

@@ -157,17 +157,17 @@ def test_features_are_blended_as_those_dialects_return_them():
 def rasterization():
     """gsplat's function, with its tensors of `blobs` and two views by name; further arguments replace them."""
     model = blobs(120, sh_degree=1)
-    tensors = {name: torch.tensor(getattr(model, name), requires_grad=True) for name in NAMES_IN_GSPLAT}
-    tensors["colors"] = tensors.pop("sh_coeffs")
-    poses = [VIEW.viewmat, camera().viewmat]
-    cameras = {"viewmats": np.stack(poses), "Ks": np.stack([VIEW.K, VIEW.K])}
-    tensors |= {name: torch.tensor(array, dtype=torch.float32) for name, array in cameras.items()}
+    tensors = gsplat_tensors(model)
+    tensors["viewmats"] = torch.tensor(np.stack([VIEW.viewmat, camera().viewmat]), dtype=torch.float32)
+    tensors["Ks"] = torch.tensor(np.stack([VIEW.K, VIEW.K]), dtype=torch.float32)
     fixed = tensors | {"width": 40, "height": 30, "sh_degree": 1, "packed": False}
     draw = partial(gsplat.rasterization, True)
     return SimpleNamespace(model=model, draw=lambda **changes: draw(**fixed | changes), **tensors)
 
 
-NAMES_IN_GSPLAT = ("means", "quats", "scales", "opacities", "sh_coeffs")
+def gsplat_tensors(model):
+    names = {"means": "means", "quats": "quats", "scales": "scales", "opacities": "opacities", "sh_coeffs": "colors"}
+    return {theirs: torch.tensor(getattr(model, ours), requires_grad=True) for ours, theirs in names.items()}
 
 
 def test_gsplat_draws_the_images_of_the_renderer_from_each_of_its_planes(rasterization):
@@ -207,12 +207,15 @@ def test_gsplat_blends_depths_and_features_and_lists_what_views_show(rasterizati
     for depth in ("D", "ED"):
         both = torch.cat([depth_of["RGB"], depth_of[depth]], dim=-1)
         torch.testing.assert_close(depth_of[f"RGB+{depth}"], both, rtol=1e-5, atol=1e-5)
-    z = further["depths"]
     features = torch.zeros(2, len(rasterization.model), 5)
-    features[further["camera_ids"], further["gaussian_ids"], 4] = z.detach()
+    features[further["camera_ids"], further["gaussian_ids"], 4] = further["depths"].detach()
     blended, _, _ = rasterization.draw(colors=features, sh_degree=None)
     torch.testing.assert_close(blended[..., 4:], depth_of["D"], rtol=1e-4, atol=1e-4)
-    depth_of["RGB"].sum().backward()
+    image.sum().backward()
+    image, _, unpacked = rasterization.draw(render_mode="RGB+ED")
+    image.sum().backward()
+    rows = (further["camera_ids"], further["gaussian_ids"])
+    torch.testing.assert_close(unpacked["means2d"].grad[rows], further["means2d"].grad)
     refused = ({"absgrad": True}, {"camera_model": "ortho"}, {"with_ut": True}, {"render_mode": "normal"})
     refused += ({"viewmats": rasterization.viewmats.requires_grad_()},)
     for changes in refused:
@@ -222,18 +225,13 @@ def test_gsplat_blends_depths_and_features_and_lists_what_views_show(rasterizati
 
 @pytest.mark.parametrize("name", ["means", "quats", "scales", "opacities"])
 def test_gradients_of_gsplat_are_slopes_through_expected_depths_and_antialiasing(name, rasterization):
-    model = soft()
-    tensors = {key: torch.tensor(getattr(model, key)) for key in NAMES_IN_GSPLAT}
-    tensors["colors"] = tensors.pop("sh_coeffs")
+    tensors = {key: tensor.detach() for key, tensor in gsplat_tensors(soft()).items()}
     leaf = torch.zeros_like(tensors[name], requires_grad=True)
+    modes = {"render_mode": "RGB+ED", "rasterize_mode": "antialiased", "sh_degree": 0}
+    modes |= {key: getattr(rasterization, key)[:1] for key in ("viewmats", "Ks")}
 
     def image(step):
-        moved = tensors | {
-            name: tensors[name] + step,
-            "viewmats": rasterization.viewmats[:1],
-            "Ks": rasterization.Ks[:1],
-        }
-        return rasterization.draw(render_mode="RGB+ED", rasterize_mode="antialiased", sh_degree=0, **moved)[0]
+        return rasterization.draw(**modes, **tensors | {name: tensors[name] + step})[0]
 
     drawn = image(leaf)
     gradient = weights(drawn, 2)
@@ -248,13 +246,12 @@ def test_gsplat_projects_as_its_own_reference_does(rasterization):
     reference = pytest.importorskip(
         "gsplat.cuda._torch_impl", reason="gsplat, whose reference is PyTorch, is not installed"
     )
-    opaque = torch.ones(len(rasterization.model))
     with torch.no_grad():
         shapes = (rasterization.quats, rasterization.scales, True, False)
         covariances, _ = reference._quat_scale_to_covar_preci(*shapes, triu=False)
         views = (rasterization.viewmats, rasterization.Ks, 40, 30)
         radii, centres, depths, *_ = reference._fully_fused_projection(rasterization.means, covariances, *views)
-    _, _, further = rasterization.draw(opacities=opaque)
+    _, _, further = rasterization.draw(opacities=torch.ones(len(radii[0])))
     shown = (radii > 0).all(dim=-1)
     assert torch.equal(shown, (further["radii"] > 0).all(dim=-1))
     assert (radii != further["radii"])[shown].float().mean() < 0.01  # at opacity 1, alpha reaches 1 / 255 at 3.329
@@ -320,7 +317,9 @@ CHECKED = """
 assert torch.cuda.is_available()
 torch.cuda.set_device(torch.device("cuda:0"))
 torch.cuda.empty_cache()
-assert __import__("gsplat").rasterization and optimizer.defaults["fused"]
+assert optimizer.defaults["fused"]
+import gsplat, gsplat.csrc
+assert gsplat.KEPT and gsplat.rasterization
 assert len(torch.load("model.pth", map_location="cuda", weights_only=False)) == 5
 raise SystemExit(3)
 """
@@ -330,6 +329,9 @@ def test_a_trainer_for_cuda_runs_as_it_is(tmp_path):
     trainer = (ROOT / "examples" / "train_for_cuda.py").read_text()
     (tmp_path / "train.py").write_text(REFUSED + trainer + CHECKED)
     (tmp_path / "setup.py").write_text("setup(ext_modules=[CUDAExtension('pointops')])")
+    (tmp_path / "gsplat").mkdir()
+    (tmp_path / "gsplat" / "__init__.py").write_text("from .rendering import KEPT, rasterization")
+    (tmp_path / "gsplat" / "rendering.py").write_text("KEPT = True\nrasterization = None")
     command = [sys.executable, "-m", "gspure", "cuda-free", "--", "python", "train.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3, done.stderr  # the program's own
