@@ -17,6 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from gspure.errors import InputError
+from gspure.progress import say
+
+_SHOWN = 20  # of the lines that a program prints, and of those of its errors
 
 
 def words_of(command: str, source: str | Path = "detector") -> list[str]:
@@ -42,7 +45,8 @@ def files_of(command: str, source: str | Path = "detector") -> list[str]:
 def output_of(source: str | Path, field: str, words: Sequence[str], timeout: float, folder: Path | None = None) -> str:
     """Return what a program prints, run in a `folder`; if it takes too long, end all that it started.
 
-    Raise `InputError` if it cannot be run, fails or takes more than `timeout` seconds.
+    Raise `InputError` if it cannot be run, fails or takes more than `timeout` seconds. The last lines of a program that
+    fails are shown.
     """
     try:
         status, output, errors = _run(words, timeout, folder)
@@ -51,6 +55,8 @@ def output_of(source: str | Path, field: str, words: Sequence[str], timeout: flo
     except OSError as error:
         raise InputError(source, field, expected="a command", found=str(error.strerror)) from None
     if status:
+        for line in (*output.splitlines()[-_SHOWN:], *errors.splitlines()[-_SHOWN:]):
+            say(f"{field}: {line}")
         reason = _last_line(errors) or f"exit status {status}"
         raise InputError(source, field, expected="success", found=reason)
     return output

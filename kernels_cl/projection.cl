@@ -3,7 +3,7 @@
 // Per Gaussian: move the centre into view space; drop it at z <= NEAR_PLANE or opacity < ALPHA_MIN; rotate the principal
 // axes into view space; derive the quadratic form of the chosen energy and the ellipse that bounds alpha >= ALPHA_MIN;
 // drop it if that touches no pixel centre; shade it; store. Channels are features or, if SH_DEGREE >= 0,
-// colours and, behind them, perhaps the inverse depth.
+// colours and, behind them, perhaps the inverse depth and 1.
 
 #define MEAN(axis) (LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, axis, position) - CAMERA_ORIGIN(axis))
 #define QUAT(axis) LOAD_ATTRIBUTE(geometry, GEOMETRY_ATTRIBUTES, GEOMETRY_QUATS + axis, position)
@@ -278,6 +278,9 @@ __kernel void project(uint count, int width, int height,
         sh_colour(channels, position, x * inverse, y * inverse, z * inverse, splat.v + SPLAT_CHANNELS);
 #if CHANNELS > 3
         splat.v[SPLAT_CHANNELS + 3] = 1.0f / mean[2];
+#endif
+#if CHANNELS > 4
+        splat.v[SPLAT_CHANNELS + 4] = (V)1.0f;
 #endif
 #else
         for (int c = 0; c < CHANNELS; c++)

@@ -3,6 +3,8 @@
 import math
 import subprocess
 import sys
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +15,12 @@ from gspure.errors import InputError
 from gspure.metrics.image_metrics import ssim
 from gspure.renderer import Renderer
 from tests.documentation import ROOT
-from tests.models import blobs, gaussians, tilted_camera
+from tests.models import blobs, camera, gaussians, tilted_camera
 from tests.reference.projection import project
 
 torch = pytest.importorskip("torch")
 
+from gspure.cuda_free import gsplat  # noqa: E402
 from gspure.cuda_free.dialects import DIALECTS, SETTINGS, Dialect, find_wrapper, read_dialect  # noqa: E402
 from gspure.cuda_free.neighbours import distCUDA2  # noqa: E402
 from gspure.cuda_free.projection import world_covariances  # noqa: E402
@@ -150,6 +153,112 @@ def test_features_are_blended_as_those_dialects_return_them():
         rasterizer()(**tensors, normals=features)
 
 
+@pytest.fixture
+def rasterization():
+    """gsplat's function, with its tensors of `blobs` and two views by name; further arguments replace them."""
+    model = blobs(120, sh_degree=1)
+    tensors = gsplat_tensors(model)
+    tensors["viewmats"] = torch.tensor(np.stack([VIEW.viewmat, camera().viewmat]), dtype=torch.float32)
+    tensors["Ks"] = torch.tensor(np.stack([VIEW.K, VIEW.K]), dtype=torch.float32)
+    fixed = tensors | {"width": 40, "height": 30, "sh_degree": 1, "packed": False}
+    draw = partial(gsplat.rasterization, True)
+    return SimpleNamespace(model=model, draw=lambda **changes: draw(**fixed | changes), **tensors)
+
+
+def gsplat_tensors(model):
+    names = {"means": "means", "quats": "quats", "scales": "scales", "opacities": "opacities", "sh_coeffs": "colors"}
+    return {theirs: torch.tensor(getattr(model, ours), requires_grad=True) for ours, theirs in names.items()}
+
+
+def test_gsplat_draws_the_images_of_the_renderer_from_each_of_its_planes(rasterization):
+    model = rasterization.model
+    renderer = Renderer(model)
+    backgrounds = torch.tensor([[0.1, 0.5, 0.9], [0.0, 0.0, 0.0]])
+    images, covers, further = rasterization.draw(backgrounds=backgrounds, near_plane=0.01)
+    np.testing.assert_allclose(covers[0, ..., 0].detach(), 1 - renderer.transmittance(VIEW), rtol=0, atol=2e-6)
+    expected, pullback = renderer.vjp(VIEW, background=[0.1, 0.5, 0.9])
+    np.testing.assert_allclose(images[0].detach().numpy(), expected, rtol=0, atol=2e-5)
+    gradient = weights(images)
+    gradient[1] = 0
+    images.backward(gradient)
+    gradients = pullback(gradient[0].numpy())
+    assert not further["means2d"].grad[1].any()
+    pairs = [(further["means2d"].grad[0], gradients.means2d), (rasterization.means.grad, gradients.means)]
+    pairs += [(rasterization.scales.grad, gradients.scales), (rasterization.colors.grad, gradients.channels)]
+    for actual, wanted in pairs:
+        assert np.abs(actual.numpy() - wanted).max() < 2e-4 * np.abs(wanted).max()
+    depths = further["depths"][0].detach()
+    near = float(depths.median())
+    shown = (depths > near).numpy()
+    cut, _, cut_further = rasterization.draw(near_plane=near, far_plane=2 * near)
+    kept = shown & (depths < 2 * near).numpy()
+    expected = Renderer(model[kept]).image(VIEW)
+    np.testing.assert_allclose(cut[0].detach(), expected, rtol=0, atol=2e-5)
+    assert not (cut_further["radii"][0, ~kept] > 0).all(dim=-1).any()
+
+
+def test_gsplat_blends_depths_and_features_and_lists_what_views_show(rasterization):
+    depth_of = {}
+    for mode in ("RGB", "D", "ED", "RGB+D", "RGB+ED"):
+        image, covers, further = rasterization.draw(render_mode=mode, packed=True)
+        depth_of[mode] = image
+        assert len(further["means2d"]) == len(further["gaussian_ids"]) < 2 * len(rasterization.model)
+    torch.testing.assert_close(depth_of["ED"] * covers.clamp_min(1e-10), depth_of["D"])
+    for depth in ("D", "ED"):
+        both = torch.cat([depth_of["RGB"], depth_of[depth]], dim=-1)
+        torch.testing.assert_close(depth_of[f"RGB+{depth}"], both, rtol=1e-5, atol=1e-5)
+    features = torch.zeros(2, len(rasterization.model), 5)
+    features[further["camera_ids"], further["gaussian_ids"], 4] = further["depths"].detach()
+    blended, _, _ = rasterization.draw(colors=features, sh_degree=None)
+    torch.testing.assert_close(blended[..., 4:], depth_of["D"], rtol=1e-4, atol=1e-4)
+    image.sum().backward()
+    image, _, unpacked = rasterization.draw(render_mode="RGB+ED")
+    image.sum().backward()
+    rows = (further["camera_ids"], further["gaussian_ids"])
+    torch.testing.assert_close(unpacked["means2d"].grad[rows], further["means2d"].grad)
+    refused = ({"absgrad": True}, {"camera_model": "ortho"}, {"with_ut": True}, {"render_mode": "normal"})
+    refused += ({"viewmats": rasterization.viewmats.requires_grad_()},)
+    for changes in refused:
+        with pytest.raises(ValueError, match=next(iter(changes))):
+            rasterization.draw(**changes)
+
+
+@pytest.mark.parametrize("name", ["means", "quats", "scales", "opacities"])
+def test_gradients_of_gsplat_are_slopes_through_expected_depths_and_antialiasing(name, rasterization):
+    tensors = {key: tensor.detach() for key, tensor in gsplat_tensors(soft()).items()}
+    leaf = torch.zeros_like(tensors[name], requires_grad=True)
+    modes = {"render_mode": "RGB+ED", "rasterize_mode": "antialiased", "sh_degree": 0}
+    modes |= {key: getattr(rasterization, key)[:1] for key in ("viewmats", "Ks")}
+
+    def image(step):
+        return rasterization.draw(**modes, **tensors | {name: tensors[name] + step})[0]
+
+    drawn = image(leaf)
+    gradient = weights(drawn, 2)
+    drawn.backward(gradient)
+    direction = weights(leaf, 1) * tensors[name].abs().mean()
+    slope = ((image(0.01 * direction) - image(-0.01 * direction)).double() * gradient).sum() / 0.02
+    terms = leaf.grad * direction
+    assert float(terms.sum()) == pytest.approx(float(slope), abs=3e-3 * float(terms.norm()) + 1e-4)
+
+
+def test_gsplat_projects_as_its_own_reference_does(rasterization):
+    reference = pytest.importorskip(
+        "gsplat.cuda._torch_impl", reason="gsplat, whose reference is PyTorch, is not installed"
+    )
+    with torch.no_grad():
+        shapes = (rasterization.quats, rasterization.scales, True, False)
+        covariances, _ = reference._quat_scale_to_covar_preci(*shapes, triu=False)
+        views = (rasterization.viewmats, rasterization.Ks, 40, 30)
+        radii, centres, depths, *_ = reference._fully_fused_projection(rasterization.means, covariances, *views)
+    _, _, further = rasterization.draw(opacities=torch.ones(len(radii[0])))
+    shown = (radii > 0).all(dim=-1)
+    assert torch.equal(shown, (further["radii"] > 0).all(dim=-1))
+    assert (radii != further["radii"])[shown].float().mean() < 0.01  # at opacity 1, alpha reaches 1 / 255 at 3.329
+    torch.testing.assert_close(further["means2d"][shown].detach(), centres[shown], rtol=1e-5, atol=1e-4)
+    torch.testing.assert_close(further["depths"][shown], depths[shown])
+
+
 def test_ssim_and_distances_are_those_of_3dgs():
     images = torch.from_numpy(np.random.default_rng(0).random((2, 3, 20, 24), np.float32))
     a, b = (image.numpy().transpose(1, 2, 0) for image in images)
@@ -208,6 +317,9 @@ CHECKED = """
 assert torch.cuda.is_available()
 torch.cuda.set_device(torch.device("cuda:0"))
 torch.cuda.empty_cache()
+assert optimizer.defaults["fused"]
+import gsplat, gsplat.csrc
+assert gsplat.KEPT and gsplat.rasterization
 assert len(torch.load("model.pth", map_location="cuda", weights_only=False)) == 5
 raise SystemExit(3)
 """
@@ -217,11 +329,14 @@ def test_a_trainer_for_cuda_runs_as_it_is(tmp_path):
     trainer = (ROOT / "examples" / "train_for_cuda.py").read_text()
     (tmp_path / "train.py").write_text(REFUSED + trainer + CHECKED)
     (tmp_path / "setup.py").write_text("setup(ext_modules=[CUDAExtension('pointops')])")
+    (tmp_path / "gsplat").mkdir()
+    (tmp_path / "gsplat" / "__init__.py").write_text("from .rendering import KEPT, rasterization")
+    (tmp_path / "gsplat" / "rendering.py").write_text("KEPT = True\nrasterization = None")
     command = [sys.executable, "-m", "gspure", "cuda-free", "--", "python", "train.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 3, done.stderr  # the program's own
     line = done.stderr.splitlines()[0]
-    assert "diff_gaussian_rasterization, fused_ssim, simple_knn are gspure's" in line
+    assert "diff_gaussian_rasterization, fused_ssim, gsplat, simple_knn are gspure's" in line
     assert "not replaced: pointops" in line
     lines = done.stdout.splitlines()
     names = ("pointops", "NCCL", "jit_kernels")

@@ -140,7 +140,7 @@ STATEMENTS = {
     "cameras": 1411,
     "certificate": 195,
     "cli": 1853,
-    "cuda_free": 533,
+    "cuda_free": 693,
     "evaluation": 1428,
     "figures": 1044,
     "method": 672,

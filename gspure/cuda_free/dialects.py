@@ -53,12 +53,15 @@ class Dialect:
         The arguments of `GaussianRasterizer.forward`.
     outputs : tuple of str
         What it returns, in the names of `NAMES_OF_OUTPUTS`.
+    has_radii_per_axis : bool
+        Whether gsplat returns two radii of each Gaussian, as it does since 1.5.
 
     """
 
     settings: tuple[str, ...] = SETTINGS
     inputs: tuple[str, ...] = _INPUTS
     outputs: tuple[str, ...] = ("color", "radii")
+    has_radii_per_axis: bool = True
 
     def bound(self, arguments: Sequence[Any], named: Mapping[str, Any]) -> dict[str, Any]:
         """Return the arguments of a call of the rasterizer by name, without those that are None.
@@ -84,6 +87,7 @@ DIALECTS: Final = {
         inputs=(*_INPUTS[:4], "semantic_feature", *_INPUTS[4:]), outputs=("color", "features", "radii", "depth")
     ),
     "gs-hider": Dialect(inputs=(*_INPUTS[:3], "semantic_feature", *_INPUTS[5:]), outputs=("features", "radii")),
+    "gsplat-1.4": Dialect(has_radii_per_axis=False),
 }
 """Dialects by name. `inria` is INRIA's of today, `inria-2023` its first, which Scaffold-GS uses, too."""
 
@@ -91,7 +95,8 @@ DIALECTS: Final = {
 def find_wrapper(folder: Path) -> Path | None:
     """Return the Python wrapper of the rasterizer in a checkout, at most four folders below `folder`."""
     patterns = ("/".join(["*"] * depth + [PACKAGE, "__init__.py"]) for depth in range(4))
-    return next((path for pattern in patterns for path in sorted(folder.glob(pattern))), None)
+    wrappers = (path for pattern in patterns for path in sorted(folder.glob(pattern)))
+    return next((path for path in wrappers if not path.resolve().is_relative_to(Path(__file__).parent)), None)
 
 
 def read_dialect(wrapper: Path) -> Dialect:

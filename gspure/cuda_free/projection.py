@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from gspure.cameras.camera import Camera, intrinsics
-from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE, TILE
+from gspure.constants import EWA_DILATION, EWA_FRUSTUM_MARGIN, NEAR_PLANE
 from gspure.training.pytorch import on_host, torch
 
 _TRIANGLE: Final = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of a symmetric matrix
@@ -108,25 +108,3 @@ def antialiasing(covariances: torch.Tensor) -> torch.Tensor:
     xx, xy, yy = covariances
     share = (xx * yy - xy * xy) / ((xx + EWA_DILATION) * (yy + EWA_DILATION) - xy * xy)
     return share.clamp_min(_LEAST_SHARE).sqrt()
-
-
-@torch.no_grad()  # type: ignore[untyped-decorator]
-def radii(camera: Camera, means: torch.Tensor, covariances: torch.Tensor) -> torch.Tensor:
-    """Return the radius [K] of each splat in pixels, int32: three deviations, or 0 if it touches no tile.
-
-    The rules are those of the reference rasterizer, which count pixels from 0 at their centres. `covariances` are those
-    of `image_covariances`.
-    """
-    xx, xy, yy = covariances
-    middle = 0.5 * (xx + yy) + EWA_DILATION
-    spread = (0.25 * (xx - yy) ** 2 + xy * xy).clamp_min(_LEAST_SPREAD).sqrt()
-    radius = torch.ceil(3 * (middle + spread).sqrt())
-    fx, fy, cx, cy = camera.numbers[2:6].tolist()
-    x, y, z = seen_from(camera, means)
-    visible = z > NEAR_PLANE
-    for centre, side in ((fx * x / z + cx - 0.5, camera.width), (fy * y / z + cy - 0.5, camera.height)):
-        tiles = -(-side // TILE)
-        first = torch.trunc((centre - radius) / TILE).clamp(0, tiles)
-        end = torch.trunc((centre + radius + TILE - 1) / TILE).clamp(0, tiles)
-        visible &= end > first
-    return torch.where(visible, radius, torch.zeros_like(radius)).to(torch.int32)

@@ -17,7 +17,6 @@ from gspure.cuda_free.projection import (
     camera_of,
     depths,
     image_covariances,
-    radii,
     seen_from,
     world_covariances,
 )
@@ -58,7 +57,7 @@ class _Rasterizer(torch.nn.Module):  # type: ignore[misc]
         """Return the radii [K] of Gaussians, 0 where they are not visible, as Scaffold-GS asks for them."""
         geometry = {"means3D": means3D, "scales": scales, "rotations": rotations, "cov3D_precomp": cov3D_precomp}
         given = {name: tensor for name, tensor in geometry.items() if tensor is not None}
-        return _View(self.raster_settings, given).radii
+        return _View(self.raster_settings, given).radii()
 
     def forward(self, *arguments: Any, **named: Any) -> Any:
         """Return the outputs of the dialect: images [C,H,W] and radii [K]."""
@@ -68,7 +67,8 @@ class _Rasterizer(torch.nn.Module):  # type: ignore[misc]
 
 
 @cache
-def _renderer() -> TorchRenderer:
+def renderer() -> TorchRenderer:
+    """Return the renderer of this process."""
     return TorchRenderer()
 
 
@@ -95,24 +95,23 @@ class _View:
         self._means = tensors["means3D"]
         self._shapes = _shapes(tensors, settings.scale_modifier)
         self._antialiased: bool = getattr(settings, "antialiasing", False)
-        with torch.set_grad_enabled(self._antialiased and torch.is_grad_enabled()):  # radii have no gradient
-            self._covariances = image_covariances(self.camera, self._means, self._shapes.covariances())
 
-    @property
     def radii(self) -> torch.Tensor:
-        """The radii [K] on the image."""
-        return radii(self.camera, self._means, self._covariances)
+        """Return the radii [K] on the image, without drawing it."""
+        opacities = torch.ones(len(self._means))  # which these radii do not depend on
+        tensors = (self._means, self._shapes.quats, self._shapes.scales, opacities)
+        return renderer().radii(self.camera, *(tensor.float() for tensor in tensors))
 
     def outputs(self, names: tuple[str, ...]) -> tuple[torch.Tensor, ...]:
         """Return outputs by name; the colour is drawn last, since the device holds the last image for its gradient."""
         has_depth = {"shs", "color", "inverse_depth"} <= {*self._tensors, *names}
         with_colour = {"color", "inverse_depth"} if has_depth else {"color"}
         outputs = self._features([name for name in names if name not in {"radii", *with_colour}])
-        if "radii" in names:
-            outputs["radii"] = self.radii
         if "color" in names:
             image = self._colour(has_depth=has_depth)
             outputs |= {"color": image[:-1], "inverse_depth": image[-1:]} if has_depth else {"color": image}
+        if "radii" in names:
+            outputs["radii"] = renderer().radii_of_last().to(self._means.device)
         return tuple(outputs[name] for name in names)
 
     def _features(self, names: list[str]) -> dict[str, torch.Tensor]:
@@ -157,7 +156,8 @@ class _View:
         """Return the image [C,H,W] of features [K,C] or spherical harmonics [K,S,3]."""
         opacities = self._tensors["opacities"].reshape(-1)
         if self._antialiased:
-            opacities = opacities * antialiasing(self._covariances)
+            covariances = image_covariances(self.camera, self._means, self._shapes.covariances())
+            opacities = opacities * antialiasing(covariances)
         covs2d = None
         if self._shapes.precomputed is not None:
             covs2d = image_covariances(self.camera, self._means.detach(), self._shapes.precomputed).T
@@ -171,7 +171,7 @@ class _View:
             means2d=self._centres(),
             covs2d=covs2d,
         )
-        return _renderer().blend(self.camera, inputs).permute(2, 0, 1)
+        return renderer().blend(self.camera, inputs).permute(2, 0, 1)
 
     def _centres(self) -> torch.Tensor | None:
         """Return what receives the gradients of the centres in pixels, from `means2D` in 3DGS's unit, half a side."""

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -21,8 +22,10 @@ from gspure.cuda_free.dialects import Dialect
 VARIABLE: Final = "GSPURE_CUDA_FREE"
 STARTUP: Final = Path(__file__).parent / "startup"
 MODULES: Final = Path(__file__).parent / "modules"
-NAMES: Final = ("diff_gaussian_rasterization", "fused_ssim", "simple_knn")
+NAMES: Final = ("diff_gaussian_rasterization", "fused_ssim", "gsplat", "simple_knn")
 """The packages in `MODULES`."""
+_KEPT: Final = "gsplat"  # where it is installed, since all but its compiled part needs no CUDA
+_COMPILED: Final = "gsplat.csrc"
 
 _DEPTH: Final = 3  # folders between a checkout and the setup.py of an extension
 
@@ -97,7 +100,9 @@ class _Finder(MetaPathFinder):
     ) -> ModuleSpec | None:
         """Return the replacement of a module, if it has one; refuse one that would need CUDA."""
         package = fullname.partition(".")[0]
-        if package in NAMES:
+        if fullname == _COMPILED:
+            return PathFinder.find_spec(fullname, [str(MODULES / _KEPT)], target)
+        if package in NAMES and not (package == _KEPT and PathFinder.find_spec(_KEPT)):
             return PathFinder.find_spec(fullname, [str(MODULES)] if path is None else path, target)
         if package in self._replacement.refused:
             raise ModuleNotFoundError(_refusal(package), name=package)
@@ -146,7 +151,19 @@ def _declare_operators(module: ModuleType) -> None:
         declare_suppression()
 
 
+def gsplat_rasterization() -> Callable[..., Any]:
+    """Return gsplat's function, in the dialect of the program."""
+    from gspure.cuda_free.gsplat import rasterization
+
+    return partial(rasterization, Replacement.of_this_process().dialect.has_radii_per_axis)
+
+
+def _replace_rasterization(module: ModuleType) -> None:
+    vars(module).update(rasterization=gsplat_rasterization())
+
+
 _AFTERWARDS: Final = {
+    "gsplat.rendering": _replace_rasterization,
     "torch": _map_cuda,
     "torch.utils.cpp_extension": _refuse_compilation,
     "torchvision.extension": _declare_operators,

@@ -41,7 +41,6 @@ class Buffers:
     """
 
     # Gaussians that every frame uploads
-    table: Scratch  # [K,attributes]
     geometry: Scratch  # [K,GEOMETRY_ATTRIBUTES]
     channels: Scratch  # [K,CHANNEL_ATTRIBUTES]
     # projection

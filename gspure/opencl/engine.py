@@ -213,6 +213,19 @@ class Engine:
             array.base.release(self.queue)
 
     @contextmanager
+    def reading(self, array: NDArray[Any]) -> Iterator[cl.Buffer]:
+        """Yield a buffer over the memory of `array`, for kernels that read it."""
+        if not array.size:
+            yield self.allocate(0)
+            return
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR
+        with _in_memory(self.device):
+            buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+            yield buffer
+            self.queue.finish()
+        buffer.release()
+
+    @contextmanager
     def writing(self, array: NDArray[Any]) -> Iterator[cl.Buffer]:
         """Yield a buffer over the memory of `array`, for kernels that write all of it."""
         if not array.size:

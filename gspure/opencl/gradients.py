@@ -84,12 +84,15 @@ def project_backward(frame: Frame, projected: Projected, splat_gradients: cl.Buf
     return gradients
 
 
-def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int) -> Float32:
-    """Return values in storage order and blocks as an array [K,attributes] in row order."""
-    values = np.empty((storage.count, attributes), np.float32)
+def by_row(engine: Engine, storage: Storage, blocks: cl.Buffer, attributes: int, part: range | None = None) -> Float32:
+    """Return `attributes`, or a `part` of them, in storage order and blocks as an array [K,n] in row order."""
+    part = range(attributes) if part is None else part
+    count = storage.count
+    values = np.empty((count, len(part)), np.float32)
     with engine.writing(values) as out:
-        blocked, *_ = blocked_shape(storage.count, attributes)
-        engine.program("rows").launch("by_row", blocked, storage.count, attributes, blocks, storage.rows, out)
+        blocked, *_ = blocked_shape(count, attributes)
+        shape = (count, len(part), part.start, attributes)
+        engine.program("rows").launch("by_row", blocked, *shape, blocks, storage.rows, out)
     return values
 
 

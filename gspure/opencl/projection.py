@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pyopencl as cl
 
-from gspure.arrays import Float32
+from gspure.arrays import Float32, Int32
 from gspure.cameras.camera import Camera
 from gspure.constants import FOOTPRINT_FLOATS, NEAR_CENTRE
-from gspure.opencl.frame import Frame
+from gspure.opencl.engine import Engine
+from gspure.opencl.frame import Frame, Traversal
+from gspure.opencl.storage import Storage
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,19 @@ def project(frame: Frame) -> Projected:
         projected.depth_keys,
     )
     return projected
+
+
+def splat_radii(engine: Engine, storage: Storage, camera: Camera, *, per_axis: bool = False) -> Int32:
+    """Return the radii of splats by row, in pixels: [K] as 3DGS has them or, `per_axis`, [K,2] as gsplat has them."""
+    radii = np.empty((storage.count, 2) if per_axis else storage.count, np.int32)
+    frame = Frame(engine, storage, camera, Traversal("ewa"))
+    program = frame.program("vector", "layout", "projection", "radii", SH_DEGREE=-1, CHANNEL_ATTRIBUTES=0)
+    numbers = engine.buffers.camera.holding(camera_numbers(camera))
+    with engine.writing(radii) as out:
+        items = engine.vectors(storage.count)
+        arguments = (storage.count, *frame.size, numbers, storage.geometry, storage.rows, out)
+        program.launch("splat_extents" if per_axis else "splat_radii", items, *arguments)
+    return radii
 
 
 def camera_numbers(camera: Camera) -> Float32:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import prod
 
@@ -93,16 +94,23 @@ def upload_attributes(engine: Engine, order: Rows, attributes: int, values: Call
     return buffer
 
 
-def upload_table(engine: Engine, rows: cl.Buffer, table: Float32, blocks: Scratch) -> cl.Buffer:
-    """Upload a `table` [K,attributes] as `upload_attributes` does, into a buffer that the next upload reuses.
+def upload_tables(engine: Engine, tables: Sequence[Float32], blocks: Scratch) -> cl.Buffer:
+    """Upload tables [K,n], side by side and in their order of rows, into a buffer that the next upload reuses.
 
-    `rows` [K] is the storage order on the device, which also brings the table into it.
+    The last block is padded as by `upload_attributes`.
     """
-    count, attributes = table.shape
+    count = len(tables[0])
+    attributes = sum(table.shape[1] for table in tables)
     shape = blocked_shape(count, attributes)
-    arguments = (engine.buffers.table.holding(table), rows, blocks.sized(*shape))
-    engine.program("rows").launch("by_position", shape[0], count, attributes, *arguments)
-    return blocks.sized(*shape)
+    buffer = blocks.sized(*shape)
+    first = 0
+    with ExitStack() as stack:
+        for table in tables:
+            width = table.shape[1]
+            values = stack.enter_context(engine.reading(table))
+            engine.program("rows").launch("into_blocks", shape[0], count, width, first, attributes, values, buffer)
+            first += width
+    return buffer
 
 
 def positions_of(order: Rows) -> Rows:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import shlex
 import shutil
+import sys
 import tomllib
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -43,6 +44,7 @@ FIELDS: Final = ("checkout", "commit", "cuda", "public", *PROGRAMS)
 VANILLA: Final = "splats_in_splats"  # a built-in scheme whose public files are vanilla 3DGS
 VANILLA_COLUMNS: Final = ("x", "y", "z", "f_*", "opacity", "scale_*", "rot_*")
 DAY: Final = 86_400.0  # seconds
+_CUDA_FREE: Final = (sys.executable, "-m", "gspure", "cuda-free", "--")
 
 
 @dataclass(frozen=True)
@@ -62,17 +64,10 @@ class Adapter:
         return "extract" in self.commands or "detect" in self.commands
 
     def words(self, program: str, **values: object) -> list[str]:
-        """Return the words of a command.
+        """Return the words of a command; if it needs CUDA and there is no driver, ``gspure cuda-free`` runs it.
 
-        Raise `InputError` if it needs CUDA and there is no driver, if the checkout is not at the commit or has changes,
-        or if a placeholder is unknown.
+        Raise `InputError` if the checkout is not at the commit or has changes, or if a placeholder is unknown.
         """
-        if self.cuda:
-            try:
-                ctypes.CDLL("libcuda.so.1")
-            except OSError:
-                hint = f"the programs of {self.checkout} need CUDA"
-                raise InputError(self.source, "cuda", expected="an NVIDIA driver", found="none", hint=hint) from None
         head = self._git("rev-parse", "HEAD")
         if head != self.commit:
             raise InputError(self.checkout, "commit", expected=self.commit, found=head)
@@ -80,8 +75,9 @@ class Adapter:
         if changes:
             raise InputError(self.checkout, "files", expected=f"those of {self.commit}", found=f"changes: {changes}")
         placeholders = {"here": self.source.parent, **values}
+        runner = _CUDA_FREE if self.cuda and not _has_driver() else ()
         try:
-            return [word.format_map(placeholders) for word in words_of(self.commands[program])]
+            return [*runner, *(word.format_map(placeholders) for word in words_of(self.commands[program]))]
         except (AttributeError, IndexError, KeyError, ValueError):
             expected = f"no placeholders but {', '.join(placeholders)}"
             raise InputError(self.source, program, expected=expected, found=self.commands[program]) from None
@@ -113,6 +109,15 @@ def read_adapter(source: Path, built_in: Sequence[Scheme]) -> Scheme:
     checkout = (source.parent / Path(fields["checkout"]).expanduser()).resolve()
     commands: dict[str, str] = {program: fields[program] for program in PROGRAMS if program in fields}
     return _scheme(Adapter(source, schemes[base], checkout, fields["commit"], fields.get("cuda", False), commands))
+
+
+def _has_driver() -> bool:
+    """Return whether there is a driver of NVIDIA."""
+    try:
+        ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return False
+    return True
 
 
 def _require_fields(source: Path, fields: Mapping[str, Any]) -> None:

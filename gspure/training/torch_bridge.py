@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gspure.arrays import Float32
+from gspure.arrays import Float32, Int32, UInt32
 from gspure.cameras.camera import Camera
 from gspure.constants import GEOMETRY_ATTRIBUTES
 from gspure.opencl.device import Device, choose_device
@@ -21,7 +21,8 @@ from gspure.opencl.engine import Engine, Style
 from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import by_row, covariance_gradients
 from gspure.opencl.passes import backward, forward
-from gspure.opencl.storage import Rows, Storage, storage_order, upload_table
+from gspure.opencl.projection import splat_radii
+from gspure.opencl.storage import Storage, upload_tables
 from gspure.training.pytorch import on_host, torch
 
 _BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees 0 to 3
@@ -30,7 +31,8 @@ _BANDS = (1, 4, 9, 16)  # spherical-harmonic coefficients per colour, of degrees
 class BlendInputs(NamedTuple):
     """The tensors of an image, float32, as `TorchRenderer` takes them; `channels` are features or SH coefficients.
 
-    If `background` has four values for SH coefficients, the fourth channel of the image is the inverse depth.
+    If `background` has four or five values for SH coefficients, the fourth channel of the image is the inverse depth,
+    and the fifth is what the Gaussians cover.
     `means2d` [K,2] and `covs2d` [K,3] are not read. They receive the gradients of the projected centres, in pixels, and
     of the covariances on the image plane, xx, xy and yy in square pixels.
     """
@@ -45,8 +47,7 @@ class BlendInputs(NamedTuple):
     covs2d: torch.Tensor | None = None
 
 
-_LASTING = 100  # images for which centres, as they are trained, keep their storage order; ours
-_GEOMETRY = ("means", "quats", "scales", "opacities")
+_GEOMETRY = {"means": range(3), "quats": range(3, 7), "scales": range(7, 10), "opacities": range(10, 11)}
 _READ = 6  # of these tensors; the others only receive gradients
 
 
@@ -116,6 +117,19 @@ class TorchRenderer:
         _require("opacities", opacities, (count,))
         return self.blend(camera, BlendInputs(colour, means, quats, scales, opacities, channels))
 
+    def radii(self, camera: Camera, *geometry: torch.Tensor, per_axis: bool = False) -> torch.Tensor:
+        """Return the radii of Gaussians in a view, int32, in pixels; 0 for those that it does not show.
+
+        They are those [K] of 3DGS or, `per_axis`, those [K,2] of gsplat. `geometry` are means, quaternions, scales and
+        opacities.
+        """
+        radii = self._frames.radii(camera, *map(on_host, geometry), per_axis=per_axis)
+        return torch.from_numpy(radii).to(geometry[0].device)
+
+    def radii_of_last(self, *, per_axis: bool = False) -> torch.Tensor:
+        """Return the radii of the Gaussians of the last image, on the CPU."""
+        return torch.from_numpy(self._frames.radii_of_last(per_axis=per_axis))
+
     def blend(self, camera: Camera, inputs: BlendInputs) -> torch.Tensor:
         """Return the image [H,W,C] of tensors whose shapes and types are right."""
         image: torch.Tensor = _Image.apply(self._frames, camera, *inputs)
@@ -127,7 +141,7 @@ class _Frames:
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
-        self._order: Rows = np.zeros(0, np.uint32)
+        self._order: UInt32 = np.zeros(0, np.uint32)
         self.last = 0
 
     def draw(self, camera: Camera, *arrays: Float32) -> int:
@@ -135,18 +149,32 @@ class _Frames:
         background, means, quats, scales, opacities, channels = arrays
         self.last += 1
         engine = self._engine
-        if len(means) != len(self._order) or self.last % _LASTING == 0:
-            self._order = storage_order(means)
-            self._rows = engine.uploaded(self._order)
         sh_degree = _BANDS.index(channels.shape[1]) if channels.ndim == 3 else -1
         traversal = Traversal("ewa", channels=len(background), sh_degree=sh_degree)
-        table = np.concatenate([means, quats, scales, opacities[:, None]], axis=1)
-        geometry = upload_table(engine, self._rows, table, engine.buffers.geometry)
-        table = np.ascontiguousarray(channels.reshape(len(channels), traversal.channel_attributes))
-        attributes = upload_table(engine, self._rows, table, engine.buffers.channels)
-        storage = Storage.along(engine, self._order, geometry)
+        storage = self._stored(means, quats, scales, opacities)
+        table = channels.reshape(len(channels), traversal.channel_attributes)
+        attributes = upload_tables(engine, [table], engine.buffers.channels)
         self.rendered = forward(Frame(engine, storage, camera, traversal, attributes), background.tolist())
         return self.last
+
+    def radii(self, camera: Camera, *geometry: Float32, per_axis: bool) -> Int32:
+        """Return the radii of splats, as `splat_radii` has them; no frame can be differentiated then."""
+        self.last += 1
+        return splat_radii(self._engine, self._stored(*geometry), camera, per_axis=per_axis)
+
+    def radii_of_last(self, *, per_axis: bool) -> Int32:
+        """Return the radii of the splats of the last frame."""
+        frame = self.rendered.frame
+        return splat_radii(frame.engine, frame.storage, frame.camera, per_axis=per_axis)
+
+    def _stored(self, means: Float32, quats: Float32, scales: Float32, opacities: Float32) -> Storage:
+        """Upload the geometry in the order of its rows: another one would save less than it costs in every frame."""
+        engine = self._engine
+        if len(means) != len(self._order):
+            self._order = np.arange(len(means), dtype=np.uint32)
+            self._rows = engine.uploaded(self._order)
+        geometry = upload_tables(engine, [means, quats, scales, opacities[:, None]], engine.buffers.geometry)
+        return Storage(self._order, self._rows, geometry, self._rows)
 
     def pull_back(self, image_gradient: Float32, requested: Sequence[bool]) -> list[Float32 | None]:
         """Return the `requested` gradients of the last frame, in the order of `BlendInputs`; the others may be None."""
@@ -160,10 +188,9 @@ class _Frames:
             transmittance = engine.read(rendered.canvas.transmittance, image_gradient.shape[:2], np.float32)
             background_gradient = np.einsum("hw,hwc->c", transmittance, image_gradient, dtype=np.float64)
             gradients["background"] = background_gradient.astype(np.float32)
-        if wanted.intersection(_GEOMETRY):
-            geometry = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES)
-            parts = np.split(geometry, [3, 7, 10], axis=1)
-            gradients |= dict(zip(_GEOMETRY, parts, strict=True))
+        for name, part in _GEOMETRY.items():
+            if name in wanted:
+                gradients[name] = by_row(engine, storage, by_splat.geometry, GEOMETRY_ATTRIBUTES, part)
         if "channels" in wanted:
             channel_attributes = rendered.frame.traversal.channel_attributes
             gradients["channels"] = by_row(engine, storage, by_splat.channels, channel_attributes)
