@@ -11,13 +11,15 @@ from gspure.constants import TAU_N
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
-from gspure.settings import Factor, Steps
+from gspure.settings import SCHEDULES, Factor, Steps
 from gspure.training.dataset import extent
+from gspure.training.fast import schedule_of
 from gspure.training.initialization import LEAST_POINTS, consistent_points, gaussians_at
 from gspure.training.trainer import beginning, train
 
 ITERATIONS: Final = 200  # training steps of an existing model; ours
 DISTILLATION: Final = 1500  # training steps of a new model; ours
+PROLONGATIONS: Final = 3  # of a distillation by the fast schedule, at most; ours
 RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
 
 
@@ -72,11 +74,13 @@ def reestimate(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Step
     return Attacked(rows, np.arange(len(rows)), len(rows))
 
 
-def distil(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = DISTILLATION) -> Attacked:
+def distil(
+    model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = DISTILLATION, schedule: str = SCHEDULES[0]
+) -> Attacked:
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md).
+    (docs/limits.md). The fast schedule takes more than `iterations` steps while the loss falls fast.
     """
     is_vanilla = type(teacher.public).attributes is PublicModel.attributes
     per_row = max(1, len(model.columns_named("f_offset_")) // 3)  # Gaussians of an anchor
@@ -91,7 +95,7 @@ def distil(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = 
         cameras,
         images,
         start,
-        iterations=iterations,
+        schedule=schedule_of(schedule, iterations, PROLONGATIONS),
         extent=scene_extent,
         max_gaussians=per_row * len(model),
         device=teacher.device,

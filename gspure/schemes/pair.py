@@ -27,7 +27,7 @@ from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
 from gspure.training.initialization import gaussians_at, thinned
-from gspure.training.schedule import shuffled
+from gspure.training.schedule import Schedule, shuffled
 from gspure.training.trainer import beginning, train
 
 Points = tuple[Float64, UInt8]
@@ -61,7 +61,7 @@ class Capture:
             self.views,
             self.images,
             beginning(begin, seed),
-            iterations=iterations,
+            schedule=Schedule.scaled(iterations),
             extent=self.dataset.extent,
             max_gaussians=max_gaussians,
             device=device,
