@@ -107,7 +107,7 @@ def read_image(
 
 
 def shrunk(image: Float32, size: tuple[int, int]) -> Float32:
-    """Return an image [H,W,C] at a smaller `size` (width, height); each pixel is the mean over its area."""
+    """Return an image [H,W,C] at a smaller `size` (width, height); each pixel is the mean of those in its area."""
     from PIL import Image
 
     planes = (Image.fromarray(image[..., channel]) for channel in range(image.shape[2]))

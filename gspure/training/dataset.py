@@ -183,7 +183,7 @@ def read_photographs(cameras: Iterable[Camera], background: Sequence[float] = (0
 def reduced(
     views: Sequence[Camera], images: Sequence[Float32], factor: int
 ) -> tuple[Sequence[Camera], Sequence[Float32]]:
-    """Return views and their images [H,W,3] with sides divided by a factor and rounded; pixels are means over areas."""
+    """Return views and their images [H,W,3] with sides divided by a factor and rounded; see `shrunk`."""
     if factor == 1:
         return views, images
     smaller = [view.resized(max(1, round(view.width / factor)), max(1, round(view.height / factor))) for view in views]
