@@ -182,11 +182,12 @@ def test_small_photographs_keep_their_light_and_field_of_view():
 
 def test_a_run_is_prolonged_only_while_its_loss_falls_fast():
     schedule = replace(schedule_of("fast", 1000), prolongations=1)
-    slow, fast = ([step**-exponent for step in range(1, 501)] for exponent in (0.1, 0.5))
+    decided = max(i for i in range(1, 1001) if schedule.reduction(i) > 1)
+    slow, fast = ([step**-exponent for step in range(1, decided + 1)] for exponent in (0.1, 0.5))
     assert schedule.prolonged(slow) == schedule == schedule.prolonged(fast[:-1])
     longer = schedule.prolonged(fast)
     assert (longer.iterations, longer.longest) == (1500, 1500)
-    assert longer.prolonged([*fast, *([0.01] * 250)]) == longer
+    assert longer.prolonged([(i + 1) ** -0.5 for i in range(decided * 3 // 2)]) == longer  # no more than allowed
 
 
 def test_the_rate_of_positions_decays_log_linearly():
