@@ -1,6 +1,6 @@
 """Training schedules in turns: CPU time, and PSNR and SSIM of held-out views.
 
-``python benchmarks/schedules.py DATA RESOLUTION STEPS HALF EQUAL [SEEDS]`` prints, for each seed, a row for STEPS
+``python benchmarks/schedules.py DATA RESOLUTION STEPS HALF EQUAL SEED...`` prints, for each seed, a row for STEPS
 vanilla steps, and for HALF and EQUAL fast ones, which should take half of the time, and all of it.
 """
 
@@ -30,11 +30,11 @@ def trained(data: Dataset, images: list[np.ndarray], name: str, iterations: int,
     return Renderer(model), len(model)
 
 
-def compare(source: Path, resolution: str, steps: dict[str, tuple[str, int]], seeds: int) -> None:
+def compare(source: Path, resolution: str, steps: dict[str, tuple[str, int]], seeds: list[int]) -> None:
     """Print a row of each run."""
     print("run,seed,steps,Gaussians,CPU s,relative to the first,PSNR,SSIM")
     photographs = None
-    for seed in range(seeds):
+    for seed in seeds:
         data = read_dataset(source, resolution, seed=seed)
         if photographs is None:
             photographs = [read_photographs(views) for views in (data.train, data.test)]
@@ -55,6 +55,6 @@ def compare(source: Path, resolution: str, steps: dict[str, tuple[str, int]], se
 
 if __name__ == "__main__":
     folder, rule, *numbers = sys.argv[1:]
-    whole, half, equal, *rounds = map(int, numbers)
+    whole, half, equal, *seeds = map(int, numbers)
     runs = {"vanilla": ("vanilla", whole), "fast": ("fast", half), "fast, same time": ("fast", equal)}
-    compare(Path(folder), rule, runs, *rounds or [3])
+    compare(Path(folder), rule, runs, seeds)
