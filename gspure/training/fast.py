@@ -87,8 +87,9 @@ class FastSchedule(Schedule):
         the exponent of a power law between the means of the last two tenths of the run.
         """
         done = len(losses)
-        window = max(1, self.iterations // 10)
-        if not self.prolongations or done != round(self.stages[-2].until * self.iterations):
+        window = self.iterations // 10
+        is_decided_now = done == round(self.stages[-2].until * self.iterations)
+        if not (self.prolongations and is_decided_now and window):
             return self
         before, recent = np.mean(losses[-2 * window : -window]), np.mean(losses[-window:])
         exponent = np.log(before / recent) / np.log((done - window / 2) / (done - 3 * window / 2))
