@@ -245,9 +245,9 @@ def stopped(pair: Pair, other: Other, seed: int) -> PublicModel:
     begin = replace(begin, sh_coeffs=begin.sh_coeffs[:, : (other.sh_degree + 1) ** 2].copy())
     start = beginning(begin, seed)
     model = TrainableModel(start.state)
-    model.set_targets(capture.images)
     schedule = replace(Schedule.scaled(other.schedule), sh_every=other.stop // (other.sh_degree + 1) + 1)
-    trainer = Trainer(model, capture.views, schedule, start, extent=capture.dataset.extent, max_gaussians=other.rows)
+    extent = capture.dataset.extent
+    trainer = Trainer(model, capture.views, capture.images, schedule, start, extent=extent, max_gaussians=other.rows)
     for _ in islice(trainer, other.stop):
         pass
     return PublicModel(as_gaussians(model.state().parameters))

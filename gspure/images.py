@@ -106,6 +106,14 @@ def read_image(
     return np.asarray(pixels, np.float32) / np.float32(255)
 
 
+def shrunk(image: Float32, size: tuple[int, int]) -> Float32:
+    """Return an image [H,W,C] at a smaller `size` (width, height); each pixel is the mean of those in its area."""
+    from PIL import Image
+
+    planes = (Image.fromarray(image[..., channel]) for channel in range(image.shape[2]))
+    return np.stack([np.asarray(plane.resize(size, Image.Resampling.BOX)) for plane in planes], axis=-1)
+
+
 def write_image(path: str | Path, array: NDArray[np.floating]) -> None:
     """Write the `levels` of an array [H,W,3], or [H,W,4] with alpha, as an 8-bit PNG, whole or not at all."""
     from PIL import Image

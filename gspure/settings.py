@@ -87,6 +87,8 @@ Amount = Annotated[float, AMOUNT]
 Steps = Annotated[int, STEPS]
 MaxGaussians = Annotated[int, MAX_GAUSSIANS]
 
+SCHEDULES: Final = ("vanilla", "fast")  # of training: 3DGS's, or ours for half the time
+
 _UNBOUNDED: Final = {int: Range(-(2**53), 2**53), float: Range(-1e30, 1e30)}
 """Bounds of the numbers of plug-ins that do not annotate them."""
 

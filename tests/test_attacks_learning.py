@@ -67,6 +67,15 @@ def test_a_distilled_model_depends_on_what_the_views_show_alone() -> None:
     assert attacked.model.sh_degree == 3
 
 
+def test_distil_by_the_fast_schedule_is_prolonged_by_its_losses_alone() -> None:
+    attacked, again, vanilla = (
+        attacked_by("distil", iterations=20, schedule=schedule) for schedule in ("fast", "fast", "vanilla")
+    )
+    assert attacked.model.table.tobytes() == again.model.table.tobytes() != vanilla.model.table.tobytes()
+    with pytest.raises(InputError, match="vanilla or fast"):
+        attacked_by("distil", schedule="slow")
+
+
 @pytest.fixture(params=["vanilla", "gs_hider", "secure_gs"])
 def shown(request) -> tuple[PublicModel, list[Camera]]:
     """A public model, and two views of it."""

@@ -21,6 +21,8 @@ from tests.training_cases import blender_scene, colmap_project, ring
 ITERATIONS = 410
 """The shortest run that densifies."""
 
+FAST = ("--schedule", "fast", "--max-gaussians", "80")
+
 BLOBS = gaussians(
     means=[[-0.25, 0, 0], [0.2, 0.2, 0], [0.1, -0.2, 0.2]],
     scales=[0.1, 0.15, 0.08],
@@ -72,7 +74,23 @@ def test_one_thread_gives_the_same_file(project, trained, tmp_path):
     assert ply(tmp_path) == ply(trained)
 
 
-def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, monkeypatch, capsys):
+@pytest.fixture(scope="module")
+def fast(project, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "fast"
+    assert main(words(project, out, *FAST)) == 0
+    return out
+
+
+def test_a_fast_run_keeps_its_budget_and_learns_the_views(fast):
+    rows = read_metrics(fast / "metrics.csv")
+    assert len(read_model(fast)) <= 80
+    assert min(row.psnr for row in rows) > 25
+
+
+@pytest.mark.parametrize(("whole", "schedule"), [("trained", ()), ("fast", FAST)])
+def test_a_killed_run_resumed_gives_the_same_file(whole, schedule, project, request, tmp_path, monkeypatch, capsys):
+    trained = request.getfixturevalue(whole)
+
     write = output.write_checkpoint
 
     def write_and_die(*args):
@@ -82,10 +100,10 @@ def test_a_killed_run_resumed_gives_the_same_file(project, trained, tmp_path, mo
     with monkeypatch.context() as patched:
         patched.setattr("gspure.cli.train._SECONDS_BETWEEN_CHECKPOINTS", 0)
         patched.setattr(output, "write_checkpoint", write_and_die)
-        assert main(words(project, tmp_path)) == 130
-    assert main(words(project, tmp_path, "--resume", "--seed", "1")) == 2
+        assert main(words(project, tmp_path, *schedule)) == 130
+    assert main(words(project, tmp_path, *schedule, "--resume", "--seed", "1")) == 2
     assert "seed: expected 1, found 0" in capsys.readouterr().err
-    assert main(words(project, tmp_path, "--resume")) == 0
+    assert main(words(project, tmp_path, *schedule, "--resume")) == 0
     assert "continuing from iteration" in capsys.readouterr().err
     assert ply(tmp_path) == ply(trained)
     assert not (tmp_path / "checkpoint.npz").exists()

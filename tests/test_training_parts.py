@@ -1,5 +1,7 @@
 """What training reads and refuses; its schedule, initial Gaussians, checkpoints, densification and resets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,9 +20,17 @@ from gspure.model.gaussians import sigmoid
 from gspure.model.ply import offset_comment
 from gspure.opencl.trainable import Parameters, TrainState
 from gspure.training import densification
-from gspure.training.dataset import extent, read_dataset, read_photographs
+from gspure.training.dataset import extent, read_dataset, read_photographs, reduced
 from gspure.training.densification import plan, reset_opacities
-from gspure.training.initialization import COMMON_SHARE, consistent_points, gaussians_at, random_points, view_counts
+from gspure.training.fast import schedule_of
+from gspure.training.initialization import (
+    COMMON_SHARE,
+    LEAST_POINTS,
+    consistent_points,
+    gaussians_at,
+    random_points,
+    view_counts,
+)
 from gspure.training.output import Snapshot, read_checkpoint, write_checkpoint, write_output
 from gspure.training.schedule import Schedule
 from tests.camera_cases import rotation_from
@@ -146,6 +156,38 @@ def test_thirty_thousand_iterations_are_scheduled_as_3dgs_does():
     assert [schedule.sh_degree(i) for i in (1, 999, 1000, 2000, 3000, 30_000)] == [0, 0, 1, 2, 3, 3]
     assert not schedule.prunes_big(3000)
     assert schedule.prunes_big(3100)
+
+
+@given(st.integers(1, 40_000), st.integers(LEAST_POINTS, 10**6))
+def test_a_fast_run_grows_to_full_photographs_all_harmonics_and_the_whole_budget(iterations, most):
+    schedule = schedule_of("fast", iterations)
+    steps = sorted({*range(1, iterations + 1, max(1, iterations // 50)), iterations})
+    reductions = [schedule.reduction(i) for i in steps]
+    budgets = [schedule.budget(most, i) for i in steps]
+    assert reductions == sorted(reductions, reverse=True)
+    assert budgets == sorted(budgets)
+    assert (reductions[-1], budgets[-1], schedule.sh_degree(iterations)) == (1, most, 3)
+    assert not times(schedule, "resets_opacities")
+
+
+def test_small_photographs_keep_their_light_and_field_of_view():
+    views = ring(2, width=48, height=32)
+    images = [np.random.default_rng(i).random((32, 48, 3), np.float32) for i in range(2)]
+    smaller, means = reduced(views, images, 4)
+    assert means[0].shape == (smaller[0].height, smaller[0].width, 3) == (8, 12, 3)
+    np.testing.assert_allclose(means[1].mean(axis=(0, 1)), images[1].mean(axis=(0, 1)), rtol=1e-4)
+    corners = [np.linalg.solve(view.K, [view.width, view.height, 1]) for view in (views[1], smaller[1])]
+    np.testing.assert_allclose(*corners)
+
+
+def test_a_run_is_prolonged_only_while_its_loss_falls_fast():
+    schedule = replace(schedule_of("fast", 1000), prolongations=1)
+    decided = max(i for i in range(1, 1001) if schedule.reduction(i) > 1)
+    slow, fast = ([step**-exponent for step in range(1, decided + 1)] for exponent in (0.1, 0.5))
+    assert schedule.prolonged(slow) == schedule == schedule.prolonged(fast[:-1])
+    longer = schedule.prolonged(fast)
+    assert (longer.iterations, longer.longest) == (1500, 1500)
+    assert longer.prolonged([(i + 1) ** -0.5 for i in range(decided * 3 // 2)]) == longer  # no more than allowed
 
 
 def test_the_rate_of_positions_decays_log_linearly():

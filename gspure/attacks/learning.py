@@ -15,13 +15,15 @@ from gspure.constants import TAU_N
 from gspure.method import pruning
 from gspure.model.gaussians import Gaussians
 from gspure.public_model import PublicModel
-from gspure.settings import Factor, Steps
+from gspure.settings import SCHEDULES, Factor, Steps
 from gspure.training.dataset import extent
+from gspure.training.fast import schedule_of
 from gspure.training.initialization import LEAST_POINTS, consistent_points, gaussians_at
 from gspure.training.trainer import beginning, train
 
 ITERATIONS: Final = 200  # training steps of an existing model; ours
 DISTILLATION: Final = 1500  # training steps of a new model; ours
+PROLONGATIONS: Final = 3  # of a distillation by the fast schedule, at most; ours
 RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
 UNCHANGED: Final = "unchanged"  # renders to learn
 
@@ -94,12 +96,19 @@ def reestimate(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Step
 
 
 def distil(
-    model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = DISTILLATION, render: str = UNCHANGED
+    model: Gaussians,
+    rng: Rng,
+    teacher: Teacher,
+    *,
+    iterations: Steps = DISTILLATION,
+    schedule: str = SCHEDULES[0],
+    render: str = UNCHANGED,
 ) -> Attacked:
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md). `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
+    (docs/limits.md). The fast schedule takes more than `iterations` steps while the loss falls fast. `render` is an
+    attack on these renders, and its strength after a colon: ``jpeg:50``.
     """
     teacher = _retouching(teacher, render, rng)
     is_vanilla = type(teacher.public).attributes is PublicModel.attributes
@@ -115,7 +124,7 @@ def distil(
         cameras,
         images,
         start,
-        iterations=iterations,
+        schedule=schedule_of(schedule, iterations, PROLONGATIONS),
         extent=scene_extent,
         max_gaussians=per_row * len(model),
         device=teacher.device,

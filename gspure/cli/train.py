@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.progress import say, track
-from gspure.settings import MAX_GAUSSIANS, SEED, STEPS
+from gspure.settings import MAX_GAUSSIANS, SCHEDULES, SEED, STEPS
 
 if TYPE_CHECKING:
     from gspure.arrays import Float32
@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from gspure.opencl.trainable import TrainableModel
     from gspure.training.dataset import Dataset
     from gspure.training.output import Snapshot
+    from gspure.training.schedule import Schedule
     from gspure.training.trainer import Trainer
 
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
+  gspure train scene --out trained --schedule fast     # the same quality in less than half the time
   gspure train scene --out trained --resume            # continue an interrupted run
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.
@@ -50,6 +52,7 @@ class TrainingSettings:
     background: tuple[float, ...]
     max_gaussians: int
     seed: int
+    schedule: str
 
 
 def add_arguments(parser: Parser) -> None:
@@ -58,6 +61,8 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "DIR", "folder for the model")
     parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
     parser.number("--iterations", "N", "training steps", STEPS, 3000)
+    meaning = "vanilla, that of 3DGS, or fast, ours: the same quality in less than half the time"
+    parser.choice("--schedule", SCHEDULES, meaning, SCHEDULES[0])
     meaning = "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller"
     parser.text("--resolution", "RULE", meaning, "320px")
     meaning = "folder of photographs, named as the views (default: those that DATA names)"
@@ -80,6 +85,7 @@ def run(args: Arguments) -> None:
     from gspure.model import require_writable
     from gspure.model.inria import trained_background
     from gspure.training import dataset, output
+    from gspure.training.fast import schedule_of
 
     options.require_own_folder(args)
     if args.model:
@@ -88,16 +94,21 @@ def run(args: Arguments) -> None:
     data = dataset.read_dataset(
         args.data, args.resolution, photographs=args.images, skip_missing=args.skip_missing, seed=args.seed
     )
-    max_gaussians = args.max_gaussians or data.max_gaussians
-    settings = TrainingSettings(args.iterations, args.resolution, background, max_gaussians, args.seed)
     images = dataset.read_photographs(track(data.train, "photographs"), background)
+    schedule = schedule_of(args.schedule, args.iterations)
+    if schedule.needs_surfaces:
+        data = dataset.with_agreed_points(data, images, args.seed)
+    max_gaussians = args.max_gaussians or data.max_gaussians(schedule.pixels_per_gaussian)
+    settings = TrainingSettings(
+        args.iterations, args.resolution, background, max_gaussians, args.seed, schedule=args.schedule
+    )
     size = f"{data.train[0].width}x{data.train[0].height}"
     views = f"{len(data.train)} views of {size}, {len(data.test)} held out"
     say(f"{views}, {len(data.xyz)} points, extent {data.extent:.3g}")
     device = options.read_device(args)
     options.record_command(args, args.out, resolved={"background": background, "max_gaussians": max_gaussians})
     with filling_alone(args.out) as folder:
-        trainer = _train(settings, data, images, args.out / CHECKPOINT, resume=args.resume, device=device)
+        trainer = _train(settings, schedule, data, images, args.out / CHECKPOINT, resume=args.resume, device=device)
         parameters = trainer.model.state().parameters
         written = output.write_output(folder, data, parameters, args.iterations, background, place=args.out)
         rows = _compare(folder, settings, data, written, device) if data.test else []
@@ -114,6 +125,7 @@ def run(args: Arguments) -> None:
 
 def _train(
     settings: TrainingSettings,
+    schedule: Schedule,
     data: Dataset,
     images: Sequence[Float32],
     checkpoint: Path,
@@ -124,7 +136,6 @@ def _train(
     """Train to the end from the beginning, or from the checkpoint of an interrupted run, and write checkpoints."""
     from gspure.opencl.trainable import TrainableModel
     from gspure.training import dataset, output
-    from gspure.training.schedule import Schedule
     from gspure.training.trainer import Trainer, watched
 
     identity = asdict(settings) | {"photographs and cameras": dataset.fingerprint(data, images)}
@@ -132,13 +143,13 @@ def _train(
         start = output.read_checkpoint(checkpoint, identity)
         say(f"continuing from iteration {start.iteration}")
     else:
-        start = _beginning(settings, data)
+        start = _beginning(settings, schedule, data)
     model = TrainableModel(start.state, start.iteration, device)
-    model.set_targets(images)
     trainer = Trainer(
         model,
         data.train,
-        Schedule.scaled(settings.iterations),
+        images,
+        schedule,
         start,
         extent=data.extent,
         background=settings.background,
@@ -155,12 +166,13 @@ def _train(
     return trainer
 
 
-def _beginning(settings: TrainingSettings, data: Dataset) -> Snapshot:
+def _beginning(settings: TrainingSettings, schedule: Schedule, data: Dataset) -> Snapshot:
     """Return the snapshot before the first iteration: Gaussians at the points of the dataset."""
     from gspure.training import initialization
     from gspure.training.trainer import beginning
 
-    xyz, rgb = initialization.thinned(data.xyz, data.rgb, settings.max_gaussians, settings.seed)
+    at_most = schedule.budget(settings.max_gaussians, 1)
+    xyz, rgb = initialization.thinned(data.xyz, data.rgb, at_most, settings.seed)
     return beginning(initialization.gaussians_at(xyz, rgb), settings.seed)
 
 

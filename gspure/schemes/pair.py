@@ -25,7 +25,9 @@ from gspure.cameras import Camera
 from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters
+from gspure.settings import SCHEDULES
 from gspure.training.dataset import Dataset, extent, read_dataset, read_photographs
+from gspure.training.fast import schedule_of
 from gspure.training.initialization import gaussians_at, thinned
 from gspure.training.schedule import shuffled
 from gspure.training.trainer import beginning, train
@@ -54,14 +56,20 @@ class Capture:
         return Capture(dataset, read_photographs(dataset.train))
 
     def trained(
-        self, begin: Parameters, iterations: int, max_gaussians: int, seed: int, device: Device | None = None
+        self,
+        begin: Parameters,
+        iterations: int,
+        max_gaussians: int,
+        seed: int,
+        device: Device | None = None,
+        schedule: str = SCHEDULES[0],
     ) -> Gaussians:
         """Return an ordinary 3DGS model: a clean one, or the base of a scheme."""
         return train(
             self.views,
             self.images,
             beginning(begin, seed),
-            iterations=iterations,
+            schedule=schedule_of(schedule, iterations),
             extent=self.dataset.extent,
             max_gaussians=max_gaussians,
             device=device,

@@ -22,7 +22,7 @@ from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
 from gspure.schemes.carriers import permuted
 from gspure.schemes.pair import Pair
-from gspure.settings import SEED, Setting, defaults, require_settings
+from gspure.settings import SCHEDULES, SEED, Setting, defaults, require_settings
 
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
 PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
@@ -150,6 +150,7 @@ class Run:
     seed: int
     device: Device
     hardened: float = 0.0  # unless 0, the message is kept off the rows that ``plain_weight`` removes with this tau
+    schedule: str = SCHEDULES[0]
 
 
 def hide(

@@ -27,9 +27,15 @@ from gspure.cameras.reading import camera_object
 from gspure.cameras.worlds import shifted
 from gspure.errors import InputError
 from gspure.files import digest
-from gspure.images import orientation_remark, read_image
+from gspure.images import orientation_remark, read_image, shrunk
 from gspure.progress import say, warn
-from gspure.training.initialization import LEAST_POINTS, RANDOM_POINTS, random_points, view_counts
+from gspure.training.initialization import (
+    LEAST_POINTS,
+    RANDOM_POINTS,
+    consistent_points,
+    random_points,
+    view_counts,
+)
 
 EXTENT_MARGIN: Final = 1.1  # times the largest distance of a training camera from the mean of all (3DGS)
 ASPECT_TOLERANCE: Final = 0.01  # relative; rounding to whole pixels stays within it, cropping and turning do not
@@ -48,7 +54,7 @@ class Dataset:
     """Views at training size, split into training and held-out ones, and initial points.
 
     Each view has a photograph. Points [P,3] are in world units, their colours 8-bit. `source` is the file or folder of
-    the capture, `offset` [3] the point of its world that is the origin here.
+    the capture, `offset` [3] the point of its world that is the origin here. Points are random if the capture has none.
     """
 
     source: Path
@@ -57,19 +63,19 @@ class Dataset:
     xyz: Float64
     rgb: UInt8
     offset: Float64
+    has_random_points: bool
 
     @property
     def extent(self) -> float:
         """The scene's size in world units, which scales 3DGS's learning rates and thresholds."""
         return extent(self.train)
 
-    @property
-    def max_gaussians(self) -> int:
-        """The default bound of growth: one Gaussian per point and one per pixel of the largest view.
+    def max_gaussians(self, pixels_per_gaussian: int) -> int:
+        """Return the default bound of growth: one Gaussian per point and one per so many pixels of the largest view.
 
         Ours: with few points or few photographs, 3DGS's rule grows Gaussians that do not improve held-out views.
         """
-        return len(self.xyz) + max(view.width * view.height for view in self.train)
+        return len(self.xyz) + max(view.width * view.height for view in self.train) // pixels_per_gaussian
 
 
 def read_dataset(
@@ -101,10 +107,10 @@ def read_dataset(
     if not (train and extent(train) > 0):
         places = f"{len(train)} in one place" if train else "none"
         raise InputError(source, "training views", expected="several, from different places", found=places)
-    xyz, rgb = _points(source, train, seed, offset)
+    xyz, rgb, are_random = _points(source, train, seed, offset)
     if not view_counts(xyz, train).any():
         raise InputError(source, "training views", expected="some that see points", found="all look away from them")
-    return Dataset(source, train, test, xyz, rgb, offset)
+    return Dataset(source, train, test, xyz, rgb, offset, are_random)
 
 
 class Views(NamedTuple):
@@ -174,6 +180,26 @@ def read_photographs(cameras: Iterable[Camera], background: Sequence[float] = (0
     return [read_image(photograph(camera), (camera.width, camera.height), background) for camera in cameras]
 
 
+def reduced(
+    views: Sequence[Camera], images: Sequence[Float32], factor: int
+) -> tuple[Sequence[Camera], Sequence[Float32]]:
+    """Return views and their images [H,W,3] with sides divided by a factor and rounded; see `shrunk`."""
+    if factor == 1:
+        return views, images
+    smaller = [view.resized(max(1, round(view.width / factor)), max(1, round(view.height / factor))) for view in views]
+    sizes = ((view.width, view.height) for view in smaller)
+    return smaller, [shrunk(image, size) for image, size in zip(images, sizes, strict=True)]
+
+
+def with_agreed_points(dataset: Dataset, images: Sequence[Float32], seed: int) -> Dataset:
+    """Return the dataset with points that the training images agree on, in place of random ones."""
+    if not dataset.has_random_points:
+        return dataset
+    rng = np.random.default_rng(seed)
+    xyz, rgb = consistent_points(dataset.train, images, dataset.extent, rng)
+    return replace(dataset, xyz=xyz, rgb=rgb) if len(xyz) >= LEAST_POINTS else dataset
+
+
 def fingerprint(dataset: Dataset, images: Sequence[Float32]) -> str:
     """Return a digest of all training data."""
     return digest(dataset.xyz, dataset.rgb, *(camera.numbers for camera in dataset.train), *images)
@@ -241,14 +267,17 @@ def _offset(cameras: Sequence[Camera]) -> Float64:
     return np.asarray(np.round(centres.mean(axis=0), max(0, -math.floor(math.log10(size)))))
 
 
-def _points(source: Path, train: Sequence[Camera], seed: int, offset: Float64) -> tuple[Float64, UInt8]:
-    """Return the stored points around `offset`, or random grey ones if fewer than `LEAST_POINTS` are stored."""
+def _points(source: Path, train: Sequence[Camera], seed: int, offset: Float64) -> tuple[Float64, UInt8, bool]:
+    """Return the stored points around `offset`, or random grey ones if fewer than `LEAST_POINTS` are stored.
+
+    Tell whether they are random.
+    """
     xyz, rgb = stored_points(source)
     if len(xyz) >= LEAST_POINTS:
-        return xyz - offset, rgb
+        return xyz - offset, rgb, False
     xyz = random_points(train, extent(train), RANDOM_POINTS, np.random.default_rng(seed))
     if len(xyz) < LEAST_POINTS:
         expected = f"overlapping ones, or at least {LEAST_POINTS} points"
         raise InputError(source, "training views", expected=expected, found="neither")
     say(f"{source} has fewer than {LEAST_POINTS} points: training starts from {len(xyz)} random ones")
-    return xyz, np.full(xyz.shape, _GREY, np.uint8)
+    return xyz, np.full(xyz.shape, _GREY, np.uint8), True

@@ -7,9 +7,9 @@ are collected.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
@@ -45,6 +45,9 @@ class Schedule:
     Gaussians are pruned too.
     """
 
+    pixels_per_gaussian: ClassVar[int] = 1  # of the largest view, for the default bound of growth
+    needs_surfaces: ClassVar[bool] = False  # whether random initial points are replaced by some on surfaces
+
     iterations: int
     sh_every: int
     densify_from: int
@@ -53,7 +56,7 @@ class Schedule:
     reset_every: int
 
     @classmethod
-    def scaled(cls, iterations: int) -> Schedule:
+    def scaled(cls, iterations: int) -> Self:
         """Return 3DGS's schedule for a run of this length."""
 
         def share(published: int, least: int) -> int:
@@ -98,6 +101,23 @@ class Schedule:
     def prunes_big(self, iteration: int) -> bool:
         """Tell whether densification after this iteration prunes big Gaussians too."""
         return iteration > self.reset_every
+
+    def reduction(self, iteration: int) -> int:  # noqa: ARG002
+        """Return the factor by which the sides of photographs are smaller in one iteration."""
+        return 1
+
+    def budget(self, most: int, iteration: int) -> int:  # noqa: ARG002
+        """Return the largest number of Gaussians after one iteration, if the run allows `most` in all."""
+        return most
+
+    @property
+    def longest(self) -> int:
+        """The most iterations of a run that may be `prolonged`."""
+        return self.iterations
+
+    def prolonged(self, losses: Sequence[float]) -> Self:  # noqa: ARG002
+        """Return the schedule for the rest of a run with these losses so far: this one, or a longer one."""
+        return self
 
     def rests(self, iteration: int) -> bool:
         """Tell whether no statistics are being collected, so that the model's state is the state of the run."""

@@ -13,6 +13,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainableModel, TrainState
 from gspure.progress import bar, reported, say, shows_bars
+from gspure.training.dataset import reduced
 from gspure.training.densification import grow, plan, reset_opacities
 from gspure.training.output import Snapshot, as_gaussians
 from gspure.training.schedule import Schedule
@@ -24,7 +25,7 @@ class Trainer:
     """A run; iterating over it trains and yields the loss of each iteration.
 
     The same snapshot, views and schedule give a bit-identical model, whether or not the run was interrupted. The model
-    was created from `snapshot`, which is the `beginning` or a checkpoint; its targets are the photographs of `views`.
+    was created from `snapshot`, which is the `beginning` or a checkpoint; `images` are the photographs of `views`.
     `extent` is that of the scene in world units, `max_gaussians` the upper bound of growth.
     """
 
@@ -32,6 +33,7 @@ class Trainer:
         self,
         model: TrainableModel,
         views: Sequence[Camera],
+        images: Sequence[Float32],
         schedule: Schedule,
         snapshot: Snapshot,
         *,
@@ -41,8 +43,11 @@ class Trainer:
     ) -> None:
         self.model = model
         self.iteration = snapshot.iteration
+        self._full_views = views
+        self._images = images
         self._views = views
-        self._schedule = schedule
+        self._reduction = 0  # of the photographs on the device; none yet
+        self.schedule = schedule
         self._extent = extent
         self._background = background
         self._max_gaussians = max_gaussians
@@ -51,13 +56,13 @@ class Trainer:
         self._rng.bit_generator.state = dict(snapshot.rng)
 
     def __iter__(self) -> Iterator[float]:
-        while self.iteration < self._schedule.iterations:
+        while self.iteration < self.schedule.iterations:
             yield self._iterate()
 
     @property
     def rests(self) -> bool:
         """Whether `snapshot` can be taken now."""
-        return self._schedule.rests(self.iteration)
+        return self.schedule.rests(self.iteration)
 
     def snapshot(self) -> Snapshot:
         """Return the state of the run; only while it `rests`."""
@@ -66,17 +71,18 @@ class Trainer:
     def _iterate(self) -> float:
         self.iteration += 1
         iteration = self.iteration
-        self.model.sh_degree_active = self._schedule.sh_degree(iteration)
+        self.model.sh_degree_active = self.schedule.sh_degree(iteration)
+        self._show(self.schedule.reduction(iteration))
         if not self._pending_views:  # a new random order after each pass
             self._pending_views = self._rng.permutation(len(self._views)).tolist()
         view = self._pending_views.pop()
-        rates = self._schedule.rates(iteration, self._extent)
+        rates = self.schedule.rates(iteration, self._extent)
         loss = self.model.step(self._views[view], view, rates, background=self._background)
-        if self._schedule.densifies(iteration):
+        if self.schedule.densifies(iteration):
             after = densified(
                 [self.model.state()],
                 self.model.statistics(),
-                self._schedule,
+                self.schedule,
                 iteration,
                 extent=self._extent,
                 rng=self._rng,
@@ -85,25 +91,42 @@ class Trainer:
             self.model.replace(*after)
         return loss
 
+    def _show(self, reduction: int) -> None:
+        """Put the photographs on the device, with their sides divided by `reduction`."""
+        if reduction == self._reduction:
+            return
+        self._reduction = reduction
+        self._views, images = reduced(self._full_views, self._images, reduction)
+        self.model.set_targets(images)
+
 
 def train(
     views: Sequence[Camera],
     images: Sequence[Float32],
     begin: Snapshot,
     *,
-    iterations: int,
+    schedule: Schedule,
     extent: float,
     max_gaussians: int,
     device: Device | None,
     background: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Gaussians:
-    """Return a 3DGS model trained on images of views; the other parameters are those of `gspure train`."""
+    """Return a 3DGS model trained on images of views, for as long as the schedule prolongs the run."""
     model = TrainableModel(begin.state, device=device)
-    model.set_targets(images)
-    schedule = Schedule.scaled(iterations)
-    trainer = Trainer(model, views, schedule, begin, extent=extent, background=background, max_gaussians=max_gaussians)
-    for _ in watched(trainer, iterations, lambda: f"{model.count} Gaussians"):
-        pass
+    trainer = Trainer(
+        model,
+        views,
+        images,
+        schedule,
+        begin,
+        extent=extent,
+        background=background,
+        max_gaussians=max_gaussians,
+    )
+    losses: list[float] = []
+    for loss in watched(trainer, schedule.longest, lambda: f"{model.count} Gaussians"):
+        losses.append(loss)
+        trainer.schedule = trainer.schedule.prolonged(losses)
     return as_gaussians(model.state().parameters)
 
 
@@ -127,6 +150,7 @@ def densified(
 
     The first state decides. `opacities` [K] decide about pruning, by default those of the first state.
     """
+    budget = None if max_gaussians is None else schedule.budget(max_gaussians, iteration)
     growth = plan(
         states[0].parameters,
         statistics,
@@ -134,7 +158,7 @@ def densified(
         extent=extent,
         prune_big=schedule.prunes_big(iteration),
         rng=rng,
-        max_gaussians=max_gaussians,
+        max_gaussians=budget,
     )
     after = [grow(state, growth) for state in states]
     if not len(after[0].parameters):

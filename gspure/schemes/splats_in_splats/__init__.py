@@ -21,7 +21,7 @@ from gspure.schemes.scheme import Run, Scheme
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.training import Training
-from gspure.settings import Amount, MaxGaussians, Range, Steps
+from gspure.settings import SCHEDULES, Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 
 
@@ -35,18 +35,20 @@ def embed(
     max_gaussians: MaxGaussians = 30_000,
     shift: Annotated[int, Range(*bits.SHIFT_RANGE)] = bits.SHIFT,
     hardened: Amount = 0.0,
+    schedule: str = SCHEDULES[0],
 ) -> tuple[PublicModel, SplatsInSplatsKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     The joint training takes `iterations` steps. `message_weight` is the weight of the message's loss (the scene's is
     1). `shift` is k of `gspure.schemes.splats_in_splats.bits`. `hardened` keeps the message off the rows that
-    ``plain_weight`` removes with this tau; 0 trains as in the paper.
+    ``plain_weight`` removes with this tau; 0 trains as in the paper, as does the vanilla `schedule`.
     """
     begin = pair.initial_gaussians(max_gaussians, seed)
     device = device or choose_device()
     if not message_weight:
-        return PublicModel(pair.scene.trained(begin, iterations, max_gaussians, seed, device)), None
-    run = Training(Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened), begin)
+        clean = pair.scene.trained(begin, iterations, max_gaussians, seed, device, schedule)
+        return PublicModel(clean), None
+    run = Training(Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened, schedule), begin)
     for _ in watched(run, iterations, lambda: f"{run.model.models[0].count} Gaussians"):
         pass
     return run.published(shift)

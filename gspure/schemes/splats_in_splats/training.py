@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from gspure.cameras import Camera
 from gspure.model.gaussians import LEAST_OPACITY, logit, sigmoid
 from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
@@ -21,9 +22,11 @@ from gspure.schemes.scheme import Run
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
+from gspure.training.dataset import reduced
 from gspure.training.densification import reset_opacities
+from gspure.training.fast import schedule_of
 from gspure.training.output import as_gaussians
-from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, Schedule, shuffled
+from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, shuffled
 from gspure.training.trainer import densified
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
@@ -42,10 +45,11 @@ class Training:
     def __init__(self, run: Run, begin: Parameters) -> None:
         state = TrainState.fresh(begin)
         self.model = TwinModel((state, state), run.message_weight, run.device)
-        self.model.set_targets(run.pair.scene.images, run.pair.message.images)
         self._run = run
         self._pair = run.pair
-        self._schedule = Schedule.scaled(run.iterations)
+        self._schedule = schedule_of(run.schedule, run.iterations)
+        self._views: list[Sequence[Camera]] = []  # of the scene and of the message, at the size of this iteration
+        self._reduction = 0
         self._low = np.zeros(0, np.bool_)
         self._rng = np.random.default_rng(run.seed)
 
@@ -54,12 +58,23 @@ class Training:
         for iteration, batch in zip(iterations, self._pair.batches(self._rng), strict=False):
             for model in self.model.models:
                 model.sh_degree_active = self._schedule.sh_degree(iteration)
-            cameras = (self._pair.scene.views[batch[0]], self._pair.message.views[batch[1]])
+            self._show(self._schedule.reduction(iteration))
+            cameras = (self._views[0][batch[0]], self._views[1][batch[1]])
             yield self.model.step(cameras, batch, self._schedule.rates(iteration, self._pair.extent))
             if self._schedule.densifies(iteration):
                 self._densify(iteration)
             if self._run.hardened:
                 self._harden(iteration)
+
+    def _show(self, reduction: int) -> None:
+        """Put the photographs of both captures on the device, with their sides divided by `reduction`."""
+        if reduction == self._reduction:
+            return
+        self._reduction = reduction
+        captures = (self._pair.scene, self._pair.message)
+        (scene, scene_images), (message, message_images) = (reduced(c.views, c.images, reduction) for c in captures)
+        self._views = [scene, message]
+        self.model.set_targets(scene_images, message_images)
 
     def _harden(self, iteration: int) -> None:
         """Take the message off the rows that `plain_weight` removes.
