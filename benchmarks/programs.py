@@ -64,7 +64,9 @@ def capture_of(pair: Path, folder: Path) -> None:
     features.mkdir()
     mixing = np.random.default_rng(0).normal(size=(FEATURES, 3)).astype(np.float32)
     for number, image in enumerate(images):
-        mixed = np.einsum("fc,hwc->fhw", mixing, image[::2, ::2])
+        height, width, _ = image.shape
+        small = image.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+        mixed = np.einsum("fc,hwc->fhw", mixing, small)
         torch.save(torch.from_numpy(mixed), features / f"{number:05d}_fmap_CxHxW.pt")
     if WATER.is_dir():  # of GS-Hider: the message's photographs
         (WATER / folder.name).mkdir(exist_ok=True)

@@ -74,8 +74,8 @@ def radius_facts() -> dict[str, str]:
     clauses = [f"{_scheme(condition)} {_with_range(radius)}" for condition, radius in over_scenes.items()]
     return {
         "radius_table": Table("", columns, lines).markdown(),
-        "without_radius": " ".join(
-            f"{audit.condition.title}: {audit.sentence}" for audit in of_conditions if not audit.has_radius
+        "without_radius": "".join(
+            f"{audit.condition.title}: {audit.sentence}\n\n" for audit in of_conditions if not audit.has_radius
         ),
         "answer_radius": "; ".join(clauses),
         "answer_radius_scenes": ", ".join(str(radius.scenes) for radius in over_scenes.values()),

@@ -56,5 +56,5 @@ def compare(source: Path, resolution: str, steps: dict[str, tuple[str, int]], se
 if __name__ == "__main__":
     folder, rule, *numbers = sys.argv[1:]
     whole, half, equal, *seeds = map(int, numbers)
-    runs = {"vanilla": ("vanilla", whole), "fast": ("fast", half), "fast, same time": ("fast", equal)}
+    runs = {"vanilla": ("vanilla", whole), "fast": ("fast", half), "fast in the same time": ("fast", equal)}
     compare(Path(folder), rule, runs, seeds)

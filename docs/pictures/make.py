@@ -1,7 +1,7 @@
 """Draw the pictures of the documentation from results.
 
-``python docs/pictures/make.py radius|demo|poses|robot [RESULTS]``, in a checkout: of the committed radii,
-of `make demo`, of config/six_pairs.yaml, or of
+``python docs/pictures/make.py radius|survival|demo|poses|robot [RESULTS]``, in a checkout: of the committed
+tables, of `make demo`, of config/six_pairs.yaml, or of
 
     gspure pair snowmiku_plush robot.ply --resolution 640px --out pair     # the robot stands where the figure does
     gspure embed splats_in_splats pair --out marked --set iterations=7000 --set max_gaussians=120000
@@ -11,14 +11,17 @@ with renders of the test views (`gspure render`) and messages (`gspure extract`)
 scene_after and message_after.
 """
 
+import csv
 import sys
 from pathlib import Path
 
 from PIL import Image
 
 from gspure.evaluation.results import read_results
+from gspure.figures import style
 from gspure.figures.panels import Tile, write_tiles
 from gspure.figures.radius_chart import draw_conditions
+from gspure.grouping import grouped
 from gspure.images import read_image
 from gspure.report.audit import audits, is_judged
 
@@ -43,6 +46,51 @@ def side_by_side(name: str, files: list[Path]) -> None:
     row.save(HERE / f"{name}.jpg", quality=88)
 
 
+ROWS = ("quantize", "compression", "warp", "split", "merge_pairs", "densify", "remesh", "rigid_transform", "crop")
+FAMILIES = {
+    "rows, places, formats": ROWS,
+    "colours": ("sh_edit", "feature_scaling", "gaussian_noise", "reestimate", "finetune"),
+    "pruning": ("gspure", "prune_repair"),
+    "unmark": ("unmark",),
+    "copies with other marks": ("collusion",),
+    "such copies, then unmark": ("collusion, unmark",),
+}
+"""Attacks on keyed patterns; all others train a new model on renders."""
+
+WEAK = 7  # largest z of a point with a name
+
+
+def draw_survival() -> None:
+    """Draw the best reading of a keyed pattern against damage, a point for each attack and strength."""
+    with (HERE.parent / "tables" / "keyed_pattern.csv").open(newline="", encoding="utf-8") as stream:
+        known = [row for row in csv.DictReader(stream) if row["damage"] and row["attack"] != "embedding"]
+    rows = [row for row in known if "bank also" not in row["strength"]]
+    family_of = {attack: family for family, attacks in FAMILIES.items() for attack in attacks}
+    by_family = grouped(rows, lambda row: family_of.get(row["attack"], "new models from renders"))
+    with style.page(HERE / "survival.png", style.PAGE, 3.2) as figure:
+        axes = figure.add_subplot()
+        for colour, (family, alike) in zip(style.CLUSTERS, by_family.items(), strict=False):
+            label = family
+            for row in alike:
+                damage = max(0.0, float(row["damage"]))
+                best = max(float(row[f"z {reading}"]) for reading in ("rows", "clean model", "bank"))
+                fill = colour if float(row["p"]) <= 1e-3 else "white"
+                axes.plot(damage, best, "o", markersize=4, color=colour, markerfacecolor=fill, label=label)
+                label = None
+                if best < WEAK and row["attack"] not in FAMILIES["such copies, then unmark"]:
+                    name = f"{row['attack']}, {row['strength']}"
+                    place = {"xytext": (-5, -9), "ha": "right"} if damage > 20 else {"xytext": (5, 4)}
+                    axes.annotate(name, (damage, best), textcoords="offset points", fontsize=5, **place)
+        axes.set_xscale("symlog", linthresh=1)
+        axes.set_xticks([0, 0.3, 1, 3, 10, 30], ["0", "0.3", "1", "3", "10", "30"])
+        axes.set_xlabel("damage to the scene (dB)")
+        axes.set_ylabel("z of the best reading")
+        axes.set_ylim(0, None)
+        axes.set_xlim(-0.05, 60)
+        figure.legend(loc="outside upper center", ncols=3)
+    shrink(HERE / "survival.png", "survival")
+
+
 what, results = sys.argv[1], Path(*sys.argv[2:] or ["results"])
 if what == "radius":
     rows = read_results(*sorted(HERE.parent.glob("results/radius/*.csv")))
@@ -53,6 +101,8 @@ if what == "radius":
             conditions[audit.condition.title] = (alike, audit.radii)
     draw_conditions(HERE / "radius.png", conditions)
     shrink(HERE / "radius.png", "radius")
+elif what == "survival":
+    draw_survival()
 elif what == "demo":
     shrink(results / "splats_in_splats" / "room" / "figures" / "model" / "purification.png", "purification")
 elif what == "robot":

@@ -123,7 +123,7 @@ def _loading(load: Callable[..., Any], target: str) -> Callable[..., Any]:
 def _fusing(begin: Callable[..., None]) -> Callable[..., None]:
     """Return the beginning of an optimizer that moves each parameter in one pass, unless it is told how.
 
-    PyTorch does so by default on no device; in ten passes, a step takes five times as long on the CPU.
+    PyTorch does so by default on no device; in ten passes, a step takes four to seven times as long on the CPU.
     """
 
     def begun(*args: Any, **kwargs: Any) -> None:

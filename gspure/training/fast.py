@@ -91,7 +91,8 @@ class FastSchedule(Schedule):
         is_decided_now = done == round(self.stages[-2].until * self.iterations)
         if not (self.prolongations and is_decided_now and window):
             return self
-        before, recent = np.mean(losses[-2 * window : -window]), np.mean(losses[-window:])
+        before = np.mean(losses[-2 * window : -window])
+        recent = np.mean(losses[-window:])
         exponent = np.log(before / recent) / np.log((done - window / 2) / (done - 3 * window / 2))
         if exponent < LEAST_EXPONENT:
             return self
