@@ -9,14 +9,14 @@ from typing import Final, NamedTuple
 
 from gspure.evaluation import paper
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.radius import Radius
+from gspure.evaluation.radius import FINEST, Radius
 from gspure.evaluation.results import PUBLISHED, Result, known_cells, read_results
 from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import GSPURE, UNATTACKED, display_name, variant_at, variant_title
 from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
-from gspure.metrics.targets import MESSAGE
+from gspure.metrics.targets import MESSAGE, is_picture
 from gspure.report.audit import ConditionAudit, audits
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
@@ -69,16 +69,23 @@ def radius_facts() -> dict[str, str]:
     columns = [Column("condition"), Column("scenes"), Column("radius, adaptive"), Column("radius, as published")]
     columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
     lines = [TableRow([*map(Cell, _radius_cells(audit))]) for audit in of_conditions if audit.has_radius]
-    known = [(audit, audit.radius()) for audit in of_conditions]
-    over_scenes = {audit.condition: radius for audit, radius in known if radius and radius.scenes > 1}
-    clauses = [f"{_scheme(condition)} {_with_range(radius)}" for condition, radius in over_scenes.items()]
+    known = [(audit, radius) for audit in of_conditions if (radius := audit.radius())]
+    hidden = [radius for audit, radius in known if is_picture(audit.extraction)]
+    most = max(hidden, key=lambda radius: radius.radius)
+    clauses = [f"At most {most} for the {len(hidden)} schemes that hide a scene"]
+    clauses += [
+        f"{_with_range(radius)} for {_scheme(audit.condition)}"
+        for audit, radius in known
+        if not is_picture(audit.extraction)
+    ]
+    scenes = [radius.scenes for _, radius in known]
     return {
         "radius_table": Table("", columns, lines).markdown(),
         "without_radius": "".join(
             f"{audit.condition.title}: {audit.sentence}\n\n" for audit in of_conditions if not audit.has_radius
         ),
         "answer_radius": "; ".join(clauses),
-        "answer_radius_scenes": ", ".join(str(radius.scenes) for radius in over_scenes.values()),
+        "answer_radius_scenes": f"{min(scenes)} to {max(scenes)}",
     }
 
 
@@ -94,8 +101,10 @@ def _radius_cells(audit: ConditionAudit) -> list[str]:
 def _with_range(radius: Radius) -> str:
     if radius.scenes == 1:
         return str(radius)
-    high = decimal(radius.high) if isfinite(radius.high) else "more"
-    return f"{radius} ({decimal(radius.low)} to {high})"
+    if radius.high < FINEST:
+        return f"{radius} in all"
+    high = decimal(radius.high, 1) if isfinite(radius.high) else "more"
+    return f"{radius} ({decimal(radius.low, 1)} to {high})"
 
 
 def _scheme(condition: Condition) -> str:

@@ -93,7 +93,7 @@ def draw_survival() -> None:
 
 what, results = sys.argv[1], Path(*sys.argv[2:] or ["results"])
 if what == "radius":
-    rows = read_results(*sorted(HERE.parent.glob("results/radius/*.csv")))
+    rows = read_results(*(HERE.parent / "results" / run / "results.csv" for run in ("radius", "scenes")))
     conditions = {}
     for audit in audits(rows):
         if audit.has_radius:
