@@ -172,9 +172,10 @@ def paper_facts(rows: Sequence[Result]) -> dict[str, str]:
     splats = shared["splats_in_splats"]
     hider = shared["gs_hider"]
     return {
-        "paper_splats": decimal(splats.paper_message_drop),
-        "paper_hider": decimal(hider.paper_message_drop),
+        "paper_splats": f"{decimal(splats.paper_message_drop)} for {decimal(splats.paper_scene_drop)}",
+        "paper_hider": f"{decimal(hider.paper_message_drop)} for {decimal(hider.paper_scene_drop)}",
         "hider_message": decimal(hider.message_drop),
+        "hider_scene": decimal(hider.scene_drop),
         "answer_paper_scenes": f"{splats.scenes}, {hider.scenes}",
         "answer_pruning_scenes": str(splats.scenes),
     }
@@ -182,7 +183,8 @@ def paper_facts(rows: Sequence[Result]) -> dict[str, str]:
 
 def paper_table(rows: Sequence[Result]) -> str:
     """Return the attacks of the paper's Table 1 that we ran, beside its numbers."""
-    return beside_table([row for row in paper.beside(paper.read_rows(), rows) if row.scenes]).markdown()
+    beside = paper.beside(paper.read_rows(), rows)
+    return beside_table([row for row in beside if row.scenes and row.variant != "gof"]).markdown()
 
 
 def networks_table(rows: Sequence[Result]) -> str:

@@ -154,13 +154,13 @@ def _mark(axes: Axes, known: Sequence[Radius]) -> None:
         radius = of_kind.get(ADAPTS, of_kind.get(PUBLISHED))
         if radius and isfinite(radius.radius) and not radius.exceeds:
             at = min(radius.radius, MOST_DAMAGE)
-            fill = style.MESSAGE if marker == "*" else "none"
-            look: dict[str, Any] = {"markerfacecolor": fill, "markeredgecolor": style.MESSAGE, "clip_on": False}
+            fill = style.INK if marker == "*" else "none"
+            look: dict[str, Any] = {"markerfacecolor": fill, "markeredgecolor": style.INK, "clip_on": False}
             axes.plot(at, max(low, 0.0), marker, markersize=size, zorder=5, **look)
             if kind == "message":
                 killer = display_name(radius.killer.partition("@")[0])
                 axes.annotate(
-                    killer, (at, max(low, 0.0)), (5, 4), textcoords="offset points", fontsize=6.5, color=style.MESSAGE
+                    killer, (at, max(low, 0.0)), (5, 4), textcoords="offset points", fontsize=6.5, color=style.INK
                 )
 
 
