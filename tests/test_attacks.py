@@ -149,8 +149,7 @@ GREEDY = Plugin(attacks=[Attack("greedy", lambda model, rng, key: Attacked.witho
     ],
 )
 def test_a_bad_plug_in_is_named(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:
-    entry = EntryPoint("theirs", f"{__name__}:{target}", plugins.GROUP)
-    monkeypatch.setattr(plugins, "_entries", lambda _: [entry])
+    monkeypatch.setattr(plugins, "_entries", lambda _: [EntryPoint("theirs", f"{__name__}:{target}", plugins.GROUP)])
     with pytest.raises(InputError, match=r"\(entry point 'theirs' of gspure\): .*" + message):
         attacks()
 

@@ -92,11 +92,6 @@ def test_quiet_leaves_out_progress_but_no_warning(asset, capsys):
     assert len(capsys.readouterr().err.splitlines()) > 1
 
 
-def test_closed_errors_are_discarded(asset):
-    command = f"{sys.executable} -m gspure info model.ply 2>&-"
-    assert b"30" in subprocess.run(command, shell=True, capture_output=True, check=True).stdout  # noqa: S602
-
-
 def test_a_shell_completes_commands_options_and_files(asset, capsys):
     pytest.importorskip("shtab", reason="gspure[completion] is not installed")
     assert main(["completion", "bash"]) == 0

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gspure import files
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
 from gspure.files import file_digest
 from gspure.model import read_model
 from gspure.provenance import write_provenance
@@ -156,18 +156,3 @@ def test_bad_input_is_caught_as_python_names_it(tmp_path):
     foreign.write_text("no ply")
     with pytest.raises(ValueError, match="a 3DGS"):
         read_model(foreign)
-
-
-@pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (OSError(13, "denied", ".secret.npy"), "denied"),
-        (ValueError("2\n\n  lines"), "2 lines"),
-        (EOFError(), "EOFError"),
-    ],
-)
-def test_an_error_while_reading_becomes_one_line(error, reason):
-    with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
-        raise error
-    assert str(caught.value) == f"x.json: file: expected JSON, found {reason}"
-    assert caught.value.__cause__ is error

@@ -85,8 +85,7 @@ def test_the_radius_of_every_model_and_condition_is_written(run: Path) -> None:
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
     for name in (NAME, "sis/vault"):
-        drawn = {path.name for path in (run / name / "figures").glob("*.*")}
-        assert drawn == {"attacks.png"}
+        assert {path.name for path in (run / name / "figures").glob("*.*")} == {"attacks.png"}
     of_condition = {path.name for path in (run / "figures" / "sis-shared-both").iterdir()}
     assert of_condition == {"evidence.png", "evidence.svg", "sweep.png", "sweep.svg"}
 

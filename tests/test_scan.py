@@ -22,8 +22,7 @@ ROWS = 4000
 @pytest.fixture(scope="module")
 def plain():
     """A model whose opacities are all drawn."""
-    model = blobs(ROWS)
-    return model.with_columns({"opacity": np.random.default_rng(0).normal(size=ROWS)})
+    return blobs(ROWS).with_columns({"opacity": np.random.default_rng(0).normal(size=ROWS)})
 
 
 @pytest.fixture(scope="module")

@@ -155,7 +155,6 @@ def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
     nearest = np.full(len(public.model), INVISIBLE)
     for view in cameras:
         gaussians_, rows = public.gaussians(view)
-        alone = depth_distances(PublicModel(gaussians_), [view])
-        np.minimum.at(nearest, rows, alone)
+        np.minimum.at(nearest, rows, depth_distances(PublicModel(gaussians_), [view]))
     np.testing.assert_array_equal(distances, nearest)
     assert 0 < (distances < 3).sum() < len(distances)

@@ -69,8 +69,7 @@ def test_the_extent_is_that_of_the_training_cameras(project):
     ],
 )
 def test_views_from_which_nothing_can_be_trained_are_refused(tmp_path, views, points, refused):
-    source = colmap_project(tmp_path / "project", views, points)
-    assert f"training views: expected {refused}" in refusal(source)
+    assert f"training views: expected {refused}" in refusal(colmap_project(tmp_path / "project", views, points))
 
 
 @pytest.fixture
