@@ -30,8 +30,7 @@ def harmonics(seed: int, degree: int) -> PublicModel:
     """Gaussians with quaternions of any norm; each of the last has the centre of the first, and other colours."""
     model = blobs(COUNT, seed, sh_degree=degree)
     others = blobs(COUNT, seed + 1, sh_degree=degree)[: COUNT // 2]
-    centres = {name: model.table[name][: COUNT // 2] for name in "xyz"}
-    return PublicModel(joined(model, others.with_columns(centres)))
+    return PublicModel(joined(model, others.with_columns({name: model.table[name][: COUNT // 2] for name in "xyz"})))
 
 
 def features(seed: int) -> FeatureModel:

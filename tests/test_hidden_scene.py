@@ -29,8 +29,7 @@ from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from tests.models import blobs, camera, without
 from tests.scheme_cases import quality
 
-BANDS = (1, 4, 9, 16)
-colours = st.sampled_from(BANDS).flatmap(
+colours = st.sampled_from((1, 4, 9, 16)).flatmap(
     lambda bands: arrays.arrays(
         np.float32, (2, 3, bands, 3), elements=st.floats(-4, 4, width=32, allow_subnormal=False)
     )
@@ -141,8 +140,7 @@ def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their
 
 def test_the_message_is_read_from_what_survives_in_any_order(embedded):
     public, key = embedded
-    rng = np.random.default_rng(0)
-    kept = rng.permutation(len(public.model))[: len(public.model) // 2]
+    kept = np.random.default_rng(0).permutation(len(public.model))[: len(public.model) // 2]
     attacked = public.with_model(type(public.model)(public.model.table[kept]))
     for extraction in SCHEME.extractions:
         whole, rows = key.revealed(public, extraction)

@@ -15,6 +15,8 @@ from gspure.evaluation.outcomes import with_references
 from gspure.evaluation.paper import (
     ATTACKS,
     TARGETS,
+    Check,
+    Claim,
     beside,
     check_claims,
     mean_psnr,
@@ -55,6 +57,11 @@ def test_the_papers_numbers_that_do_not_follow_from_its_tables() -> None:
         "Original Scene Fidelity": [9.68, 2.21],
         "Watermark Purification Effectiveness": [5.44, 12.97, 4.39],
     }
+
+
+def test_a_claim_of_less_than_a_bound_does_not_hold_at_the_bound() -> None:
+    claim = Claim("Table 1", "words", "score", "gs_hider", "gspure", "", "<", 1.0)
+    assert [Check(claim, recomputed).holds for recomputed in (0.5, 1.0)] == [True, False]
 
 
 def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):

@@ -22,14 +22,10 @@ MARKUP = "price [bold]5[/bold] [/]"
 """Rich would take the first tag for a command, and refuse the last one."""
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
 @pytest.mark.parametrize("run", [lambda: track([1, 2], MARKUP), lambda: watched([0.5], 1, lambda: MARKUP)])
 def test_labels_and_states_are_text_not_markup(monkeypatch, run):
-    terminal = Terminal()
+    terminal = io.StringIO()
+    terminal.isatty = lambda: True
     with monkeypatch.context() as patched:
         patched.setattr(sys, "stderr", terminal)
         patched.setenv("COLUMNS", "200")

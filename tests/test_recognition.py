@@ -34,7 +34,6 @@ FILES = {
         zipped("archive/data.pkl", "archive/data/0"),
         b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.",
         b"\x40" + bytes(7) + b'{"means":',
-        b"\2" + bytes(7) + b"{}",
     ],
     "arrays (export": [zipped("means.npy", "quats.npy"), b"\x93NUMPY\1\0"],
     "a picture (`gspure train`": [b"\x89PNG\r\n", b"\xff\xd8\xff\xe0", b"RIFF\1\2\3\4WEBPVP8L", b"II*\0\x08"],
@@ -93,10 +92,3 @@ def test_renamed_properties_are_listed(tmp_path, names):
     (tmp_path / "m.ply").write_bytes(content)
     with pytest.raises(InputError, match=f"no such property .renamed. It has {' '.join(names.values())}.$"):
         read_model(tmp_path / "m.ply")
-
-
-def test_a_folder_of_models_names_them(tmp_path):
-    for name in ("b.sog", "a.sog", "c.ply"):
-        (tmp_path / name).touch()
-    with pytest.raises(InputError, match=r"name one of a\.sog, b\.sog, c\.ply"):
-        read_model(tmp_path)

@@ -139,7 +139,7 @@ def test_a_cell_of_a_notebook_shows_the_page_of_a_model(tmp_path: Path) -> None:
 def test_large_models_are_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(data, "MOST", 100)
     scales = np.where(np.arange(600) < 50, 10, 0.1)[:, None] * np.ones(3)
-    view = view_of({"model": PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))}, [])
-    (cloud,) = view["clouds"]
+    model = PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))
+    (cloud,) = view_of({"model": model}, [])["clouds"]
     assert (cloud["splats"], cloud["of"]) == (100, 600)
     assert (unpacked(cloud)["scales"][:, 0] > 5).sum() > 40
