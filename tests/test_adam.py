@@ -86,5 +86,4 @@ def test_steps_agree_with_the_reference(device, style, count, first_step):
         assert (errors[0] <= 5e-5 * rate + 3e-7 * np.abs(state[0])).all()
         assert (errors[1] <= 1e-6 * most).all()
         assert (errors[2] <= 1e-8 * most**2 + 1e-37).all()
-    renderers = model.rows(model.storage.geometry)
-    np.testing.assert_allclose(renderers, activated(states[0][0])[0], rtol=1e-5)
+    np.testing.assert_allclose(model.rows(model.storage.geometry), activated(states[0][0])[0], rtol=1e-5)

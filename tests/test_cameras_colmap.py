@@ -222,8 +222,7 @@ def test_the_command_writes_a_capture_without_distortion(tmp_path):
     for name, (_, _, width, height, _) in {"left": lenses[0], "right": lenses[1]}.items():
         (source / "images" / name).mkdir(parents=True)
         Image.new("RGB", (width, height)).save(source / "images" / name / "0001.jpg")
-    out = tmp_path / "flat" / "cameras.json"
-    assert main(["cameras", str(source), "--undistort", "--out", str(out)]) == 0
+    assert main(["cameras", str(source), "--undistort", "--out", str(tmp_path / "flat" / "cameras.json")]) == 0
     views = read_cameras(tmp_path / "flat")
     assert [view.name for view in views] == [view.name for view in read_lenses(source)]
     assert all(view.image.parent == tmp_path / "flat" / "images" and view.image.is_file() for view in views)

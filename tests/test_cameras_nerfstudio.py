@@ -98,8 +98,7 @@ def test_a_lens_other_than_a_pinhole_is_refused_with_a_remedy(tmp_path, change, 
 )
 def test_a_bad_value_is_refused_by_file_and_field(tmp_path, change, field):
     shared = {key: value for key, value in SHARED.items() if key not in change}
-    path = written(tmp_path, {**shared, "frames": [FRAME | change]})
-    assert_refused(path, f"frames[0].{field}")
+    assert_refused(written(tmp_path, {**shared, "frames": [FRAME | change]}), f"frames[0].{field}")
 
 
 def test_a_pose_that_is_not_finite_is_left_out_of_splits_too(tmp_path, capsys):

@@ -73,8 +73,7 @@ def test_nerfstudios_normalization_is_applied(tmp_path, place, dialect, capsys):
         colmap_project(tmp_path / "capture", views, MEANS)
     model, capture = normalized(tmp_path, place)
     if dialect == "applied":
-        content = transforms(views, APPLIED) | {"applied_transform": APPLIED.tolist()}
-        write_json(capture / "transforms.json", content)
+        write_json(capture / "transforms.json", transforms(views, APPLIED) | {"applied_transform": APPLIED.tolist()})
     elif dialect == "old":
         (capture / "colmap" / "sparse" / "0").mkdir(parents=True)
         write_json(capture / "transforms.json", transforms(views, IMPLIED))

@@ -44,8 +44,7 @@ BROKEN_SCHEMES = {
 
 @pytest.mark.parametrize(("rule", "fault"), [("", {}), *BROKEN_SCHEMES.items()])
 def test_a_scheme_fails_the_check_of_the_rule_that_it_breaks(rule, fault, pair, tmp_path) -> None:
-    scheme = replace(PLANTED, **fault)
-    found = [*scheme_checks(scheme, pair, {"gaussians": 300}, tmp_path)]
+    found = [*scheme_checks(replace(PLANTED, **fault), pair, {"gaussians": 300}, tmp_path)]
     assert [check.name for check in found if check.is_rule and not check.passed] == [rule] * bool(rule)
     assert len(found) == 9
 

@@ -42,13 +42,6 @@ def blobs(*centres: float, each: int = 100, scattered: int = 0) -> np.ndarray:
     return np.concatenate([*tight, rng.uniform(-3, max(centres) + 3, (scattered, 3))])
 
 
-def reachability(points: np.ndarray, min_samples: int) -> np.ndarray:
-    """The definition, in O(K^2)."""
-    distances = np.linalg.norm(points[:, None] - points[None], axis=-1)
-    core = np.sort(distances, axis=1)[:, min_samples]  # the point itself comes first
-    return np.maximum(distances, np.maximum(core[:, None], core[None]))
-
-
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 10**6), st.integers(2, 120), st.integers(1, 15), st.booleans())
 def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, min_samples: int, rounded: bool) -> None:
@@ -59,7 +52,9 @@ def test_tree_is_a_minimum_spanning_tree_by_brute_force(seed: int, count: int, m
     edges = csr_array((np.ones(len(tree)), (a, b)), shape=(count, count))
     assert len(tree) == count - 1
     assert connected_components(edges)[0] == 1
-    distances = reachability(points, min(min_samples, count - 1))
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    core = np.sort(apart, axis=1)[:, min(min_samples, count - 1)]  # the point itself comes first
+    distances = np.maximum(apart, np.maximum(core[:, None], core[None]))
     shortest = minimum_spanning_tree(distances + 1)  # 0 would be no edge
     np.testing.assert_allclose(tree[:, 2], np.sort(shortest.data) - 1, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(tree[:, 2], distances[a, b], rtol=1e-9, atol=1e-12)

@@ -32,8 +32,7 @@ def embedded(pair_folder, tmp_path_factory):
     folder = tmp_path_factory.mktemp("embedded")
     shutil.copytree(pair_folder, folder / "pair")
     for name, seed in (("marked", 0), ("other", 1)):
-        words = f"embed planted {folder}/pair --set gaussians=300 --seed {seed} --out {folder}/{name}"
-        assert gspure(words) == 0
+        assert gspure(f"embed planted {folder}/pair --set gaussians=300 --seed {seed} --out {folder}/{name}") == 0
     return folder
 
 

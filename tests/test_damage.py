@@ -57,8 +57,7 @@ def test_a_hole_is_damage_and_a_changed_background_is_none():
     masks = [np.broadcast_to(half, (36, 48))] * 2
     holed = Shown([np.where(half[:, None], image, 0.0) for image in BEFORE.images], masks)
     assert damage(PHOTOGRAPHS, BEFORE, holed) > 10
-    before = BEFORE._replace(covered=masks)
-    assert damage(PHOTOGRAPHS, before, holed) == pytest.approx(0, abs=0.01)
+    assert damage(PHOTOGRAPHS, BEFORE._replace(covered=masks), holed) == pytest.approx(0, abs=0.01)
     assert (coverage_lost(BEFORE, holed), coverage_lost(holed, BEFORE)) == (0.5, 0.0)
     blank = Shown(holed.images, [np.zeros((36, 48), np.bool_)] * 2)
     assert np.isnan([damage(PHOTOGRAPHS, blank, holed), fidelity(blank, holed)]).all()

@@ -34,7 +34,6 @@ def test_the_threshold_of_bits_is_the_lowest_that_keeps_the_rate(bits, rate):
         (16, 13, 8, False),  # as many as chance explains
         (16, 14, 14, False),  # as many as with a wrong key
         (6, 6, 3, False),  # chance explains any number
-        (1, 1, 0, False),
         *((bits, int(Threshold.at_rate(0.01, bits).value), 0, False) for bits in (24, 30, 48, 56, 96, 131)),
     ],
 )
@@ -62,8 +61,7 @@ def test_the_threshold_of_scores_is_that_of_clean_views_and_the_rate_of_few_is_n
 
 @pytest.mark.parametrize("hits", [0, 1, 4])
 def test_the_p_of_a_mark_is_that_of_as_many_views_above_the_threshold(hits):
-    readings = [Reading(str(i), 100.0 if i < hits else 50.0, 32, "") for i in range(4)]
-    read = detection(readings, [])
+    read = detection([Reading(str(i), 100.0 if i < hits else 50.0, 32, "") for i in range(4)], [])
     rate = Threshold.at_rate(0.01, 32).rate
     assert (read.tpr, read.level) == (hits / 4, 50 + 12.5 * hits)
     assert read.p == pytest.approx(binom.sf(hits - 1, 4, rate))

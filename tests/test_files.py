@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gspure import files
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
-from gspure.errors import InputError, reading
+from gspure.errors import InputError
 from gspure.files import file_digest
 from gspure.model import read_model
 from gspure.provenance import write_provenance
@@ -148,26 +148,9 @@ def test_a_message_is_one_printable_line_whatever_a_file_holds(source, field, ex
 
 
 def test_bad_input_is_caught_as_python_names_it(tmp_path):
-    absent = tmp_path / "absent.ply"
-    foreign = tmp_path / "foreign.ply"
-    with pytest.raises(FileNotFoundError) as caught:
-        read_model(absent)
-    assert str(caught.value) == f"{absent}: no such file"
-    foreign.write_text("no ply")
+    file = tmp_path / "model.ply"
+    with pytest.raises(FileNotFoundError, match=r"model\.ply: no such file$"):
+        read_model(file)
+    file.write_text("no ply")
     with pytest.raises(ValueError, match="a 3DGS"):
-        read_model(foreign)
-
-
-@pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (OSError(13, "denied", ".secret.npy"), "denied"),
-        (ValueError("2\n\n  lines"), "2 lines"),
-        (EOFError(), "EOFError"),
-    ],
-)
-def test_an_error_while_reading_becomes_one_line(error, reason):
-    with pytest.raises(InputError) as caught, reading("x.json", "JSON"):
-        raise error
-    assert str(caught.value) == f"x.json: file: expected JSON, found {reason}"
-    assert caught.value.__cause__ is error
+        read_model(file)

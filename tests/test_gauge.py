@@ -30,8 +30,7 @@ def harmonics(seed: int, degree: int) -> PublicModel:
     """Gaussians with quaternions of any norm; each of the last has the centre of the first, and other colours."""
     model = blobs(COUNT, seed, sh_degree=degree)
     others = blobs(COUNT, seed + 1, sh_degree=degree)[: COUNT // 2]
-    centres = {name: model.table[name][: COUNT // 2] for name in "xyz"}
-    return PublicModel(joined(model, others.with_columns(centres)))
+    return PublicModel(joined(model, others.with_columns({name: model.table[name][: COUNT // 2] for name in "xyz"})))
 
 
 def features(seed: int) -> FeatureModel:
@@ -75,8 +74,7 @@ def test_no_render_shows_other_frames_orders_or_bases_of_features(kind: str, ene
 @pytest.mark.parametrize("kind", ["3", "features", "anchors"])
 def test_an_owner_who_adapts_gets_frames_and_features_back(kind: str) -> None:
     original = public(kind, 0).model[:COUNT]
-    published = public(kind, 0).with_model(original)
-    back = registered(gauged(published, 3), original).model
+    back = registered(gauged(public(kind, 0).with_model(original), 3), original).model
     order = [np.flatnonzero(back.table["x"] == x)[0] for x in original.table["x"]]
     for name in original.names:
         np.testing.assert_allclose(back.table[name][order], original.table[name], atol=1e-4, err_msg=name)

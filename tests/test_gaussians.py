@@ -51,8 +51,7 @@ def test_parameters_of_gsplat_mean_the_same_and_return_unchanged(degree):
     np.testing.assert_array_equal(colours, model.sh_coeffs)
     np.testing.assert_allclose(np.exp(splats["scales"]), model.scales, rtol=1e-6)
     np.testing.assert_allclose(1 / (1 + np.exp(-splats["opacities"])), model.opacities, rtol=1e-6)
-    restored = Gaussians.from_gsplat(splats)
-    assert restored.columns(*model.names).tobytes() == model.columns(*model.names).tobytes()
+    assert Gaussians.from_gsplat(splats).columns(*model.names).tobytes() == model.columns(*model.names).tobytes()
 
 
 @pytest.mark.parametrize(("name", "shape"), [("opacities", (7, 1)), ("shN", (7, 24, 3)), ("scales", None)])

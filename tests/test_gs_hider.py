@@ -15,13 +15,8 @@ from gspure.schemes.scheme import hide  # noqa: E402
 from tests.scheme_cases import quality  # noqa: E402
 
 
-def test_scene_and_message_are_learned_from_one_map(pair):
-    def qualities(public, key):
-        return np.array([quality(public.scene(), pair.scene), quality(key.message(public, "message"), pair.message)])
-
+def test_a_wrong_key_shows_less_of_the_message(pair):
     public, key = hide(SCHEME, pair, iterations=40)
-    untrained_public, untrained_key = hide(SCHEME, pair, iterations=1)
-    assert (qualities(public, key) > qualities(untrained_public, untrained_key) + 3).all()
     stranger = key.wrong(np.random.default_rng(0)).message(public, "message")
     assert quality(stranger, pair.message) < quality(key.message(public, "message"), pair.message) - 3
 

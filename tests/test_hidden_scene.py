@@ -29,8 +29,7 @@ from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping, fit
 from tests.models import blobs, camera, without
 from tests.scheme_cases import quality
 
-BANDS = (1, 4, 9, 16)
-colours = st.sampled_from(BANDS).flatmap(
+colours = st.sampled_from((1, 4, 9, 16)).flatmap(
     lambda bands: arrays.arrays(
         np.float32, (2, 3, bands, 3), elements=st.floats(-4, 4, width=32, allow_subnormal=False)
     )
@@ -63,8 +62,7 @@ def test_a_shown_colour_keeps_sign_and_exponent_and_the_rest_of_its_bits(pair, s
 
 
 def test_invalid_values_become_finite_and_bounded():
-    rng = np.random.default_rng(0)
-    words = rng.integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
+    words = np.random.default_rng(0).integers(0, 2**32, (4096, 16, 3), dtype=np.uint32)
     extracted = extract(words.view(np.float32), SHIFT)
     assert np.isfinite(extracted).all()
     assert np.abs(extracted).max() == LARGEST
@@ -72,8 +70,7 @@ def test_invalid_values_become_finite_and_bounded():
 
 
 def sequence(count, seed=0):
-    rng = np.random.default_rng(seed)
-    shown = rng.uniform(0, 1, count).astype(np.float32)
+    shown = np.random.default_rng(seed).uniform(0, 1, count).astype(np.float32)
     return shown, (0.9 - 0.6 * shown).astype(np.float32)
 
 
@@ -143,8 +140,7 @@ def test_a_hardened_message_lies_on_rows_that_the_scene_needs_and_outlives_their
 
 def test_the_message_is_read_from_what_survives_in_any_order(embedded):
     public, key = embedded
-    rng = np.random.default_rng(0)
-    kept = rng.permutation(len(public.model))[: len(public.model) // 2]
+    kept = np.random.default_rng(0).permutation(len(public.model))[: len(public.model) // 2]
     attacked = public.with_model(type(public.model)(public.model.table[kept]))
     for extraction in SCHEME.extractions:
         whole, rows = key.revealed(public, extraction)
@@ -198,8 +194,7 @@ def test_injected_rows_do_not_hide_those_of_the_original_and_a_foreign_model_doe
 def test_a_far_row_of_the_original_does_not_widen_what_is_exact(far):
     original = blobs(100).means.copy()
     original[0, 0] += far
-    moved_rows = original[1:] + np.float32(1e-4)
-    assert (exact_matches(original, moved_rows) < 0).all()
+    assert (exact_matches(original, original[1:] + np.float32(1e-4)) < 0).all()
     assert exact_matches(original, original).tolist() == list(range(100))
 
 
@@ -225,8 +220,7 @@ def test_a_model_that_did_not_move_or_is_foreign_stays_bit_identical(count):
 
 def test_extract_undoes_an_unknown_motion(tmp_path):
     model = blobs(200)
-    mapping = OpacityMapping.fresh(np.random.default_rng(0))
-    SplatsInSplatsKey(model.means, mapping, 12, model).write(tmp_path / "key")
+    SplatsInSplatsKey(model.means, OpacityMapping.fresh(np.random.default_rng(0)), 12, model).write(tmp_path / "key")
     write_model(tmp_path / "model.ply", model)
     write_model(tmp_path / "moved.ply", moved(model, np.array([0.5, -1.0, 2.0]), np.array([3.0, 0.0, -7.0]), 2.0))
     write_cameras(tmp_path / "cameras.json", [camera()])

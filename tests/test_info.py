@@ -58,8 +58,7 @@ def test_bad_rows_are_counted_and_named():
 
 
 def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
-    model = tmp_path / "point_cloud" / "iteration_1" / "point_cloud.ply"
-    write_model(model, blobs(3).with_comment("\x1b[2J"))
+    write_model(tmp_path / "point_cloud" / "iteration_1" / "point_cloud.ply", blobs(3).with_comment("\x1b[2J"))
     (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
     assert main(["info", str(tmp_path)]) == 0
     assert all(line.isprintable() for line in capsys.readouterr().out.split("\n"))
@@ -150,8 +149,7 @@ def test_ordinary_models_raise_no_doubt(model):
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("model", [*(scaled(blobs(200), factor) for factor in (1e-2, 1, 1e5)), uniform(0.01, 5)])
 def test_linear_scales_are_named_with_their_inverse(model):
-    line = doubts(linear(model))[0]
-    assert "ln(scale)" in line
+    assert "ln(scale)" in doubts(linear(model))[0]
 
 
 @pytest.mark.parametrize("value", [None, 1.0])

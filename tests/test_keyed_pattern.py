@@ -129,6 +129,5 @@ def test_detect_certifies_and_says_whether_the_key_is_the_committed_one(owned, p
     streams = capsys.readouterr()
     assert "other than committed: the key" in streams.err
     assert "holds" not in streams.out
-    commitment = read_json(tmp_path / "commitment.json")
-    write_json(tmp_path / "commitment.json", {"scheme": commitment["scheme"]})
+    write_json(tmp_path / "commitment.json", {"scheme": read_json(tmp_path / "commitment.json")["scheme"]})
     assert main(words) == 2

@@ -149,8 +149,7 @@ def test_transparent_photographs_are_compared_on_the_background_of_the_renders(t
 @pytest.mark.parametrize("shape", [(1, 1, 3), (5, 40, 3), (12, 11, 1), (47, 23, 3), (200, 61, 3)])
 @pytest.mark.parametrize("values", [1, 700, 5000])
 def test_metrics_do_not_depend_on_the_strips_they_are_computed_in(shape, values, monkeypatch) -> None:
-    rng = np.random.default_rng(4)
-    a, b = rng.random((2, *shape), np.float32)
+    a, b = np.random.default_rng(4).random((2, *shape), np.float32)
     whole = [metric.compute(a, b) for metric in METRICS.values()]
     monkeypatch.setattr(metrics, "_STRIP", values)
     np.testing.assert_allclose([metric.compute(a, b) for metric in METRICS.values()], whole, rtol=1e-12, atol=1e-15)

@@ -76,12 +76,10 @@ def test_a_model_with_cameras_is_aligned_with_the_photographs(photographed, tmp_
     rotation = Rotation.random(random_state=rng)
     by = Similarity(2.5, rotation.as_matrix(), rng.normal(size=3))
     folder = tmp_path / "trained"
-    turned = moved(read_model(model), rotation.as_rotvec(), by.translation, by.scale)
-    write_model(folder / "point_cloud.ply", turned)
+    write_model(folder / "point_cloud.ply", moved(read_model(model), rotation.as_rotvec(), by.translation, by.scale))
     write_cameras(folder / "cameras.json", [replace(by.camera(camera), image=None) for camera in read_cameras(project)])
     out = tmp_path / "pair"
     assert main(["pair", str(project), str(folder), "--out", str(out), "--resolution", "native"]) == 0
     assert "message aligned with the scene" in capsys.readouterr().err
     xyz = read_point_ply(out / "message" / "points3D.ply")[0]
-    means = read_model(model).means
-    assert all(np.abs(means - point).max(axis=1).min() < 1e-4 for point in xyz)
+    assert all(np.abs(read_model(model).means - point).max(axis=1).min() < 1e-4 for point in xyz)

@@ -155,11 +155,9 @@ def test_bytes_after_the_last_row_are_not_read(tmp_path, capsys, encoding, more)
 
 HEADERS = {
     "blanks": lambda text: text.replace(b"\n", b" \t\n"),
-    "blanks before": lambda text: b"ply\n  " + text[4:].replace(b"\n", b"\n  ").removesuffix(b"  "),
     "blanks between": lambda text: text.replace(b" ", b"\t  "),
     "empty lines": lambda text: text.replace(b"\nproperty", b"\n\n \nproperty"),
     "all, on Windows": lambda text: text.replace(b" ", b"  ").replace(b"\n", b" \r\n").replace(b"e ", b"e  "),
-    "empty lines of an old Mac": lambda text: text.replace(b"\n", b"\r").replace(b"\rprop", b"\r\rprop"),
 }
 
 
@@ -224,7 +222,6 @@ REFUSED = {
     },
     "no f_dc": (of_columns([*CORE, *(f"f_rest_{i}" for i in range(9))]), "f_dc_0"),
     "points": (of_columns(["x", "y", "z"]), "opacity"),
-    "a mesh": (of_columns(["x", "y", "z"]).replace(b"end_header", FACES), "opacity"),
     "a list": (of_columns(CORE).replace(b"end_header", b"property list uchar float sh\nend_header"), "sh"),
     "a row less": (WHOLE[:-44], "element vertex"),
     "no rows": (of_columns(CORE, 0), "element vertex"),

@@ -49,8 +49,7 @@ def test_anchors_with_networks_of_another_program_or_model_are_refused(tmp_path)
     write_networks(tmp_path / NETWORKS, random_public(k=5).networks)
     with pytest.raises(InputError, match=r"f_offset_\*: expected 15 properties, found 12 properties"):
         AnchorModel.read(tmp_path)
-    mixed = {**random_public().networks, "cov": random_public(k=5).networks["cov"]}
-    write_networks(tmp_path / NETWORKS, mixed)
+    write_networks(tmp_path / NETWORKS, {**random_public().networks, "cov": random_public(k=5).networks["cov"]})
     with pytest.raises(InputError, match=f"{NETWORKS}: cov: expected"):
         AnchorModel.read(tmp_path)
     (tmp_path / NETWORKS).rename(tmp_path / "opacity_mlp.pt")

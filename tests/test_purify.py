@@ -146,11 +146,9 @@ def test_repair_raises_the_psnr_of_the_scene_and_keeps_the_rows(command: list[st
     assert main([*command, *settings, "--repair", "60"]) == 0
     diagnosis = read_json(OUT / "diagnosis.json")
     rows = len(read_model(OUT / "purified.ply"))
-    before = diagnosis["psnr_before_repair"]["mean"]
-    after = diagnosis["psnr"]["mean"]
+    before, after = (diagnosis[name]["mean"] for name in ("psnr_before_repair", "psnr"))
     assert after > before + 1
-    printed = capsys.readouterr().out
-    assert re.search(rf"before repair +PSNR {before:.1f} dB.*\nrenders +PSNR {after:.1f} dB", printed)
+    assert re.search(rf"before repair +PSNR {before:.1f} dB.*\nrenders +PSNR {after:.1f} dB", capsys.readouterr().out)
     assert [*(OUT / "renders" / "pruned").glob("*.png")]
     assert main([*command, *settings]) == 0
     assert read_json(OUT / "diagnosis.json")["psnr"]["mean"] == before

@@ -16,7 +16,6 @@ from tests.models import camera
 NAMES = ["room", "vault", "interior-1", "landscape-1", "object-1"]
 GREY = (plain("#808080"),)
 DARK = Lamp((0.0, 0.0, 100.0), 1.0, (0.0, 0.0, 0.0))
-FLOOR = Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY)
 SOLIDS = {
     "box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY),
     "turned box": Box((0.3, -0.2, 1.0), (1.0, 2.0, 0.5), GREY, yaw=0.7),
@@ -80,7 +79,7 @@ def test_depth_of_a_sphere_is_the_analytic_one_along_rays_through_pixel_centres(
 
 
 def test_an_open_floor_gathers_exactly_the_sky():
-    scene = lit(FLOOR, sky=(0.6, 0.6, 0.6))
+    scene = lit(Box((0.0, 0.0, -0.5), (4.0, 4.0, 1.0), GREY), sky=(0.6, 0.6, 0.6))
     places = np.array([[0.1, 0.9], [0.5, 0.5]])
     assert scene.radiance(0, np.array([5, 5]), places)[:, 0] == pytest.approx(0.6 * reflectance("#808080")[0])
 

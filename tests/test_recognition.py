@@ -27,28 +27,16 @@ FILES = {
     "a git-annex pointer (run `git annex get`)": [b"/annex/objects/MD5E-s123--ab.ply\n"],
     "a web page (download": [b"\n<!DOCTYPE html>\n<html>", b"\xef\xbb\xbf<html lang='de'>", b"<?xml version='1.0'?>"],
     "text, 'Entry not found' (download": [b"Entry not found\n"],
-    "text, 'ungültig' (download": ["ungültig\n".encode()],
     "a film or picture (": [b"\0\0\0\x18ftypmp42"],
     "a gzip archive (unpack it": [gzip.compress(b"ply\nformat", mtime=0)],
-    "an archive (unpack it": [
-        zipped("a/model.ply", "cfg_args"),
-        b"7z\xbc\xaf\x27\x1c\0\4",
-        bytes(257) + b"ustar\0\0\0",
-    ],
+    "an archive (unpack it": [zipped("a/model.ply", "cfg_args"), b"7z\xbc\xaf\x27\x1c\0\4"],
     "a PyTorch checkpoint (export a .ply": [
         zipped("archive/data.pkl", "archive/data/0"),
         b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19.",
         b"\x40" + bytes(7) + b'{"means":',
-        b"\2" + bytes(7) + b"{}",
     ],
     "arrays (export": [zipped("means.npy", "quats.npy"), b"\x93NUMPY\1\0"],
-    "a picture (`gspure train`": [
-        b"\x89PNG\r\n",
-        b"\xff\xd8\xff\xe0",
-        b"GIF89a",
-        b"RIFF\1\2\3\4WEBPVP8L",
-        b"II*\0\x08",
-    ],
+    "a picture (`gspure train`": [b"\x89PNG\r\n", b"\xff\xd8\xff\xe0", b"RIFF\1\2\3\4WEBPVP8L", b"II*\0\x08"],
     "a mesh (`gspure train`": [b"# Blender\n\n# www\nmtllib a.mtl\nv 0 0 0\n", b"glTF\2\0\0\0", b"solid cube\nfacet"],
     "Gaussians in glTF (save it": [
         b"glTF\2\0\0\0" + b' {"extensionsUsed": ["KHR_gaussian_splatting"]}',
@@ -104,10 +92,3 @@ def test_renamed_properties_are_listed(tmp_path, names):
     (tmp_path / "m.ply").write_bytes(content)
     with pytest.raises(InputError, match=f"no such property .renamed. It has {' '.join(names.values())}.$"):
         read_model(tmp_path / "m.ply")
-
-
-def test_a_folder_of_models_names_them(tmp_path):
-    for name in ("b.sog", "a.sog", "c.ply"):
-        (tmp_path / name).touch()
-    with pytest.raises(InputError, match=r"name one of a\.sog, b\.sog, c\.ply"):
-        read_model(tmp_path)

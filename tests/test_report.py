@@ -60,11 +60,6 @@ def page(run: Path) -> str:
     return (run / "report.html").read_text()
 
 
-def text_of(page: str) -> str:
-    visible = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
-    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", visible)).split())
-
-
 def test_all_tables_are_written_and_name_what_is_missing(run: Path) -> None:
     assert {path.name for path in (run / "tables").iterdir()} == {"results.csv", "results.md"}
     rows = [*csv.DictReader((run / "tables" / "results.csv").read_text().splitlines())]
@@ -85,14 +80,14 @@ def test_the_radius_of_every_model_and_condition_is_written(run: Path) -> None:
 
 def test_the_figures_of_models_and_conditions_are_drawn(run: Path) -> None:
     for name in (NAME, "sis/vault"):
-        drawn = {path.name for path in (run / name / "figures").glob("*.*")}
-        assert drawn == {"attacks.png"}
+        assert {path.name for path in (run / name / "figures").glob("*.*")} == {"attacks.png"}
     of_condition = {path.name for path in (run / "figures" / "sis-shared-both").iterdir()}
     assert of_condition == {"evidence.png", "evidence.svg", "sweep.png", "sweep.svg"}
 
 
 def test_the_page_answers_first_and_tells_what_is_missing(run: Path, page: str) -> None:
-    text = text_of(page)
+    visible = re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL)
+    text = " ".join(html.unescape(re.sub(r"<[^>]+>", " ", visible)).split())
     assert text.index("BROKEN: the message is gone at ") < 200
     assert text.index("2 scenes, 1 seed") < text.index("scene, published") < text.index("attack (click") < 1500
     assert "What it does." in text

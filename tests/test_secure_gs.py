@@ -8,7 +8,7 @@ from gspure.schemes.secure_gs.anchors import neural, visible_rows
 from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
 from gspure.schemes.secure_gs.initialization import first_anchors
 from tests.anchor_cases import random_key, random_public
-from tests.models import blobs, camera, tilted_camera, without
+from tests.models import blobs, camera, tilted_camera
 from tests.reference.projection import Splats, project
 
 VIEW = camera()
@@ -73,17 +73,6 @@ def test_a_view_has_the_anchors_whose_squares_reach_its_tiles(view):
     rows = visible_rows(view, model.means, model.quats, model.scales)
     assert rows.tolist() == sorted(expected)
     assert 20 < len(rows) < 380
-
-
-def test_pruning_anchors_removes_exactly_their_gaussians():
-    public = random_public()
-    view = VIEWS[1]
-    pruned = np.random.default_rng(1).random(40) < 0.4
-    whole, rows = public.gaussians(view)
-    left, owners = without(public, pruned).gaussians(view)
-    assert np.flatnonzero(~pruned)[owners].tolist() == rows[~pruned[rows]].tolist()
-    names = whole.table.dtype.names
-    np.testing.assert_allclose(left.columns(*names), whole[~pruned[rows]].columns(*names), rtol=1e-4, atol=1e-5)
 
 
 def test_numpy_and_torch_make_the_same_gaussians():

@@ -26,7 +26,6 @@ SPEC = importlib.util.spec_from_file_location("site_pages", ROOT / "setup" / "si
 site = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(site)
 
-TUTORIAL = ROOT / "docs" / "tutorial.md"
 SMALLER = {
     "gspure pair": " --width 48 --height 36",
     "gspure embed": " --set iterations=30 --set max_gaussians=600",
@@ -39,7 +38,7 @@ def test_the_tutorial_runs_and_writes_the_files_that_it_names(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     for name, value in {"NODE_SPACING": 0.5, "DIRECTIONS": 4, "LAMP_SAMPLES": 2}.items():
         monkeypatch.setattr(lighting, name, value)  # light maps that are quick to bake
-    _, *parts = re.split("^```(?:sh)?\n", TUTORIAL.read_text(), flags=re.MULTILINE)
+    _, *parts = re.split("^```(?:sh)?\n", (ROOT / "docs" / "tutorial.md").read_text(), flags=re.MULTILINE)
     for commands, text in zip(parts[::2], parts[1::2], strict=True):
         for line in commands.splitlines():
             smaller = line + next((more for start, more in SMALLER.items() if line.startswith(start)), "")

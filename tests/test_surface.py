@@ -20,9 +20,6 @@ from tests.anchor_cases import random_public
 from tests.models import camera, gaussians, joined, tilted_camera
 from tests.reference.opacity_field import opacity_field
 
-RADIUS = 1.0
-THICKNESS = 0.02
-
 
 def directions(count):
     """Points spread evenly over the unit sphere (Fibonacci)."""
@@ -31,20 +28,13 @@ def directions(count):
     return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=1)
 
 
-def ball(count=300, radius=RADIUS, opacity=0.95):
+def ball(count=300, radius=1.0, opacity=0.95):
     """Discs that tile a sphere, flat along its radius."""
     normals = directions(count)
     # (1 + n.z, z x n) turns the z axis onto n
     quats = np.stack([1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(count)], axis=1)
     side = 1.2 * radius * np.sqrt(4 * np.pi / count) / 2
-    return gaussians(means=radius * normals, quats=quats, scales=[side, side, THICKNESS], opacities=opacity)
-
-
-def populated():
-    """A ball; a layer hidden in it; a floater in its middle; faint floaters around it. With the part of each row."""
-    faint = gaussians(means=1.7 * directions(12), scales=0.05, opacities=0.3)
-    parts = [ball(), ball(80, radius=0.6), gaussians(means=[0, 0, 0], scales=0.05, opacities=0.9), faint]
-    return joined(*parts), np.repeat(np.arange(4), [len(part) for part in parts])
+    return gaussians(means=radius * normals, quats=quats, scales=[side, side, 0.02], opacities=opacity)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +126,10 @@ def test_distances_are_in_units_of_the_largest_scale():
 
 @pytest.mark.parametrize("method", ["mesh", "depth"])
 def test_the_surface_is_kept_and_what_hides_or_floats_is_dropped(method, views):
-    model, part = populated()
+    # A ball; a layer hidden in it; a floater in its middle; faint floaters around it.
+    faint = gaussians(means=1.7 * directions(12), scales=0.05, opacities=0.3)
+    parts = [ball(), ball(80, radius=0.6), gaussians(means=[0, 0, 0], scales=0.05, opacities=0.9), faint]
+    model, part = joined(*parts), np.repeat(np.arange(4), [len(part) for part in parts])
     wider = smoothed(model, views)
     if method == "mesh":
         distances = mesh_distances(wider, extract_mesh(wider, views))
@@ -155,7 +148,6 @@ def test_an_anchor_is_as_near_as_the_nearest_of_its_gaussians():
     nearest = np.full(len(public.model), INVISIBLE)
     for view in cameras:
         gaussians_, rows = public.gaussians(view)
-        alone = depth_distances(PublicModel(gaussians_), [view])
-        np.minimum.at(nearest, rows, alone)
+        np.minimum.at(nearest, rows, depth_distances(PublicModel(gaussians_), [view]))
     np.testing.assert_array_equal(distances, nearest)
     assert 0 < (distances < 3).sum() < len(distances)

@@ -90,7 +90,6 @@ def test_a_fast_run_keeps_its_budget_and_learns_the_views(fast):
 @pytest.mark.parametrize(("whole", "schedule"), [("trained", ()), ("fast", FAST)])
 def test_a_killed_run_resumed_gives_the_same_file(whole, schedule, project, request, tmp_path, monkeypatch, capsys):
     trained = request.getfixturevalue(whole)
-
     write = output.write_checkpoint
 
     def write_and_die(*args):

@@ -35,8 +35,7 @@ def purified(count: int, tau_c: float = 4.0, tau_n: float = 4.0) -> Purified:
     labels[:4] = range(4)
     weights = np.where(rng.random(count) < 0.3, 0, rng.random(count)).astype(np.float32) * np.float32(4.0) ** -labels
     hidden = rng.random(count).astype(np.float32)
-    public = PublicModel(gaussians(means=means, scales=0.1))
-    return Purified(public, labels, weights, hidden, tau_c, tau_n)
+    return Purified(PublicModel(gaussians(means=means, scales=0.1)), labels, weights, hidden, tau_c, tau_n)
 
 
 def written(path: Path, shown: Purified, cameras: Sequence[Camera] = ()) -> dict[str, Any]:
@@ -103,8 +102,7 @@ def test_each_anchor_is_shown_with_its_gaussians(tmp_path: Path) -> None:
     anchors = random_public()
     rows = np.concatenate([anchors.gaussians(view)[1] for view in orbit_cameras(anchors.model, count=4)])
     shown = Purified(anchors, np.full(40, -1, np.int32), np.linspace(0, 1, 40, dtype=np.float32))
-    data = written(tmp_path, shown, orbit_cameras(anchors.model, count=4))
-    (cloud,) = data["clouds"]
+    (cloud,) = written(tmp_path, shown, orbit_cameras(anchors.model, count=4))["clouds"]
     assert len(np.unique(rows)) <= cloud["splats"] < len(rows)
     assert cloud["starts"][0] == 0
     assert cloud["starts"][-1] == cloud["splats"]
@@ -141,7 +139,7 @@ def test_a_cell_of_a_notebook_shows_the_page_of_a_model(tmp_path: Path) -> None:
 def test_large_models_are_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(data, "MOST", 100)
     scales = np.where(np.arange(600) < 50, 10, 0.1)[:, None] * np.ones(3)
-    view = view_of({"model": PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))}, [])
-    (cloud,) = view["clouds"]
+    model = PublicModel(gaussians(means=RNG.normal(size=(600, 3)), scales=scales))
+    (cloud,) = view_of({"model": model}, [])["clouds"]
     assert (cloud["splats"], cloud["of"]) == (100, 600)
     assert (unpacked(cloud)["scales"][:, 0] > 5).sum() > 40

@@ -84,8 +84,7 @@ def blender_scene(folder: Path, splits: dict[str, list[Camera]], model) -> Path:
             pose = np.linalg.inv(view.viewmat) @ np.diag([1.0, -1, -1, 1])
             frames.append({"file_path": f"./{split}/r_{i}", "transform_matrix": pose.tolist()})
         angle = 2 * np.arctan(views[0].width / 2 / views[0].K[0, 0])
-        content = {"camera_angle_x": angle, "frames": frames}
-        (folder / f"transforms_{split}.json").write_text(json.dumps(content))
+        (folder / f"transforms_{split}.json").write_text(json.dumps({"camera_angle_x": angle, "frames": frames}))
     return folder
 
 

@@ -20,7 +20,7 @@ from gspure.settings import SECONDS, Range
 MOST_KEYS = Range(99, 10_000_000)
 
 EXAMPLES = """\
-  gspure detect renders --command "python examples/spread_spectrum.py detect --key 7" --out spread.csv
+  gspure detect renders --command "python detect.py --key 7" --out scores.csv
   gspure detect renders --command "python decode.py --weights decoder.pt" --message 0110100110010110 --out bits.csv
   gspure detect renders --scheme marked_clones --key marked/key --out bits.csv
   gspure detect marked/public --key marked/key --out bits.csv                    # of a scheme that marks the file
