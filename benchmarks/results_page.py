@@ -69,7 +69,8 @@ def radius_facts() -> dict[str, str]:
     columns = [Column("condition"), Column("scenes"), Column("radius, adaptive"), Column("radius, as published")]
     columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
     lines = [TableRow([*map(Cell, _radius_cells(audit))]) for audit in of_conditions if audit.has_radius]
-    known = [(audit, radius) for audit in of_conditions if (radius := audit.radius())]
+    radii = [(audit, audit.radius()) for audit in of_conditions]
+    known = [(audit, radius) for audit, radius in radii if radius]
     hidden = [radius for audit, radius in known if is_picture(audit.extraction)]
     most = max(hidden, key=lambda radius: radius.radius)
     clauses = [f"At most {most} for the {len(hidden)} schemes that hide a scene"]

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from gspure.attacks import NotApplicable
+
 
 class Check(NamedTuple):
     """What was checked; the problem is empty if the plug-in passed."""
@@ -22,11 +24,13 @@ class RuleError(Exception):
 
 
 def check(name: str, test: Callable[[], object], *, is_rule: bool = True) -> Check:
-    """Run a test, which raises an exception where the plug-in fails; any other exception is a problem, too."""
+    """Run a test, which raises an exception where the plug-in fails; an attack may lack something to act on."""
     try:
         test()
     except RuleError as broken:
         return Check(name, str(broken), is_rule)
+    except NotApplicable as refusal:
+        return Check(name, refusal.reason, is_rule=False)
     except Exception as error:  # noqa: BLE001 (a foreign module may raise anything)
         return Check(name, f"{type(error).__name__}: {error}", is_rule)
     return Check(name, is_rule=is_rule)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import filter as matching
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,9 @@ import numpy as np
 from gspure.attacks import find_attack
 from gspure.certificate.check import Check, check, require
 from gspure.errors import InputError
-from gspure.metrics.targets import BITS, MODEL_BITS
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.readability import Readability, bit_readability, model_bit_readability, readability
+from gspure.schemes.readability import Readability, readability_of
 from gspure.schemes.scheme import Key, Scheme, hide
 from gspure.settings import Setting
 
@@ -29,13 +29,14 @@ class Embedded:
     public: PublicModel
     key: Key
 
-    def read_by(self, public: PublicModel, key: Key) -> Readability:
+    @cached_property
+    def reading(self) -> Readability:
+        """How much of the message the key reads."""
+        return self.read_from(self.public, self.key)
+
+    def read_from(self, public: PublicModel, key: Key) -> Readability:
         """Return how much of the message a key reads in a model."""
-        if BITS in self.scheme.extractions:
-            return bit_readability(self.pair.scene.views, public, key)
-        if MODEL_BITS in self.scheme.extractions:
-            return model_bit_readability(public, key)
-        return readability(self.pair.message, public, key)
+        return readability_of(self.scheme, self.pair, public, key)
 
     def written(self, folder: Path) -> dict[str, bytes]:
         """Write model and key, and return the content of their files by name."""
@@ -85,10 +86,11 @@ def _reads_back(first: Embedded, folder: Path) -> None:
     key = first.scheme.read_key(folder / "first" / "key")
     require(np.array_equal(public.model.table, first.public.model.table), "rows differ after reading")
     view = first.pair.scene.views[0]
-    before, after = (model.scene()(view) for model in (first.public, public))
+    before = first.public.scene()(view)
+    after = public.scene()(view)
     require(np.array_equal(before, after), "renders differ after reading")
-    written = first.read_by(first.public, first.key).message
-    read = first.read_by(public, key).message
+    written = first.reading.message
+    read = first.read_from(public, key).message
     require(read == written, f"the key reads {read:.0f} % of the message after reading, {written:.0f} % before")
 
 
@@ -117,19 +119,19 @@ def _trains_clean(first: Embedded) -> None:
 
 
 def _reads(first: Embedded) -> None:
-    found = first.read_by(first.public, first.key)
+    found = first.reading
     require(found.readable, f"{found.quantity} {found.message:.0f} %: perhaps too few steps")
 
 
 def _reads_reordered(first: Embedded) -> None:
-    before = first.read_by(first.public, first.key)
+    before = first.reading
     attacked = find_attack("reorder").apply(first.public)
-    after = first.read_by(attacked.published(first.public), first.key)
+    after = first.read_from(attacked.published(first.public), first.key)
     require(after.message >= before.message - 1.0, f"{before.quantity} {before.message:.0f} % → {after.message:.0f} %")
 
 
 def _hides(first: Embedded) -> None:
-    found = first.read_by(first.public, first.key)
+    found = first.reading
     wrong = max(found.controls.values())
     require(
         wrong < found.message,

@@ -9,14 +9,13 @@ from gspure.cli.pair import PairSettings, make_pair
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.files import file_digest, filling_alone, write_json
-from gspure.metrics.targets import BITS, MODEL_BITS
 from gspure.model import is_trained_model
 from gspure.progress import say
 from gspure.provenance import write_provenance
 from gspure.scenes.procedural import scene_builder
 from gspure.schemes.commitment import COMMITMENT, Commitment
 from gspure.schemes.pair import INITIALIZATIONS, read_pair
-from gspure.schemes.readability import Readability, bit_readability, model_bit_readability, readability
+from gspure.schemes.readability import readability_of
 from gspure.schemes.registry import BUILT_IN, find_scheme
 from gspure.schemes.scheme import hide
 from gspure.settings import SEED, parsed_settings
@@ -72,13 +71,7 @@ def run(args: Arguments) -> None:
         began = time.monotonic()
         device = options.read_device(args)
         public, key = hide(scheme, pair, seed=args.seed, device=device, **settings)
-        check: Readability | None = None
-        if key is not None and BITS in scheme.extractions:
-            check = bit_readability(pair.scene.views, public, key, device)
-        elif key is not None and MODEL_BITS in scheme.extractions:
-            check = model_bit_readability(public, key)
-        elif key is not None:
-            check = readability(pair.message, public, key, device)
+        check = readability_of(scheme, pair, public, key, device) if key else None
         files = public.write(folder / model)
         run_id = file_digest(files[0])[:16]
         # Without settings, since the seed may give the key away.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EXAMPLES = """\
   gspure train scene --out trained                     # COLMAP project: scene/images and scene/sparse/0
   gspure train scene/transforms.json --out trained --resolution 1/4 --iterations 7000
-  gspure train scene --out trained --schedule fast     # the same quality in half the time
+  gspure train scene --out trained --schedule fast     # a similar PSNR in about half the time
   gspure train scene --out trained --resume            # continue an interrupted run
 
 3DGS's own settings are --iterations 30000 --resolution 1600px; the defaults suit a laptop without a GPU.
@@ -61,7 +61,7 @@ def add_arguments(parser: Parser) -> None:
     parser.writes("--out", "DIR", "folder for the model")
     parser.writes("--model", "PLY|SPZ", "also copy the model there", required=False)
     parser.number("--iterations", "N", "training steps", STEPS, 3000)
-    meaning = "vanilla, that of 3DGS, or fast, ours: the same quality in half the time"
+    meaning = "vanilla, that of 3DGS, or fast, ours: a similar PSNR in about half the time"
     parser.choice("--schedule", SCHEDULES, meaning, SCHEDULES[0])
     meaning = "image size: Wpx, at most W pixels wide; 1/N; native; or photographs, if those are smaller"
     parser.text("--resolution", "RULE", meaning, "320px")

@@ -117,8 +117,9 @@ class _View:
     def __init__(self, values: Mapping[str, Any], number: int) -> None:
         self._values = values
         self._number = number
-        viewmat, K = (on_host(values[name][number]).astype(np.float64) for name in ("viewmats", "Ks"))
-        viewmat[3] = 0, 0, 0, 1
+        viewmat = on_host(values["viewmats"][number]).astype(np.float64)
+        viewmat[3] = [0, 0, 0, 1]
+        K = on_host(values["Ks"][number]).astype(np.float64)
         self._camera = Camera("view", int(values["width"]), int(values["height"]), K, viewmat)
         # In a world of another size, the near plane of gspure is that of the call.
         self._factor = NEAR_PLANE / max(values["near_plane"], _NEAREST)

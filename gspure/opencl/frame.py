@@ -16,9 +16,9 @@ class Traversal:
 
     energy: Energy  # 2-D splat with dilation, or the Gaussian's maximum along the ray (paper, Eq. E)
     channels: int = 0  # blended per pixel; 0 for none
-    sh_degree: int = (
-        -1
-    )  # 0 to 3: colours of spherical harmonics, and 1 / depth and 1 if channels are 4 or 5; -1: stored features
+    sh_degree: int = -1
+    """0 to 3: colours of spherical harmonics, and 1 / depth and 1 if channels are 4 or 5; -1: stored features"""
+
     contributions: bool = False
     median_depth: bool = False
     stored_sh_degree: int | None = None  # of the stored coefficients, if higher than sh_degree

@@ -18,12 +18,12 @@ from gspure.metrics.image_metrics import psnr
 from gspure.metrics.names import WRONG_KEY, display_name
 from gspure.metrics.proof import trace
 from gspure.metrics.readings import Reading
-from gspure.metrics.targets import MESSAGE
+from gspure.metrics.targets import BITS, MESSAGE, MODEL_BITS
 from gspure.opencl.device import Device
 from gspure.progress import say, warn
 from gspure.public_model import PublicModel
-from gspure.schemes.pair import Capture
-from gspure.schemes.scheme import Key
+from gspure.schemes.pair import Capture, Pair
+from gspure.schemes.scheme import Key, Scheme
 from gspure.text import decimal, percent
 
 BY_CHANCE: Final = "chance"
@@ -53,6 +53,17 @@ class Readability:
             say(f"readable: yes ({numbers})")
         else:
             warn(f"readable: no ({numbers})")
+
+
+def readability_of(
+    scheme: Scheme, pair: Pair, public: PublicModel, key: Key, device: Device | None = None
+) -> Readability:
+    """Return how much of its message a key reads in a model: a picture, or bits of renders or of the file."""
+    if BITS in scheme.extractions:
+        return bit_readability(pair.scene.views, public, key, device)
+    if MODEL_BITS in scheme.extractions:
+        return model_bit_readability(public, key)
+    return readability(pair.message, public, key, device)
 
 
 def bit_readability(

@@ -71,9 +71,11 @@ class Training:
         if reduction == self._reduction:
             return
         self._reduction = reduction
-        captures = (self._pair.scene, self._pair.message)
-        (scene, scene_images), (message, message_images) = (reduced(c.views, c.images, reduction) for c in captures)
-        self._views = [scene, message]
+        scene = self._pair.scene
+        message = self._pair.message
+        scene_views, scene_images = reduced(scene.views, scene.images, reduction)
+        message_views, message_images = reduced(message.views, message.images, reduction)
+        self._views = [scene_views, message_views]
         self.model.set_targets(scene_images, message_images)
 
     def _harden(self, iteration: int) -> None:
