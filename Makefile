@@ -25,7 +25,7 @@ demo: $(OPENCL) $(GL) ## set up, then run the whole evaluation on a scene made h
 	@$(BIN)/gspure demo
 
 test: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## set up, then run the tests, two files at a time
-	@$(BIN)/python -m pytest -n 2 --dist loadfile
+	@$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 test-all: $(DEV_PACKAGES) $(OPENCL) $(GL) $(BROWSER) ## all tests, with more hostile files, and mutants: hours
 	@GSPURE_EXAMPLES=2000 $(BIN)/python -m pytest -n 2 --dist loadfile

@@ -9,6 +9,7 @@ import hypothesis
 import pytest
 
 from gspure import progress
+from gspure.files import write_text
 from tests.plugin_path import register
 
 # Every run takes the same examples, in any time; HYPOTHESIS_PROFILE=search looks for new ones.
@@ -17,6 +18,8 @@ hypothesis.settings.register_profile("search", deadline=None, max_examples=1000)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 register()
+
+SLOWEST = ("test_workflow", "test_site", "test_device", "test_adapter", "test_browser", "test_schemes")
 
 # PoCL reads these when it is loaded. Of several test processes, each has its own cache of kernels, and one thread.
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
@@ -41,6 +44,18 @@ def pytest_generate_tests(metafunc):
 
         devices = [device for device in list_devices() if works(device)]
         metafunc.parametrize("device", devices, ids=[f"device{device.index}" for device in devices], scope="session")
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the files whose tests take longest: no process waits for them in the end."""
+    items.sort(key=lambda item: item.path.stem not in SLOWEST)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """List what was skipped, for ``pytest @.pytest_cache/skipped`` when more packages are installed."""
+    skipped = {report.nodeid for report in terminalreporter.stats.get("skipped", [])}
+    path = terminalreporter.config.rootpath / ".pytest_cache" / "skipped"
+    write_text(path, "".join(f"{test}\n" for test in sorted(skipped)))
 
 
 def pytest_runtest_setup():
