@@ -73,9 +73,9 @@ def radius_facts() -> dict[str, str]:
     known = [(audit, radius) for audit, radius in radii if radius]
     hidden = [radius for audit, radius in known if is_picture(audit.extraction)]
     most = max(hidden, key=lambda radius: radius.radius)
-    clauses = [f"At most {most} for the {len(hidden)} schemes that hide a scene"]
+    clauses = [f"At most {most} for a hidden scene ({len(hidden)} conditions)"]
     clauses += [
-        f"{_with_range(radius)} for {_scheme(audit.condition)}"
+        f"{_with_range(audit, radius)} for {_scheme(audit.condition)}"
         for audit, radius in known
         if not is_picture(audit.extraction)
     ]
@@ -95,17 +95,24 @@ def _radius_cells(audit: ConditionAudit) -> list[str]:
     published = audit.radius(owner=PUBLISHED)
     readable = audit.radius("readable")
     scenes = str(adaptive.scenes) if adaptive else UNKNOWN
-    texts = [_with_range(radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
+    texts = [_with_range(audit, radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
     return [audit.condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else UNKNOWN]
 
 
-def _with_range(radius: Radius) -> str:
+def _with_range(audit: ConditionAudit, radius: Radius) -> str:
+    """Return the median with the range or, if no attack ends the message there, with the scenes in which one does."""
     if radius.scenes == 1:
         return str(radius)
     if radius.high < FINEST:
         return f"{radius} in all"
-    high = decimal(radius.high, 1) if isfinite(radius.high) else "more"
-    return f"{radius} ({decimal(radius.low, 1)} to {high})"
+    if not radius.exceeds:
+        high = f"{decimal(radius.high, 1)}" if isfinite(radius.high) else "more"
+        return f"{radius} ({decimal(radius.low, 1)} to {high})"
+    alike = [one for one in audit.models if (one.kind, one.owner) == (radius.kind, radius.owner)]
+    ended = sorted(one.radius for one in alike if not one.exceeds)
+    if ended:
+        return f"{radius} (in {len(ended)} of {len(alike)}, {', '.join(decimal(end, 1) for end in ended)})"
+    return f"{radius} (in all > {decimal(radius.low, 1)})"
 
 
 def _scheme(condition: Condition) -> str:

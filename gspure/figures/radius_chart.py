@@ -118,7 +118,7 @@ def _draw_condition(axes: Axes, rows: Sequence[Result], known: Sequence[Radius],
     _mark(axes, known)
     _scale(axes, [point.evidence for points_of in by_owner.values() for point in points_of])
     axes.set_xlabel("damage to the scene (dB)")
-    axes.set_ylabel("evidence of the message (z)" if is_picture else "evidence of the message (−log₁₀ p)")
+    axes.set_ylabel("standard score of the trace" if is_picture else "−log₁₀ of the p-value")
 
 
 def _draw_owner(axes: Axes, known: Sequence[Point], named: Sequence[str], dash: str) -> None:

@@ -6,7 +6,7 @@ from math import inf, isnan
 from typing import Final, Literal
 
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.radius import Kind, Radius, model_radii, radii
+from gspure.evaluation.radius import Kind, ModelRadius, Radius, model_radii, radii
 from gspure.evaluation.results import ADAPTS, PUBLISHED, READABLE, TRACES, OwnerName, Result
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
@@ -32,6 +32,7 @@ class ConditionAudit:
     extraction: str  # the judged one as published: the scheme's own or, without one, a detector
     verdict: Verdict
     radii: Sequence[Radius]
+    models: Sequence[ModelRadius]  # their radii, by scene and seed
     titles: Mapping[str, str]  # of variants
     reason: str  # why there is no verdict
     remarks: Sequence[str]
@@ -89,10 +90,11 @@ def audits(rows: Sequence[Result]) -> list[ConditionAudit]:
 def _audit(condition: Condition, rows: Sequence[Result]) -> ConditionAudit:
     extraction = _judged_by(rows)
     judged = [row for row in rows if is_judged(row, extraction)]
-    known = radii(model_radii(judged), {row.model: condition for row in judged})
+    of_models = model_radii(judged)
+    known = radii(of_models, {row.model: condition for row in judged})
     verdict, reason = _verdict(rows, judged, known)
     titles = {row.variant: variant_title(row.entry or row.variant, row.wanted) for row in rows}
-    return ConditionAudit(condition, extraction, verdict, known, titles, reason, _remarks(judged))
+    return ConditionAudit(condition, extraction, verdict, known, of_models, titles, reason, _remarks(judged))
 
 
 def is_judged(row: Result, extraction: str) -> bool:
