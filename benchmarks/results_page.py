@@ -75,7 +75,7 @@ def radius_facts() -> dict[str, str]:
     most = max(hidden, key=lambda radius: radius.radius)
     clauses = [f"At most {most} for a hidden scene ({len(hidden)} conditions)"]
     clauses += [
-        f"{_over_scenes(audit, radius)} for {_scheme(audit.condition)}"
+        f"{_over_scenes(audit, radius)} scenes for {_scheme(audit.condition)}"
         for audit, radius in known
         if not is_picture(audit.extraction)
     ]
