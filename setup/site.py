@@ -24,6 +24,12 @@ OUTSIDE = {
 }
 """Pages of the repository, and their places on the site."""
 
+SEE_ALSO = {
+    "attacks.md": "\n[Every attack in detail](reference/attacks.md).\n",
+    "configuration.md": "\n[Every setting](reference/settings.md).\n",
+}
+"""The ends of pages: links to generated ones."""
+
 CLASSES = (
     "gspure.cameras.Camera",
     "gspure.method.purify.Purification",
@@ -82,6 +88,15 @@ def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
         yield from _settings(schema["additionalProperties"], f"{prefix}NAME.")
 
 
+def attacks_page() -> str:
+    """Return what every built-in attack does, with its settings, strength and source."""
+    from gspure.attacks import BUILT_IN
+    from gspure.attacks.reference import NOTES, reference
+
+    sections = (f"## {attack.name}\n\n{reference(attack)}" for attack in BUILT_IN)
+    return "\n".join(["# Attacks in detail", "", NOTES, *sections])
+
+
 def leaderboard_page() -> str:
     """Return the leaderboard of the committed results."""
     sys.path.insert(0, str(ROOT / "setup"))
@@ -93,6 +108,7 @@ def leaderboard_page() -> str:
 REFERENCE = {
     "leaderboard.md": leaderboard_page,
     "reference/python.md": python_page,
+    "reference/attacks.md": attacks_page,
     "reference/commands.md": commands_page,
     "reference/settings.md": settings_page,
 }
@@ -120,7 +136,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         markdown += "\n[The report of the demo](report.html), with its model in 3-D.\n"
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
     parts[::2] = (relinked(part, source, place) for part in parts[::2])
-    return "".join(parts)
+    return "".join([*parts, SEE_ALSO.get(place, "")])
 
 
 def relinked(text: str, source: str, place: str) -> str:
