@@ -21,6 +21,7 @@ OUTSIDE = {
     "RESPONSIBLE_USE.md": "responsible-use.md",
     "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",
+    "examples/adapters/README.md": "adapters.md",
 }
 """Pages of the repository, and their places on the site."""
 
