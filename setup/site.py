@@ -39,8 +39,9 @@ CLASSES = (
     "gspure.public_model.PublicModel",
     "gspure.schemes.scheme.Scheme",
     "gspure.schemes.scheme.Key",
+    "gspure.evaluation.results.Result",
 )
-"""The arguments and results of the functions of the public interface."""
+"""The arguments and results of the functions of the public interface, and the rows of ``results.csv``."""
 
 
 def python_page() -> str:
