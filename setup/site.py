@@ -28,6 +28,7 @@ OUTSIDE = {
 SEE_ALSO = {
     "attacks.md": "\n[Every attack in detail](reference/attacks.md).\n",
     "configuration.md": "\n[Every setting](reference/settings.md).\n",
+    "numerics.md": "\n[All constants](reference/constants.md).\n",
 }
 """The ends of pages: links to generated ones."""
 
@@ -99,6 +100,12 @@ def attacks_page() -> str:
     return "\n".join(["# Attacks in detail", "", NOTES, *sections])
 
 
+def constants_page() -> str:
+    """Return the constants of the renderer and the method, with their sources."""
+    source = (ROOT / "gspure" / "constants.py").read_text(encoding="utf-8")
+    return f"# Constants\n\n```python\n{source}```\n"
+
+
 def leaderboard_page() -> str:
     """Return the leaderboard of the committed results."""
     sys.path.insert(0, str(ROOT / "setup"))
@@ -112,6 +119,7 @@ REFERENCE = {
     "reference/python.md": python_page,
     "reference/attacks.md": attacks_page,
     "reference/commands.md": commands_page,
+    "reference/constants.md": constants_page,
     "reference/settings.md": settings_page,
 }
 
