@@ -88,4 +88,4 @@ Energy = Literal["ewa", "ray", "center_ray"]
 """The value of a Gaussian at a pixel: a 2-D splat; its maximum along the ray (paper, Eq. E); or its maximum along the
 ray through its centre."""
 
-ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
+ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)  # their names
