@@ -7,7 +7,8 @@ from pathlib import Path
 from tests.plugin_path import write_info
 
 ROOT = Path(__file__).parents[1]
-PAGES = [*ROOT.glob("*.md"), ROOT / ".github" / "CONTRIBUTING.md", *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md")]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md"), ROOT / ".github" / "CONTRIBUTING.md"]
+PAGES.append(ROOT / "examples" / "adapters" / "README.md")
 
 
 def blocks(page, language):
