@@ -74,6 +74,8 @@ def merge_pairs(model: Gaussians, _rng: Rng, columns: Columns, *, fraction: Shar
     opacities = model.opacities.astype(np.float64)
     areas = opacities * np.sort(model.scales.astype(np.float64), axis=1)[:, 1:].prod(axis=1)
     pairs = _pairs(model, columns, areas)[: round(fraction * len(model))]
+    if not len(pairs):
+        return Attacked(model, np.arange(len(model)), len(model))
     pairs = np.where((areas[pairs[:, 0]] < areas[pairs[:, 1]])[:, None], pairs[:, ::-1], pairs)
     shares = areas[pairs] / areas[pairs].sum(axis=1, keepdims=True)
     means = model.means.astype(np.float64)[pairs]
