@@ -22,7 +22,7 @@ from gspure.workflow.config_reading import SUITES, load_yaml, read_config
 from gspure.workflow.schema import config_schema
 from tests.workflow_cases import ROOT, SOURCE, configuration
 
-SHIPPED = sorted((ROOT / "config").glob("*.yaml"))
+SHIPPED = {file.stem: file for folder in ("config", "experiments") for file in sorted((ROOT / folder).glob("*.yaml"))}
 EVERY: dict[str, Any] = {"unattacked": {}, "gspure": {}}
 BOT = {"model": "bot.ply", "cameras": "orbit"}
 MARK = {"command": "read"}
@@ -152,7 +152,7 @@ def test_a_long_name_is_admitted(name: str) -> None:
     assert [*configuration({"pairs": {name: {}}}).pairs] == [name]
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", SHIPPED.values(), ids=lambda file: file.stem)
 def test_a_shipped_configuration_is_read(file: Path) -> None:
     entries = yaml.safe_load(file.read_text())
     shipped = read_config([file], {}, SOURCE)
@@ -179,7 +179,7 @@ OVERLAID = [*product(("config", "mini", "six_pairs"), ("ablations", "severity", 
 
 @pytest.mark.parametrize(("base", "overlay"), OVERLAID)
 def test_a_shipped_overlay_adds_to_a_configuration(base: str, overlay: str) -> None:
-    files = [ROOT / "config" / f"{name}.yaml" for name in (base, overlay)]
+    files = [SHIPPED[base], SHIPPED[overlay]]
     below, above = (load_yaml(file) for file in files)
     merged = read_config(files, {}, SOURCE)
     assert merged.pairs.keys() == below["pairs"].keys()

@@ -2,7 +2,7 @@
 
 pip install ./examples/marked_clones
 gspure pair room vault --views 24 --width 160 --height 120 --out pair
-python examples/marked_clones/image_attacks.py pair docs/tables/image-attacks.csv
+python examples/marked_clones/image_attacks.py pair experiments/tables/image-attacks.csv
 """
 
 import argparse

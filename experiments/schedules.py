@@ -1,7 +1,8 @@
-"""Training schedules in turns: CPU time, and PSNR and SSIM of held-out views.
+"""Training schedules in turns: CPU time, and PSNR and SSIM of held-out views (tables/schedules-plush.csv).
 
-``python benchmarks/schedules.py DATA RESOLUTION STEPS HALF EQUAL SEED...`` prints, for each seed, a row for STEPS
+``python -m experiments.schedules DATA RESOLUTION STEPS HALF EQUAL SEED...`` prints, for each seed, a row for STEPS
 vanilla steps, and for HALF and EQUAL fast ones, which should take half of the time, and all of it.
+The committed table is of the plush figure of captures.yaml, at 240px.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """The leaderboard of the documentation site: schemes by the robust radius of their message.
 
-Its data are the records ``docs/leaderboard/*.json`` (`gspure.evaluation.radius.Record`).
+Its data are the records ``leaderboard/*.json`` (`gspure.evaluation.radius.Record`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import display_name
 from gspure.report.audit import BROKEN, WEAK
 
-RECORDS = Path(__file__).parents[1] / "docs" / "leaderboard"
+RECORDS = Path(__file__).parent / "leaderboard"
 UNKNOWN = "–"
 
 PAGE = """\
@@ -47,7 +47,7 @@ baseline, *descent*, is not measured yet.
 
 1. Register the scheme as a [plug-in](extending.md), or your decoder as a [detector](configuration.md#detectors).
 2. Write a [configuration](configuration.md) with your scheme and its pairs, and run `gspure audit CONFIG.yaml`.
-3. Write its record with `gspure submit results --out docs/leaderboard/NAME.json`.
+3. Write its record with `gspure submit results --out experiments/leaderboard/NAME.json`.
 4. `make docs`, look at this page, and open a pull request.
 """
 
@@ -72,7 +72,7 @@ class Line(NamedTuple):
         return (-1.0, False) if one is None or isnan(one.radius) else (one.radius, one.exceeds)
 
 
-def leaderboard_page() -> str:
+def page() -> str:
     """Return the page as Markdown with a table in HTML."""
     records = [read(Record, read_json(file), file) for file in sorted(RECORDS.glob("*.json"))]
     return PAGE.format(table=table(records) if records else NO_RECORD)

@@ -1,7 +1,8 @@
 """Run public programs that were written for CUDA, from the user's checkouts of them, and print the list of the page.
 
-``python benchmarks/programs.py CHECKOUTS PAIR OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they are,
-on the scene of a pair (``gspure pair room vault --width 208 --height 156 --out PAIR``). What they write goes to OUT.
+``python -m experiments.programs CHECKOUTS PAIR OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they
+are, on the scene of a pair (``gspure pair room vault --width 208 --height 156 --out PAIR``). What they write goes to
+OUT.
 """
 
 import re

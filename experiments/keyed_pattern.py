@@ -1,7 +1,7 @@
-"""Keyed patterns under attack: docs/tables/keyed_pattern.csv, and false positives and cost of a certificate beside it.
+"""Keyed patterns under attack: tables/keyed_pattern.csv, and false positives and cost of a certificate beside it.
 
 gspure pair room vault --views 32 --width 208 --height 156 --out pair
-python benchmarks/keyed_pattern.py pair
+python -m experiments.keyed_pattern pair
 """
 
 import sys
@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-from room import panning, room
 from scipy.stats import binomtest, kstest
 
+from benchmarks.room import panning, room
 from gspure.attacks import Attacked, Measurements, find_attack
 from gspure.attacks.collusion import RULES
 from gspure.attacks.strength import scene_damage
@@ -33,7 +33,7 @@ from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide
 from gspure.training.dataset import read_photographs
 
-TABLES = Path(__file__).resolve().parents[1] / "docs" / "tables"
+TABLES = Path(__file__).resolve().parent / "tables"
 SETTINGS = {"iterations": 2000, "max_gaussians": 20_000}
 STRANGERS = {"iterations": 500, "max_gaussians": 8000}
 DISTILLATION = 2000

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.results_page`` writes docs/results.md, whose numbers are those of the committed tables."""
+"""``python -m experiments.results_page`` writes docs/results.md, whose numbers are those of the committed tables."""
 
 import csv
 import string
@@ -22,10 +22,12 @@ from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
 from gspure.text import UNKNOWN, decimal, significant
 
-DOCS: Final = Path(__file__).parents[1] / "docs"
-PAGE: Final = DOCS / "results.md"
-TEMPLATE: Final = Path(__file__).with_name("results_page.md")
-RADII: Final = tuple(DOCS / "results" / run / "results.csv" for run in ("radius", "scenes"))
+HERE: Final = Path(__file__).parent
+PAGE: Final = HERE.parent / "docs" / "results.md"
+TEMPLATE: Final = HERE / "results_page.md"
+TABLES: Final = HERE / "tables"
+RESULTS: Final = HERE / "results"
+RADII: Final = tuple(RESULTS / run / "results.csv" for run in ("radius", "scenes"))
 OURS: Final = "gspure_equal"
 OTHERS: Final = ("gof_equal", "random_equal", "noise_equal")
 DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
@@ -45,8 +47,8 @@ class Compared(NamedTuple):
 
 def page() -> str:
     """Return the page as Markdown."""
-    large = read_results(*sorted((DOCS / "results" / "large").glob("*.csv")))
-    networks = read_results(*sorted((DOCS / "results" / "networks").glob("*.csv")))
+    large = read_results(*sorted((RESULTS / "large").glob("*.csv")))
+    networks = read_results(*sorted((RESULTS / "networks").glob("*.csv")))
     compared = comparisons(large)
     facts = {
         "compared": compared_table(compared),
@@ -251,7 +253,7 @@ def capture_facts() -> dict[str, str]:
 
 
 def _table(name: str) -> list[dict[str, str]]:
-    with (DOCS / "tables" / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
+    with (TABLES / f"{name}.csv").open(encoding="utf-8", newline="") as stream:
         return [*csv.DictReader(stream)]
 
 

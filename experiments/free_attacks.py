@@ -1,6 +1,6 @@
-"""What attacks that no image shows do to messages, from the results of ``gspure audit config/free_attacks.yaml``.
+"""What attacks that no image shows do to messages, from the results of ``gspure audit experiments/free_attacks.yaml``.
 
-``python -m benchmarks.free_attacks RESULTS`` writes docs/tables/free_attacks.csv: for each model and attack the largest
+``python -m experiments.free_attacks RESULTS`` writes tables/free_attacks.csv: for each model and attack the largest
 change of a pixel in the held-out views, the number of pixels that change by more than `INVISIBLE`, the damage, dB, and
 what an owner reads, as published and after adapting. z compares the trace with candidates alone; the word counts clean
 models, too. For `gauge`, also the least and the largest trace as published over several seeds.
@@ -30,7 +30,7 @@ from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.training.dataset import read_photographs
 
-TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "free_attacks.csv"
+TABLE = Path(__file__).resolve().parent / "tables" / "free_attacks.csv"
 GAUGE = "gauge"
 INVISIBLE = 2e-6
 ENERGIES: tuple[Energy, ...] = ("ewa", "ray")

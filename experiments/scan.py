@@ -1,10 +1,9 @@
 """Models with and without a message, as they are and attacked: the calibration of `gspure scan`, and its ROC.
 
-``python benchmarks/scan.py models FOLDER`` trains, attacks and stores models, except those that are stored already. It
-needs PyTorch and the plug-in marked_clones. ``python benchmarks/scan.py tables FOLDER [FILE ...]`` measures the stored
-models, and FILEs from elsewhere, and writes docs/results/scan/models.csv, docs/tables/scan.csv and
-gspure/scan/calibration.csv. Rows of models that FOLDER lacks, and those of FILEs if none is given, stay as
-committed.
+``python -m experiments.scan models FOLDER`` trains, attacks and stores models, except those that are stored already. It
+needs PyTorch and the plug-in marked_clones. ``python -m experiments.scan tables FOLDER [FILE ...]`` measures the stored
+models, and FILEs from elsewhere, and writes results/scan/models.csv, tables/scan.csv and gspure/scan/calibration.csv.
+Rows of models that FOLDER lacks, and those of FILEs if none is given, stay as committed.
 """
 
 import csv
@@ -17,9 +16,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from roc import detectability
 from scipy.stats import binomtest
 
+from experiments.roc import detectability
 from gspure.attacks import Measurements, NotApplicable, find_attack
 from gspure.cameras import Camera, read_cameras, split
 from gspure.cli import main
@@ -44,8 +43,8 @@ from gspure.training.output import as_gaussians
 from gspure.training.schedule import Schedule
 from gspure.training.trainer import Trainer, beginning
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-MODELS = DOCS / "results" / "scan" / "models.csv"
+HERE = Path(__file__).resolve().parent
+MODELS = HERE / "results" / "scan" / "models.csv"
 NAMES = ("family", "model", "scene", "attack", "verdict")  # its columns of text
 RATE = 0.01  # of false positives, of all statistics together
 CLEAN = "clean"
@@ -96,7 +95,7 @@ FORMATS: dict[str, tuple[str, dict[str, Any]]] = {  # further files of `OTHERS`
 }
 LARGE_FILES = ("unattacked", "compressed_ply", "spz", "splat")  # of those with more than `ATTACKED_ROWS`
 ATTACKED_ROWS = 50_000
-RATES = (  # columns of docs/tables/scan.csv: detected by the file alone, with Wilson's interval of the rate
+RATES = (  # columns of tables/scan.csv: detected by the file alone, with Wilson's interval of the rate
     "family",
     "attack",
     "models",
@@ -391,7 +390,7 @@ def tabulate(folder: Path, found_files: Sequence[str]) -> None:
             continue
         views = split(read_cameras(traced(case, folder) / "cameras.json"))[0]
         rows += [measured(file, case.family, PAIRS[case.pair].split()[0], views) for file in files]
-    write_text(DOCS / "tables" / "scan.csv", csv_text(RATES, rates(rows)))
+    write_text(HERE / "tables" / "scan.csv", csv_text(RATES, rates(rows)))
     write_table(TABLE, Clean, calibrate(rows))
     found = [measured(Path(name), FOUND, Path(name).stem) for name in found_files]
     rows += found or [row for group in known.values() for row in group if row["family"] == FOUND]

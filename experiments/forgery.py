@@ -1,8 +1,8 @@
-"""What a forger of keyed patterns reaches on a stranger's clean model: docs/tables/keyed_pattern-forgery.csv.
+"""What a forger of keyed patterns reaches on a stranger's clean model: tables/keyed_pattern-forgery.csv.
 
 gspure pair room vault --views 32 --width 208 --height 156 --out room
 gspure pair vault room --views 32 --width 208 --height 156 --out vault
-python benchmarks/forgery.py room vault
+python -m experiments.forgery room vault
 
 The stranger's model is another training of the scene. Its forger takes a mark of his own off the model, and claims to
 have the clean one. Then the pattern of his key is
@@ -22,8 +22,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from keyed_pattern import SETTINGS, STRANGERS, TABLES
 
+from experiments.keyed_pattern import SETTINGS, STRANGERS, TABLES
 from gspure.arrays import Float64
 from gspure.files import write_text
 from gspure.metrics.csv_tables import csv_text

@@ -1,7 +1,8 @@
 """Agreement of every installed OpenCL driver, in both kernel styles, with the float64 reference.
 
-``python -m benchmarks.drivers``, in a checkout, prints a Markdown table of the largest errors over several awkward
-models. Pixels near a step of the rules are left out. ``OCL_ICD_VENDORS`` may name a folder with the .icd files of
+``python -m experiments.drivers``, in a checkout, prints a Markdown table of the largest errors over several awkward
+models: of the worst pixel, of the mean contribution, and of the worst centre's gradient, relative to it. Pixels near a
+step of the rules are left out. ``OCL_ICD_VENDORS`` may name a folder with the .icd files of
 further drivers.
 """
 

@@ -1,8 +1,8 @@
-"""How often wrong claims are proven, and whether right ones are: docs/tables/wrong_claims.csv.
+"""How often wrong claims are proven, and whether right ones are: tables/wrong_claims.csv.
 
-``python benchmarks/wrong_claims.py models FOLDER`` makes pictures, models and fitted keys once, and stores them.
-It needs PyTorch. ``python benchmarks/wrong_claims.py tables FOLDER`` judges all claims as an audit does, and writes the
-table. Every claim is of one of these groups:
+``python -m experiments.wrong_claims models FOLDER`` makes pictures, models and fitted keys of five pairs once, and
+stores them. It needs PyTorch. ``python -m experiments.wrong_claims tables FOLDER`` judges all claims as an audit does,
+and writes the table. Every claim is of one of these groups:
 
 - ``marked``: the message of a marked model;
 - ``wrong message``: another message of the same kind, on a marked model;
@@ -63,7 +63,7 @@ from gspure.schemes.splats_in_splats.training import refined
 from gspure.training.dataset import read_photographs
 from gspure.training.output import as_gaussians
 
-TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "wrong_claims.csv"
+TABLE = Path(__file__).resolve().parent / "tables" / "wrong_claims.csv"
 VIEWS, WIDTH, HEIGHT = 64, 96, 72  # of a pair; eight views are held out, and traces compare four of these
 PLACEMENT = "raised"
 PAIRS = (  # scene and message

@@ -1,22 +1,22 @@
-"""What further attacks leave of a hidden scene, from the results of ``gspure audit config/arsenal.yaml``.
+"""What further attacks leave of a hidden scene, from the results of ``gspure audit experiments/arsenal.yaml``.
 
-``python -m benchmarks.arsenal RESULTS`` writes docs/tables/arsenal.csv: for each attack the damage, dB, and what an
-owner reads, as published and after adapting. z compares the trace with candidates alone; the word counts clean models
-and twins, too.
+``python -m experiments.arsenal RESULTS`` writes tables/arsenal.csv: for each attack the damage, dB, and what an owner
+reads, as published and after adapting. z compares the trace with candidates alone; the word counts clean models and
+twins, too.
 """
 
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.free_attacks import OWNERS, READING, reading
+from experiments.free_attacks import OWNERS, READING, reading
 from gspure.evaluation.collecting import collect
 from gspure.evaluation.judging import judged
 from gspure.evaluation.plan import read_plan
 from gspure.files import write_text
 from gspure.metrics.csv_tables import csv_text
 
-TABLE = Path(__file__).resolve().parents[1] / "docs" / "tables" / "arsenal.csv"
+TABLE = Path(__file__).resolve().parent / "tables" / "arsenal.csv"
 COLUMNS = ("scheme", "scene", "attack", "damage")
 
 

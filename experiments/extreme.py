@@ -1,8 +1,8 @@
 """Agreement of float32 kernels with the float64 reference on single Gaussians of extreme shapes.
 
 Beside each error stands its condition: the change of alpha if the row's float32 numbers are rounded once more. No
-float32 renderer can do much better. ``python -m benchmarks.agreement``, in a checkout, prints the tables of
-docs/numerics.md for this machine's device.
+float32 renderer can do much better. ``python -m experiments.extreme``, in a checkout, prints the tables
+``extreme-SHAPE.csv`` for this machine's device.
 """
 
 from collections.abc import Iterator
