@@ -22,7 +22,7 @@ from tests.reference.blending import centre_contributions, render
 from tests.reference.gradients import pull_back
 
 CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
-    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "stacked", "geographic")
+    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "geographic")
 }
 
 STEADY = 1e-3
