@@ -2,7 +2,7 @@
 
 pip install ./examples/marked_clones
 gspure pair room vault --views 24 --width 160 --height 120 --out pair
-python examples/marked_clones/image_attacks.py pair experiments/tables/image-attacks.csv
+python -m experiments.image pair experiments/tables/image-attacks.csv
 """
 
 import argparse
@@ -23,7 +23,7 @@ from gspure.training.dataset import read_photographs
 
 SCHEMES = {"marked_clones": {"decoder_steps": 600}, "rendered_bits": {}}
 SETTINGS = {"iterations": 1000, "max_gaussians": 8000}
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 
 def image_attacks():
