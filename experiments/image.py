@@ -11,7 +11,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from gspure.attacks import find_attack
 from gspure.images import read_back
@@ -20,15 +19,17 @@ from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide
 from gspure.training.dataset import read_photographs
+from gspure.workflow.config_reading import load_yaml
+from gspure.workflow.matrix import expanded
 
 SCHEMES = {"marked_clones": {"decoder_steps": 600}, "rendered_bits": {}}
 SETTINGS = {"iterations": 1000, "max_gaussians": 8000}
-ROOT = Path(__file__).parents[1]
+SEVERITY = Path(__file__).parents[1] / "config" / "severity.yaml"
 
 
 def image_attacks():
     """Yield the attack and its settings for each variant that attacks renders."""
-    variants = yaml.safe_load((ROOT / "config" / "severity.yaml").read_text())["variants"]
+    variants = expanded(load_yaml(SEVERITY), SEVERITY)["variants"]
     for variant, settings in variants.items():
         attack = find_attack(settings.get("attack", variant))
         if attack.of_renders:

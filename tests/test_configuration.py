@@ -17,8 +17,9 @@ from gspure.method.settings import FEATURES, MethodSettings
 from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.workflow import planning
-from gspure.workflow.config import DEFAULT_VARIANTS
+from gspure.workflow.config import DEFAULT_VARIANTS, PairConfig, VariantConfig
 from gspure.workflow.config_reading import SUITES, load_yaml, read_config
+from gspure.workflow.matrix import expanded
 from gspure.workflow.schema import config_schema
 from tests.workflow_cases import ROOT, SOURCE, configuration
 
@@ -104,6 +105,21 @@ def test_files_are_overlaid_entry_by_entry(write: Write, files: list[str], overr
     assert overrides == given
 
 
+def test_a_matrix_makes_an_entry_of_each_combination_before_files_are_overlaid(write: Write) -> None:
+    swept = "variants: {unattacked: {}, gspure: {}, crop: {seed: 3, matrix: {fraction: [0.5, 0.25]}}}"
+    pairs = "pairs: {room: {views: 9, matrix: {protocol: [own, shared], placement: [front, raised]}}}"
+    merged = read_config(write(swept, pairs, "variants: {crop: {fraction: 0.7}, crop_0_5: {seed: 1}}"), {}, SOURCE)
+    assert [*merged.pairs] == ["room_own_front", "room_own_raised", "room_shared_front", "room_shared_raised"]
+    assert merged.pairs["room_own_raised"] == PairConfig(views=9, protocol="own", placement="raised")
+    assert merged.variants["crop"] == VariantConfig({"fraction": 0.7})
+    assert merged.variants["crop_0_5"] == VariantConfig({"fraction": 0.5}, attack="crop", seed=1)
+    assert merged.variants["crop_0_25"] == VariantConfig({"fraction": 0.25}, attack="crop", seed=3)
+    for matrix, place in (("3", "variants.crop.matrix"), ("{fraction: [0.5, '0_5']}", "variants")):
+        with pytest.raises(InputError) as refusal:
+            read_config(write(f"variants: {{crop: {{matrix: {matrix}}}}}"), {}, SOURCE)
+        assert refusal.value.field == place
+
+
 def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:
     decisions = {"mild": {"tau_n": 2}, "same": {}}
     config = configuration({"method": {"tau_n": 3, "energy": "ewa"}, "decisions": decisions})
@@ -154,7 +170,7 @@ def test_a_long_name_is_admitted(name: str) -> None:
 
 @pytest.mark.parametrize("file", SHIPPED.values(), ids=lambda file: file.stem)
 def test_a_shipped_configuration_is_read(file: Path) -> None:
-    entries = yaml.safe_load(file.read_text())
+    entries = expanded(yaml.safe_load(file.read_text()), file)
     shipped = read_config([file], {}, SOURCE)
     assert entries.keys() == {name for name in entries if getattr(shipped, name)}
     of_suite = load_yaml(SUITES / f"{entries['suite']}.yaml") if "suite" in entries else {}
@@ -180,7 +196,7 @@ OVERLAID = [*product(("config", "mini", "six_pairs"), ("ablations", "severity", 
 @pytest.mark.parametrize(("base", "overlay"), OVERLAID)
 def test_a_shipped_overlay_adds_to_a_configuration(base: str, overlay: str) -> None:
     files = [SHIPPED[base], SHIPPED[overlay]]
-    below, above = (load_yaml(file) for file in files)
+    below, above = (expanded(load_yaml(file), file) for file in files)
     merged = read_config(files, {}, SOURCE)
     assert merged.pairs.keys() == below["pairs"].keys()
     assert merged.variants == configuration({"variants": {**below.get("variants", {}), **above["variants"]}}).variants
