@@ -21,9 +21,8 @@ from tests.models import AWKWARD, blobs, tilted_camera
 from tests.reference.blending import centre_contributions, render
 from tests.reference.gradients import pull_back
 
-CASES = {"blobs": lambda: (blobs(200, 1), tilted_camera())} | {
-    name: AWKWARD[name] for name in ("covering", "inside", "grazing", "flakes", "off_screen", "geographic")
-}
+NAMES = ("covering", "inside", "grazing", "flakes", "off_screen", "geographic")
+CASES = [(blobs(200, 1), tilted_camera()), *(AWKWARD[name]() for name in NAMES)]
 
 STEADY = 1e-3
 """Margin of a centre from a step of the rules; below it, float32 may blend the centre differently."""
@@ -34,8 +33,7 @@ def errors(device: Device, style: Style) -> dict[str, float]:
     images: list[float] = []
     contributions: list[float] = []
     gradients: list[float] = []
-    for case in CASES.values():
-        model, view = case()
+    for model, view in CASES:
         for energy in ("ewa", "ray"):
             expected = render(model, view, energy)
             renderer = Renderer(model, device, energy=energy, style=style)

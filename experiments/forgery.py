@@ -89,6 +89,7 @@ def rows() -> Iterator[list[str]]:
         pair = read_pair(Path(folder))
         stranger, _ = hide(scheme, pair, seed=1, message_weight=0, **STRANGERS)
         public, key = hide(scheme, pair, **SETTINGS)
+        assert isinstance(key, KeyedPatternKey)
         framed = key.findings(PublicModel(copied(public.model, stranger.model)))
         claims = [*own_claims(stranger.model, pair), ("copied", 0, *ranked(framed, key.pattern), "holds")]
         for name, tried, z, p, commitment in claims:

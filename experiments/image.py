@@ -8,38 +8,41 @@ python -m experiments.image pair experiments/tables/image-attacks.csv
 import argparse
 import csv
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from gspure.attacks import find_attack
+from gspure.arrays import Float32
+from gspure.attacks import Attack, find_attack
 from gspure.images import read_back
 from gspure.metrics.image_metrics import psnr
-from gspure.schemes.pair import read_pair
+from gspure.schemes.pair import Pair, read_pair
 from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import hide
+from gspure.schemes.scheme import Key, hide
 from gspure.training.dataset import read_photographs
-from gspure.workflow.config_reading import load_yaml
-from gspure.workflow.matrix import expanded
+from gspure.workflow.config_reading import read_config
 
-SCHEMES = {"marked_clones": {"decoder_steps": 600}, "rendered_bits": {}}
-SETTINGS = {"iterations": 1000, "max_gaussians": 8000}
+SCHEMES: dict[str, dict[str, Any]] = {"marked_clones": {"decoder_steps": 600}, "rendered_bits": {}}
+SETTINGS: dict[str, Any] = {"iterations": 1000, "max_gaussians": 8000}
 SEVERITY = Path(__file__).parents[1] / "config" / "severity.yaml"
+Row = tuple[str, str, float, float, float]
 
 
-def image_attacks():
+def image_attacks() -> Iterator[tuple[Attack, Mapping[str, Any]]]:
     """Yield the attack and its settings for each variant that attacks renders."""
-    variants = expanded(load_yaml(SEVERITY), SEVERITY)["variants"]
-    for variant, settings in variants.items():
-        attack = find_attack(settings.get("attack", variant))
+    for name, variant in read_config([SEVERITY], {}, str(SEVERITY)).variants.items():
+        attack = find_attack(variant.attack or name)
         if attack.of_renders:
-            yield attack, {name: value for name, value in settings.items() if name in attack.settings}
+            yield attack, variant.settings
 
 
-def measured(pair, scheme):
+def measured(pair: Pair, scheme: str) -> Iterator[Row]:
     """Yield the rows of a scheme: attack, strength, PSNR of the scene, correct bits of both kinds of views in %."""
     begin = time.process_time()
     public, key = hide(find_scheme(scheme), pair, **SETTINGS, **SCHEMES[scheme])
+    assert key
     print(f"{scheme}: {time.process_time() - begin:.0f} CPU-s")
     clean, _ = hide(find_scheme(scheme), pair, message_weight=0, **SETTINGS)
     views = [*pair.scene.views, *pair.scene.dataset.test]
@@ -50,11 +53,11 @@ def measured(pair, scheme):
     count = len(pair.scene.views)  # of training views; held-out ones follow
     photographs = read_photographs(pair.scene.dataset.test)
 
-    def row(attack, strength, images, key=key):
+    def row(attack: str, strength: str, images: Sequence[Float32], key: Key = key) -> Row:
         held_out = zip(images[count:], photographs, strict=True)
         quality = np.mean([psnr(image, photograph) for image, photograph in held_out])
         correct = np.array([100 * np.mean(key.read_bits(image) == key.bits) for image in images])
-        return attack, strength, quality, correct[:count].mean(), correct[count:].mean()
+        return attack, strength, float(quality), float(correct[:count].mean()), float(correct[count:].mean())
 
     yield row("clean model", "", unmarked)
     yield row("wrong key", "", renders, key.wrong(np.random.default_rng(1)))
@@ -66,7 +69,7 @@ def measured(pair, scheme):
         yield row(attack.name, f"{name} {value:g}", images)
 
 
-def main():
+def main() -> None:
     """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pair", type=Path)

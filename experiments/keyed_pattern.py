@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import binomtest, kstest
@@ -34,8 +34,8 @@ from gspure.schemes.scheme import hide
 from gspure.training.dataset import read_photographs
 
 TABLES = Path(__file__).resolve().parent / "tables"
-SETTINGS = {"iterations": 2000, "max_gaussians": 20_000}
-STRANGERS = {"iterations": 500, "max_gaussians": 8000}
+SETTINGS: dict[str, Any] = {"iterations": 2000, "max_gaussians": 20_000}
+STRANGERS: dict[str, Any] = {"iterations": 500, "max_gaussians": 8000}
 DISTILLATION = 2000
 DAMAGE = 0.3  # of embedding, dB
 KEYS = 1000
@@ -61,7 +61,7 @@ class Trial(NamedTuple):
     public: PublicModel
     key: KeyedPatternKey
 
-    def attacked(self, name: str, model: Gaussians | None = None, **settings: float | str) -> Attacked:
+    def attacked(self, name: str, model: Gaussians | None = None, **settings: Any) -> Attacked:
         """Return the result of an attack on the marked model, or on another one."""
         attack = find_attack(name)
         public = self.public if model is None else PublicModel(model)
@@ -75,7 +75,7 @@ class Trial(NamedTuple):
 
 def simple(trial: Trial) -> Iterator[Result]:
     """Yield the results of single attacks."""
-    attacks: list[tuple[str, dict[str, float | str]]] = [
+    attacks: list[tuple[str, dict[str, Any]]] = [
         ("unattacked", {}),
         ("quantize", {"bits": 16}),
         ("compression", {"codec": "spz"}),
@@ -239,6 +239,7 @@ def main() -> None:
     """Write both tables."""
     pair = read_pair(Path(sys.argv[1]))
     public, key = hide(find_scheme("keyed_pattern"), pair, **SETTINGS)
+    assert isinstance(key, KeyedPatternKey)
     trial = Trial(pair, public, key)
     write_text(TABLES / "keyed_pattern.csv", csv_text(COLUMNS, attack_rows(trial)))
     write_text(TABLES / "keyed_pattern-keys.csv", csv_text(("quantity", "value"), [*false_positives(trial), *cost()]))

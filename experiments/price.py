@@ -11,6 +11,7 @@ In the committed table, KeySS and Marked Clones were trained for 2500 iterations
 import csv
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,16 +29,17 @@ from gspure.training.dataset import read_photographs
 ITERATIONS = (500, 1000, 2000, 4000)
 SECONDS = (10, 20, 50, 100)
 COLUMNS = ("scheme", "iterations", "CPU-s", "scene PSNR", "rows")
+Row = tuple[str, int, str, str, int]
 
 
-def measured(pair, folder):
+def measured(pair: Path, folder: Path) -> Iterator[Row]:
     """Yield a row for the public model in a folder SCHEME/public, and for each length of the training."""
     scene = read_pair(pair).scene
     photographs = read_photographs(scene.dataset.test)
     name = folder.parent.name
     public = read_public_model(folder, name)
 
-    def row(iterations, begin, model):
+    def row(iterations: int, begin: float, model: PublicModel) -> Row:
         seconds = time.process_time() - begin
         render = model.scene()
         images = [read_back(render(view)) for view in scene.dataset.test]
@@ -51,7 +53,7 @@ def measured(pair, folder):
         yield row(iterations, begin, PublicModel(attacked.model))
 
 
-def draw(table, path):
+def draw(table: Path, path: Path) -> None:
     """Draw the curve of each scheme, and the level of its public model."""
     with style.page(path, style.COLUMN, 2.4) as figure:
         axes = figure.add_subplot()

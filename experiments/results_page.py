@@ -2,7 +2,7 @@
 
 import csv
 import string
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -229,7 +229,7 @@ def large_facts(rows: Sequence[Result]) -> dict[str, str]:
     return facts
 
 
-def _mean_text(cells: dict[tuple[str, int], float]) -> str:
+def _mean_text(cells: Mapping[tuple[str, int], float]) -> str:
     return decimal(mean_interval(by_scene(cells)).mean)
 
 

@@ -227,8 +227,11 @@ def build(case: Case, folder: Path) -> None:
         if case.is_large:
             _, _, clean_iterations = LARGE[case]
         settings = {"iterations": clean_iterations, **settings}
-        limit = {"max_anchors": case.rows // 3} if scheme == "secure_gs" else {"max_gaussians": case.rows}
-        public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings, **limit)
+        if scheme == "secure_gs":
+            settings["max_anchors"] = case.rows // 3
+        else:
+            settings["max_gaussians"] = case.rows
+        public, _ = hide(find_scheme(scheme), pair, seed=case.number, **settings)
     with filling(place) as out:
         attacks = ATTACKS | FORMATS if case.other else ATTACKS
         if case.other and len(public.model) > ATTACKED_ROWS:

@@ -26,8 +26,7 @@ def trained(data: Dataset, images: list[np.ndarray], name: str, iterations: int,
         data = with_agreed_points(data, images, seed)
     most = data.max_gaussians(schedule.pixels_per_gaussian)
     begin = beginning(gaussians_at(*thinned(data.xyz, data.rgb, schedule.budget(most, 1), seed)), seed)
-    limits = {"extent": data.extent, "max_gaussians": most}
-    model = train(data.train, images, begin, schedule=schedule, device=None, **limits)
+    model = train(data.train, images, begin, schedule=schedule, extent=data.extent, max_gaussians=most, device=None)
     return Renderer(model), len(model)
 
 
