@@ -3,13 +3,12 @@
 import csv
 import string
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from gspure.evaluation import paper
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.radius import FINEST, Radius
+from gspure.evaluation.radius import Radius, radius_text
 from gspure.evaluation.results import PUBLISHED, Result, known_cells, read_results
 from gspure.files import write_text
 from gspure.grouping import grouped
@@ -29,7 +28,7 @@ TABLES: Final = HERE / "tables"
 RESULTS: Final = HERE / "results"
 RADII: Final = tuple(RESULTS / run / "results.csv" for run in ("radius", "scenes"))
 OURS: Final = "gspure_equal"
-OTHERS: Final = ("gof_equal", "random_equal", "noise_equal")
+OTHERS: Final = ("weight_equal", "gof_equal", "random_equal", "noise_equal")
 DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
 SHOWN: Final = (OURS, "gof_equal", "random_equal", "gspure", "gof", "distil")  # of the schemes with networks
 
@@ -39,7 +38,7 @@ class Compared(NamedTuple):
 
     condition: Condition
     damage: float  # dB
-    other: str
+    other: str  # the attack
     difference: Interval  # GSPure's drop of the message's PSNR minus the other's, dB
     p: float  # of the sign-flip test
     corrected: float  # by Holm, over the comparisons of the condition
@@ -54,6 +53,7 @@ def page() -> str:
         "compared": compared_table(compared),
         "least_p": significant(min(one.p for one in compared), 2),
         "least_corrected": significant(min(one.corrected for one in compared), 2),
+        "tests": str(max(len(alike) for alike in grouped(compared, lambda one: one.condition).values())),
         "paper": paper_table([*large, *networks]),
         "networks": networks_table(networks),
         "over_gof": over_gof(compared),
@@ -77,7 +77,7 @@ def radius_facts() -> dict[str, str]:
     most = max(hidden, key=lambda radius: radius.radius)
     clauses = [f"At most {most} for a hidden scene ({len(hidden)} conditions)"]
     clauses += [
-        f"{_with_range(audit, radius)} for {_scheme(audit.condition)}"
+        f"{_over_scenes(audit, radius)} scenes for {_scheme(audit.condition)}"
         for audit, radius in known
         if not is_picture(audit.extraction)
     ]
@@ -97,24 +97,24 @@ def _radius_cells(audit: ConditionAudit) -> list[str]:
     published = audit.radius(owner=PUBLISHED)
     readable = audit.radius("readable")
     scenes = str(adaptive.scenes) if adaptive else UNKNOWN
-    texts = [_with_range(audit, radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
-    return [audit.condition.title, scenes, *texts, display_name(adaptive.killer) if adaptive else UNKNOWN]
+    texts = [_over_scenes(audit, radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
+    return [audit.condition.title, scenes, *texts, display_name(adaptive.killer or "none") if adaptive else UNKNOWN]
 
 
-def _with_range(audit: ConditionAudit, radius: Radius) -> str:
-    """Return the median with the range or, if no attack ends the message there, with the scenes in which one does."""
-    if radius.scenes == 1:
-        return str(radius)
-    if radius.high < FINEST:
-        return f"{radius} in all"
-    if not radius.exceeds:
-        high = f"{decimal(radius.high, 1)}" if isfinite(radius.high) else "more"
-        return f"{radius} ({decimal(radius.low, 1)} to {high})"
+def _over_scenes(audit: ConditionAudit, radius: Radius) -> str:
+    """Return where attacks end the message: in all scenes, or in some of them and up to which damage in the others."""
     alike = [one for one in audit.models if (one.kind, one.owner) == (radius.kind, radius.owner)]
     ended = sorted(one.radius for one in alike if not one.exceeds)
-    if ended:
-        return f"{radius} (in {len(ended)} of {len(alike)}, {', '.join(decimal(end, 1) for end in ended)})"
-    return f"{radius} (in all > {decimal(radius.low, 1)})"
+    tried = [one.radius for one in alike if one.exceeds]
+    if len(alike) == 1:
+        return str(radius)
+    if not tried:
+        low, high = (radius_text(end, exceeds=False) for end in (ended[0], ended[-1]))
+        return f"{high} in all" if low == high else f"{low} to {high}"
+    least = radius_text(min(tried), exceeds=True)
+    if not ended:
+        return f"{least} in all"
+    return f"{least} in {len(tried)}, {' and '.join(radius_text(end, exceeds=False) for end in ended)} in {len(ended)}"
 
 
 def _scheme(condition: Condition) -> str:
@@ -126,13 +126,14 @@ def comparisons(rows: Sequence[Result]) -> list[Compared]:
     compared = []
     for condition, alike in grouped(rows, lambda row: row.condition).items():
         family = []
+        names = {row.entry: row.attack for row in alike}
         for damage in DAMAGES:
             ours = _message_drops(alike, OURS, damage)
             for other in OTHERS:
                 cells = differences(ours, _message_drops(alike, other, damage))
                 if cells:
                     p = paired_test(by_scene(cells))
-                    family.append(Compared(condition, damage, other, mean_interval(by_scene(cells)), p, p))
+                    family.append(Compared(condition, damage, names[other], mean_interval(by_scene(cells)), p, p))
         corrected = holm([one.p for one in family])
         compared += [one._replace(corrected=float(p)) for one, p in zip(family, corrected, strict=True)]
     return compared
@@ -154,23 +155,21 @@ def _levels(rows: Sequence[Result], variant: str) -> dict[tuple[str, int], float
 
 def over_gof(compared: Sequence[Compared]) -> str:
     """Return how much more than GOF GSPure takes, dB, on the pairs at shared poses, where both cost the scene 1 dB."""
-    (one,) = (
-        one for one in compared if (one.condition.protocol, one.other, one.damage) == ("shared", "gof_equal", 1.0)
-    )
+    (one,) = (one for one in compared if (one.condition.protocol, one.other, one.damage) == ("shared", "gof", 1.0))
     return decimal(one.difference.mean, 1)
 
 
 def compared_table(compared: Sequence[Compared]) -> str:
     """Return the comparisons as a table, with a column for each damage."""
-    columns = [Column("condition"), Column("GSPure minus", text=True), Column("pairs")]
+    columns = [Column("condition"), Column("GSPure minus", text=True), Column("scenes")]
     columns += [Column(f"at {damage:g} dB") for damage in DAMAGES]
     lines = []
     for condition, alike in grouped(compared, lambda one: one.condition).items():
         for i, (other, against) in enumerate(grouped(alike, lambda one: one.other).items()):
-            pairs = max(one.difference.scenes for one in against)
-            at_damage = {one.damage: interval(one.difference, pairs) for one in against}
-            cells = [Cell("" if i else condition.title), Cell(display_name(other.removesuffix("_equal")))]
-            cells += [Cell(str(pairs)), *(at_damage.get(damage, Cell()) for damage in DAMAGES)]
+            scenes = max(one.difference.scenes for one in against)
+            at_damage = {one.damage: interval(one.difference, scenes) for one in against}
+            cells = [Cell("" if i else condition.title), Cell(display_name(other))]
+            cells += [Cell(str(scenes)), *(at_damage.get(damage, Cell()) for damage in DAMAGES)]
             lines.append(TableRow(cells))
     return Table("", columns, lines).markdown()
 

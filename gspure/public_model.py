@@ -1,6 +1,7 @@
 """A public model, as its scheme publishes it."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple, Self
@@ -26,8 +27,8 @@ RenderView = Callable[[Camera], Float32]
 """From a camera to its image [H,W,3], not clipped."""
 
 Background = Sequence[float]
-BLACK: Background = (0.0, 0.0, 0.0)
-WHITE: Background = (1.0, 1.0, 1.0)
+BLACK: Final = (0.0, 0.0, 0.0)
+WHITE: Final = (1.0, 1.0, 1.0)
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
 """Attributes that attacks can request; ``base_colour`` is the view-independent part of the colour."""
@@ -184,8 +185,15 @@ class PublicModel:
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return the renderer of the scene."""
-        renderer = Renderer(self.model, device, energy=energy)
+        if (device, energy) not in self._renderers:
+            self._renderers[device, energy] = Renderer(self.model, device, energy=energy)
+        renderer = self._renderers[device, energy]
         return lambda camera: renderer.image(camera, background)
+
+    @cached_property
+    def _renderers(self) -> dict[tuple[Device | None, Energy], Renderer]:
+        """The renderers of the scene: the rows of this model do not change."""
+        return {}
 
     def learned(self, lesson: Lesson) -> Self:
         """Return the model with learned values in the columns of the lesson's attributes, all else bit-identical."""

@@ -21,11 +21,12 @@ register()
 
 SLOWEST = ("test_workflow", "test_site", "test_device", "test_adapter", "test_browser", "test_schemes")
 
-# PoCL reads these when it is loaded. Of several test processes, each has its own cache of kernels, and one thread.
+# Read when PoCL and PyTorch are loaded. Of several test processes, each has its own cache of kernels, and one thread.
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
 os.environ.setdefault("POCL_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "pocl" / _WORKER))
 if _WORKER:
     os.environ.setdefault("POCL_MAX_PTHREAD_COUNT", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # of PyTorch
 
 
 SNAKEMAKE = """

@@ -100,7 +100,7 @@ def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say
         of_condition = grouped(csv.DictReader(file), lambda row: row["condition"])
     rows = {row["attack"]: row for row in of_condition["Splats in Splats, own poses, message (adaptive)"]}
     repaired, purified = (rows[attack] for attack in ("prune_repair", "gspure"))
-    claim = next(line for line in text.splitlines() if line.startswith("| And on photographs?"))
+    claim = next(line for line in text.splitlines() if line.startswith("| Is it on photographs?"))
     shown = DECIMAL.findall(claim)
     assert shown == [row[drop] for row in (repaired, purified) for drop in ("drop of message", "drop of scene")]
     assert float(repaired["drop of message"]) >= float(purified["drop of message"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
@@ -93,17 +93,18 @@ def search(strength: Strength, damage_at: Callable[[float], float], wanted: floa
 
 
 def scene_renders(
-    public: PublicModel, views: Sequence[Camera], device: Device | None = None, retouched: Retouch | None = None
+    public: PublicModel, views: Iterable[Camera], device: Device | None = None, retouched: Retouch | None = None
 ) -> Shown:
     """Return the renders of a model as 8-bit images show them, and the pixels that it covers."""
     background = public.model.background
-    scene = public.scene(device, background)
-    images = [read_back(scene(view)) for view in views]
-    on_black = public.scene(device, BLACK)
-    on_white = public.scene(device, WHITE)
-    masks = [covered((on_white(view) - on_black(view)).mean(axis=2)) for view in views]
-    if retouched is not None:
-        images = [retouched(image, view.name) for image, view in zip(images, views, strict=True)]
+    scenes = {colour: public.scene(device, colour) for colour in (BLACK, WHITE, background)}
+    images = []
+    masks = []
+    for view in views:
+        shown = {colour: scene(view) for colour, scene in scenes.items()}
+        image = read_back(shown[background])
+        images.append(retouched(image, view.name) if retouched else image)
+        masks.append(covered((shown[WHITE] - shown[BLACK]).mean(axis=2)))
     return Shown(images, masks)
 
 

@@ -15,12 +15,13 @@ from gspure.evaluation.showing import Exhibit, extraction
 from gspure.images import read_back, read_image
 from gspure.metrics.bit_evidence import BitEvidence, bit_evidence
 from gspure.metrics.comparison import RENDER, TRUTH, ImagePair, Reference, ViewMetrics, compare
-from gspure.metrics.damage import coverage_lost, damage, fidelity
+from gspure.metrics.damage import Shown, coverage_lost, damage, fidelity
 from gspure.metrics.proof import compared_views, trace
 from gspure.metrics.readings import Reading, as_digits
 from gspure.metrics.targets import ADAPTIVE, MESSAGE, SCENE, is_picture
 from gspure.opencl.device import choose_device
-from gspure.schemes.registry import find_scheme, read_public_model
+from gspure.public_model import PublicModel
+from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import Key
 from gspure.training.dataset import read_photographs
 
@@ -95,15 +96,9 @@ def twin_traces(
     return traces
 
 
-def scene_change(job: Job, exhibit: Exhibit, views: Sequence[Camera]) -> SceneChange | None:
-    """Return what an attack did to the scene; None for a control."""
-    if not isinstance(job.case, AttackSpec):
-        return None
-    device = choose_device()
-    public = read_public_model(job.public, job.owner.scheme if job.owner else None).drawable(job.public)
-    before = scene_renders(public, views, device)
-    moved = [view.moved(exhibit.transform) for view in views]
-    after = scene_renders(exhibit.public.drawable(exhibit.source), moved, device, exhibit.retouched)
+def scene_change(job: Job, public: PublicModel, views: Sequence[Camera], after: Shown) -> SceneChange:
+    """Return what an attack did to the scene of a `public` model, and `after` which it shows something else."""
+    before = scene_renders(public, views, choose_device())
     drop = nan
     if SCENE in job.views.photographed:
         drop = damage(read_photographs(views, public.model.background), before, after)

@@ -19,10 +19,11 @@ from gspure.evaluation.attacking import Context, attacked
 from gspure.evaluation.comparing import bits_evidence, compared, image_pairs, picture_evidence, scene_change
 from gspure.evaluation.evidence import EVIDENCE, JobEvidence
 from gspure.evaluation.plan import AttackSpec, Detector, Job
-from gspure.evaluation.showing import Exhibit, attacked_exhibit, control_exhibit, render
+from gspure.evaluation.showing import Exhibit, attacked_exhibit, control_exhibit, render, scene_after
 from gspure.files import write_json
 from gspure.metrics.comparison import ViewMetrics, write_metrics
 from gspure.metrics.csv_tables import write_table
+from gspure.metrics.damage import Shown
 from gspure.metrics.detection import DETECTIONS
 from gspure.metrics.readings import Reading, read_marks
 from gspure.metrics.targets import BITS, MESSAGE, MODEL_BITS, SCENE
@@ -59,18 +60,22 @@ def evaluate(job: Job) -> Evaluation:
         folder.mkdir(parents=True)
     views = read_views(job)
     attack: Applied | Refused | None = None
+    before: PublicModel | None = None
     if isinstance(job.case, AttackSpec):
-        attack, exhibit = run_attack(job, job.case, views)
+        before = read_public_model(job.public, job.owner.scheme if job.owner else None).drawable(job.public)
+        attack, exhibit = run_attack(job, job.case, views, before)
         if exhibit is None:
             return Evaluation(attack)
     else:
         exhibit = control_exhibit(job)
+    shows_scene = before is not None or SCENE in exhibit.rendered
+    scene = scene_after(exhibit, views[SCENE]) if shows_scene else Shown((), ())
     key = owners_key(job)
-    render(job, exhibit, views, key)
+    render(job, exhibit, views, key, scene.images)
     pairs = image_pairs(job, exhibit, views)
     marks = readings(job, exhibit, key)
     evidence = JobEvidence(
-        scene=scene_change(job, exhibit, views[SCENE]),
+        scene=scene_change(job, before, views[SCENE], scene) if before else None,
         pictures=picture_evidence(job, exhibit, views, key, pairs),
         bits=bits_evidence(job, key, marks),
     )
@@ -111,13 +116,12 @@ def owners_key(job: Job) -> Key | None:
 
 
 def run_attack(
-    job: Job, spec: AttackSpec, views: Mapping[str, Sequence[Camera]]
+    job: Job, spec: AttackSpec, views: Mapping[str, Sequence[Camera]], before: PublicModel
 ) -> tuple[Applied | Refused, Exhibit | None]:
     """Attack the public model and write the attacked one; without the exhibit if the attack cannot apply."""
     place = job.folder / "public" / "point_cloud.ply"
     place.parent.mkdir(exist_ok=True)
     scheme = find_scheme(job.owner.scheme) if job.owner else None
-    before = read_public_model(job.public, scheme.name if scheme else None).drawable(job.public)
     device = choose_device()
     context = Context(
         views=read_split(job.views.cameras, "train"),

@@ -9,10 +9,12 @@ import numpy as np
 from gspure.arrays import Float32, Float64
 from gspure.attacks import Attacked
 from gspure.attacks.attacked import Retouch
+from gspure.attacks.strength import scene_renders
 from gspure.cameras import Camera
 from gspure.evaluation.attacking import AttackResult
 from gspure.evaluation.plan import Job, kind_of
-from gspure.images import read_back, write_image
+from gspure.images import write_image
+from gspure.metrics.damage import Shown
 from gspure.metrics.targets import ADAPTIVE, SCENE
 from gspure.model import Gaussians
 from gspure.opencl.device import choose_device
@@ -57,21 +59,29 @@ def control_exhibit(job: Job) -> Exhibit:
     return Exhibit(public, job.public, job.rendered, job.compared)
 
 
-def render(job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]], key: Key | None) -> None:
+def scene_after(exhibit: Exhibit, views: Sequence[Camera]) -> Shown:
+    """Return what the model shows of the scene, in views that moved with it."""
+    moved = [view.moved(exhibit.transform) for view in views]
+    drawable = exhibit.public.drawable(exhibit.source)
+    return scene_renders(drawable, track(moved, SCENE), choose_device(), exhibit.retouched)
+
+
+def render(
+    job: Job, exhibit: Exhibit, views: Mapping[str, Sequence[Camera]], key: Key | None, scene: Sequence[Float32]
+) -> None:
     """Write the images of all targets; an adaptive extraction finds out itself how the model moved."""
     for target in exhibit.rendered:
         transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
         moved = [view.moved(transform) for view in views[kind_of(target)]]
         if target == SCENE:
-            drawable = exhibit.public.drawable(exhibit.source)
-            images: Iterator[Float32] = map(drawable.scene(choose_device(), drawable.model.background), moved)
+            shown = zip(moved, scene, strict=True)
         elif key is not None:
             images = extraction(job, exhibit.public.drawn(exhibit.source), key, target, moved)
+            shown = zip(track(moved, target), images, strict=True)
         else:
             continue
-        for camera, image in zip(track(moved, target), images, strict=True):
-            shown = exhibit.retouched(read_back(image), camera.name) if target == SCENE else image
-            write_image(job.folder / "renders" / target / f"{camera.name}.png", shown)
+        for camera, image in shown:
+            write_image(job.folder / "renders" / target / f"{camera.name}.png", image)
 
 
 def extraction(job: Job, public: PublicModel, key: Key, target: str, views: list[Camera]) -> Iterator[Float32]:
