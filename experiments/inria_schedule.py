@@ -1,7 +1,7 @@
 """gspure's trainer with the schedule of 30,000 steps that INRIA's has, ended early, for a comparison at equal steps.
 
-``python benchmarks/inria_schedule.py CAPTURE STEPS`` prints the PSNR of held-out views. CAPTURE is a COLMAP project, on
-which the same number of steps of INRIA's trainer is, in its folder::
+``python -m experiments.inria_schedule CAPTURE STEPS`` prints the PSNR of held-out views. CAPTURE is a COLMAP project,
+on which the same number of steps of INRIA's trainer is, in its folder::
 
     gspure cuda-free -- python train.py -s CAPTURE -m OUT --eval --iterations STEPS --test_iterations STEPS
 """
@@ -44,8 +44,7 @@ def main(source: Path, steps: int) -> None:
     data = read_dataset(source, "native")
     images, truth = (read_photographs(views) for views in (data.train, data.test))
     begin = beginning(gaussians_at(data.xyz, data.rgb), seed=0)
-    limits = {"extent": data.extent, "max_gaussians": NO_BOUND}
-    model = train(data.train, images, begin, schedule=schedule, device=None, **limits)
+    model = train(data.train, images, begin, schedule=schedule, extent=data.extent, max_gaussians=NO_BOUND, device=None)
     renderer = Renderer(model)
     levels = [psnr(renderer.image(view).clip(0, 1), photo) for view, photo in zip(data.test, truth, strict=True)]
     print(f"{np.mean(levels):.2f} dB in {len(levels)} held-out views, {len(model)} Gaussians")
