@@ -1,5 +1,7 @@
 """Every numeric constant of the renderer and of the method, with its source.
 
+Those of GOF are from Yu et al. 2024, those of the paper from Huang et al. 2026.
+
 Kernels receive the renderer's constants as ``-D`` definitions, so that there is one place to read and to change them.
 """
 
@@ -24,7 +26,7 @@ EWA_FRUSTUM_MARGIN: Final = 0.3
 MEDIAN_TRANSMITTANCE: Final = 0.5  # the median depth is that of the Gaussian at which transmittance falls to this (GOF)
 SH_DC: Final = 0.28209479177387814  # zeroth real spherical harmonic, 1 / (2 sqrt(pi)): colour = SH_DC * f_dc + 0.5
 
-MAX_SH_DEGREE: Final = 3
+MAX_SH_DEGREE: Final = 3  # of spherical harmonics
 
 # --- Range of numbers: limits that keep float32 from overflowing for any finite input. Ours. --------------------------
 
@@ -66,17 +68,17 @@ NOISE_LABEL: Final = -1  # label of a noise point, as in HDBSCAN
 
 # --- Training: Kerbl et al. 2023, Adam's defaults --------------------------------------------------------------------
 
-ADAM_BETA1: Final = 0.9
-ADAM_BETA2: Final = 0.999
+ADAM_BETA1: Final = 0.9  # decay of the first moment, Kingma & Ba 2015
+ADAM_BETA2: Final = 0.999  # of the second
 ADAM_EPSILON: Final = 1e-15  # 3DGS's, far below Adam's default: gradients of a mean over pixels are small
 
 # --- Evaluation ------------------------------------------------------------------------------------------------------
 
-SSIM_WINDOW: Final = 11
-SSIM_SIGMA: Final = 1.5
-SSIM_C1: Final = 0.01**2
-SSIM_C2: Final = 0.03**2
-MS_SSIM_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)
+SSIM_WINDOW: Final = 11  # side of the Gaussian window in pixels, as all of SSIM: Wang et al. 2004
+SSIM_SIGMA: Final = 1.5  # of the window, in pixels
+SSIM_C1: Final = 0.01**2  # for images from 0 to 1
+SSIM_C2: Final = 0.03**2  # likewise
+MS_SSIM_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)  # of the scales; Wang, Simoncelli and Bovik 2003
 
 TEST_EVERY: Final = 8  # with cameras sorted by name, every eighth one is held out (3DGS's `--eval` split)
 
@@ -86,4 +88,4 @@ Energy = Literal["ewa", "ray", "center_ray"]
 """The value of a Gaussian at a pixel: a 2-D splat; its maximum along the ray (paper, Eq. E); or its maximum along the
 ray through its centre."""
 
-ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)
+ENERGIES: Final[tuple[Energy, ...]] = get_args(Energy)  # their names

@@ -21,12 +21,20 @@ OUTSIDE = {
     "RESPONSIBLE_USE.md": "responsible-use.md",
     "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",
+    "examples/adapters/README.md": "adapters.md",
     "experiments/README.md": "experiments.md",
 }
 """Pages of the repository, and their places on the site."""
 
 TABLES = ("experiments/tables/", "experiments/results/")
 """Folders outside docs/ whose files pages link to; their places on the site are the same."""
+
+SEE_ALSO = {
+    "attacks.md": "\n[Every attack in detail](reference/attacks.md).\n",
+    "configuration.md": "\n[Every setting](reference/settings.md).\n",
+    "numerics.md": "\n[All constants](reference/constants.md).\n",
+}
+"""The ends of pages: links to generated ones."""
 
 CLASSES = (
     "gspure.cameras.Camera",
@@ -36,8 +44,9 @@ CLASSES = (
     "gspure.public_model.PublicModel",
     "gspure.schemes.scheme.Scheme",
     "gspure.schemes.scheme.Key",
+    "gspure.evaluation.results.Result",
 )
-"""The arguments and results of the functions of the public interface."""
+"""The arguments and results of the functions of the public interface, and the rows of ``results.csv``."""
 
 
 def python_page() -> str:
@@ -86,6 +95,21 @@ def _settings(schema: dict[str, Any], prefix: str) -> Iterator[str]:
         yield from _settings(schema["additionalProperties"], f"{prefix}NAME.")
 
 
+def attacks_page() -> str:
+    """Return what every built-in attack does, with its settings, strength and source."""
+    from gspure.attacks import BUILT_IN
+    from gspure.attacks.reference import NOTES, reference
+
+    sections = (f"## {attack.name}\n\n{reference(attack)}" for attack in BUILT_IN)
+    return "\n".join(["# Attacks in detail", "", NOTES, *sections])
+
+
+def constants_page() -> str:
+    """Return the constants of the renderer and the method, with their sources."""
+    source = (ROOT / "gspure" / "constants.py").read_text(encoding="utf-8")
+    return f"# Constants\n\n```python\n{source}```\n"
+
+
 def leaderboard_page() -> str:
     """Return the leaderboard of the committed results."""
     sys.path.insert(0, str(ROOT))
@@ -97,7 +121,9 @@ def leaderboard_page() -> str:
 REFERENCE = {
     "leaderboard.md": leaderboard_page,
     "reference/python.md": python_page,
+    "reference/attacks.md": attacks_page,
     "reference/commands.md": commands_page,
+    "reference/constants.md": constants_page,
     "reference/settings.md": settings_page,
 }
 
@@ -127,7 +153,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         markdown += "\n[The report of the demo](report.html), with its model in 3-D.\n"
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
     parts[::2] = (relinked(part, source, place) for part in parts[::2])
-    return "".join(parts)
+    return "".join([*parts, SEE_ALSO.get(place, "")])
 
 
 def relinked(text: str, source: str, place: str) -> str:

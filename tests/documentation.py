@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.plugin_path import write_info
 
 ROOT = Path(__file__).parents[1]
-NAMED = (".github/CONTRIBUTING.md", "config/README.md", "experiments/README.md")
+NAMED = (".github/CONTRIBUTING.md", "config/README.md", "examples/adapters/README.md", "experiments/README.md")
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *(ROOT / name for name in NAMED)]
 
 

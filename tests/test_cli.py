@@ -45,6 +45,15 @@ def test_help_lists_installed_schemes_with_their_packages(capsys):
     assert re.search(r"^  marked_clones +gspure_marked_clones 1\.0$", capsys.readouterr().out, re.MULTILINE)
 
 
+def test_help_after_an_attack_tells_what_it_does_and_its_strength(capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(["attack", "jpeg", "--help"])
+    assert not leaving.value.code
+    text = capsys.readouterr().out
+    assert gspure.find_attack("jpeg").function.__doc__.partition("\n")[0] in text
+    assert "`quality`, smaller is stronger" in text
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [

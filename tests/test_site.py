@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import gspure
+from gspure.attacks import BUILT_IN
 from gspure.cameras import write_cameras
 from gspure.cli import COMMANDS, main
 from gspure.model import read_model, write_model
@@ -54,6 +55,7 @@ def test_the_tutorial_runs_and_writes_the_files_that_it_names(tmp_path, monkeypa
 def test_the_references_name_everything():
     assert all(f"::: gspure.{name}\n" in site.python_page() for name in gspure.__all__ if name != "__version__")
     assert all(f"## gspure {name}\n" in site.commands_page() for name in COMMANDS)
+    assert all(f"## {attack.name}\n" in site.attacks_page() for attack in BUILT_IN)
     schema = config_schema()
     page = site.settings_page()
     assert all(f"## {name}\n" in page for name in schema["properties"])

@@ -19,10 +19,12 @@ RULES: Final = ("mean", "interleave", "majority")
 
 
 def collusion(model: Gaussians, rng: Rng, *, copies: str = NONE, rule: str = RULES[0]) -> Attacked:
-    """Mix the model with all .ply files below the folder `copies`: the same rows with other marks (ours).
+    """Mix the model with all .ply files below the folder `copies`: the same rows with other marks.
 
-    Each stored number becomes the ``mean`` over the copies, or their median, which is the value of the ``majority`` if
-    a mark has two values. Or each row comes from a random copy (``interleave``).
+    By `rule`, each stored number becomes the ``mean`` over the copies, or their median, which is the value of the
+    ``majority`` if a mark has two values. Or each row comes from a random copy (``interleave``).
+
+    Source: ours.
     """
     require("collusion", "rule", rule, f"one of {', '.join(RULES)}", fits=rule in RULES)
     files = [] if copies == NONE else sorted(Path(copies).rglob("*.ply"))

@@ -27,10 +27,15 @@ _PACKAGES: Final = {**PACKAGES, "gaussforge": PACKAGES["gsply"]}
 def compression(model: Gaussians, _rng: Rng, columns: Columns, *, codec: str = "compressed_ply") -> Attacked:
     """Write the model in a compressed format and read it back.
 
-    Rows are sorted along a space-filling curve first, as converters do (`curve_order`). The `codec` is compressed_ply,
-    PlayCanvas' compressed PLY (chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour), spz, Niantic's SPZ 3
-    (24 bits per coordinate, 8 per scale, opacity and coefficient), sog, PlayCanvas' SOG (16 bits per coordinate, 256
-    scales and colours), splat (8 bits per rotation and colour, no further harmonics), or ksplat (8 bits per colour).
+    Rows are first sorted along a space-filling curve, as converters do (`curve_order`). The `codec` is
+
+    - ``compressed_ply``: PlayCanvas' compressed PLY, chunks of 256 rows, 10 to 11 bits per coordinate, 8 per colour;
+    - ``spz``: Niantic's SPZ 3, 24 bits per coordinate, 8 per scale, opacity and coefficient;
+    - ``sog``: PlayCanvas' SOG, 16 bits per coordinate, 256 scales and colours;
+    - ``splat``: 8 bits per rotation and colour, no further harmonics;
+    - ``ksplat``: 8 bits per colour.
+
+    Source: what converters do. gsply (MIT) writes the first two, GaussForge (Apache-2.0) the others.
     """
     known = (*_SUFFIXES, *_FORGED)
     require("compression", "codec", codec, f"one of {', '.join(known)}", fits=codec in known)

@@ -24,11 +24,13 @@ ROUNDS: Final = 4  # of growth, evenly spaced; ours
 def densify(
     model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = ITERATIONS, share: Share = GROWING
 ) -> Attacked:
-    """Train a model of harmonics on its own renders for `iterations` steps, and let it grow and shrink (ours).
+    """Train a model of harmonics on its own renders for `iterations` steps, and let it grow and shrink.
 
     Four times, 3DGS's rule clones or splits the `share` of the rows that have the largest gradients, and removes
     transparent ones. Its threshold would let nothing grow: the renders are the model's own. Rates are 3DGS's, so all
     rows move.
+
+    Source: ours.
     """
     if type(teacher.public).attributes is not PublicModel.attributes:
         raise NotApplicable("densify", "colours come from a network")

@@ -37,9 +37,16 @@ def finetune(
     learn: str = "all",
     render: str = UNCHANGED,
 ) -> Attacked:
-    """Train the attributes that `learn` names (`LEARNED`) on the model's own renders for `iterations` steps.
+    """Train the attributes that `learn` names on the model's own renders for `iterations` steps.
 
-    `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
+    `learn` = ``all`` trains everything; of GS-Hider, the features; of SecureGS, features, scalings and offsets.
+    ``appearance`` trains colour and opacity, ``colour`` colour; of GS-Hider and SecureGS, both train features. Decoders
+    and networks are never trained.
+
+    `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``, ``blur:1``, ``median:1``,
+    ``resize:0.5``.
+
+    Source: ours.
     """
     rows = _retouching(teacher, render, rng).train(teacher.public, rng, iterations, learn)
     return Attacked(rows, np.arange(len(rows)), len(rows))
@@ -62,7 +69,12 @@ def prune_repair(
     iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Remove the rows with ω_k < ω̄ / `tau`, then train the rest on renders of the unpruned model, as `finetune`."""
+    """Remove rows as `plain_weight` with `tau` does, then train the rest on renders of the unpruned model.
+
+    `iterations` and `learn` are those of `finetune`.
+
+    Source: ours.
+    """
     prune_mask = pruning.plain_prune_mask(weights, tau)
     return _repaired(teacher, prune_mask, rng, iterations, learn)
 
@@ -76,7 +88,12 @@ def gspure_repair(
     iterations: Steps = ITERATIONS,
     learn: str = "all",
 ) -> Attacked:
-    """Remove the rows that GSPure decided on, as `gspure` does, then train the rest as `prune_repair`."""
+    """Remove the rows that GSPure decided on, then train the rest on renders of the unpruned model.
+
+    `iterations` and `learn` are those of `finetune`. `gspure purify --repair` runs it.
+
+    Source: ours.
+    """
     return _repaired(teacher, prune_mask, rng, iterations, learn)
 
 
@@ -88,7 +105,12 @@ def _repaired(teacher: Teacher, prune_mask: Bools, rng: Rng, iterations: int, le
 
 
 def reestimate(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = ITERATIONS) -> Attacked:
-    """Set all colours or features to zero and train them again; geometry, decoder and networks are not changed."""
+    """Set all colours or features to zero and train them again in `iterations` steps.
+
+    Geometry, decoder and networks are not changed.
+
+    Source: ours.
+    """
     zeros = dict.fromkeys(teacher.public.columns["colour"], np.zeros(len(model), np.float32))
     blank = teacher.public.with_model(model.with_columns(zeros))
     rows = teacher.train(blank, rng, iterations, "colour", RATE_FACTOR)
@@ -107,8 +129,10 @@ def distil(
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md). The fast schedule takes more than `iterations` steps while the loss falls fast. `render` is an
-    attack on these renders, and its strength after a colon: ``jpeg:50``.
+    (docs/limits.md). `schedule` is ``vanilla`` or ``fast``, which takes more than `iterations` steps while the loss
+    falls fast. `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
+
+    Source: ours.
     """
     teacher = _retouching(teacher, render, rng)
     is_vanilla = type(teacher.public).attributes is PublicModel.attributes

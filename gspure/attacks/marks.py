@@ -21,10 +21,12 @@ def unmark(
     clip: Amount = CLIPPED,
     passes: Annotated[int, Range(1, 100)] = PASSES,
 ) -> Attacked:
-    """Take from every cell of a keyed pattern what sets its colour apart from the cells around, at most `clip` (ours).
+    """Move the colour of every cell of a keyed pattern towards that of the cells around, by at most `clip`.
 
-    The grid follows from the public rows, so the attack needs no key. Colours are 0 to 1; each of the `passes` measures
-    the cells again.
+    The grid follows from the public rows, so the attack needs no key. Colours are 0 to 1, and a mark has about 0.005;
+    each of the `passes` measures the cells again.
+
+    Source: ours.
     """
     if model.sh_degree < 0 or not len(model):
         raise NotApplicable("unmark", "no view-independent colours")

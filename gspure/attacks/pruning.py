@@ -23,7 +23,10 @@ TOLERANCE: Final = 3.0  # scales from the surface; ours: the paper does not say 
 
 
 def gspure(model: Gaussians, _rng: Rng, prune_mask: Bools) -> Attacked:
-    """Remove the rows that GSPure decided on (`gspure.method.pruning.prune_mask`)."""
+    """Remove the rows that GSPure decided on (`gspure.method.pruning.prune_mask`).
+
+    Source: the GSPure paper.
+    """
     return Attacked.without(model, prune_mask)
 
 
@@ -37,24 +40,35 @@ def gspure_scaled(
     tau_c: Factor = TAU_C,
     tau_n: Factor = TAU_N,
 ) -> Attacked:
-    """Remove the rows that GSPure decides on with both pruning factors multiplied by `scale`: GSPure's strength."""
+    """Remove the rows that GSPure decides on with both pruning factors multiplied by `scale`: GSPure's strength.
+
+    `tau_c` is the factor for clusters, `tau_n` that for all other rows.
+
+    Source: the GSPure paper; `scale` is ours.
+    """
     return Attacked.without(model, pruning.prune_mask(labels, weights, scale * tau_c, scale * tau_n))
 
 
 def random_pruning(model: Gaussians, rng: Rng, *, fraction: Share = FRACTION) -> Attacked:
-    """Remove a random `fraction` (0 to 1) of the rows, rounded to a whole number (paper, §Intuitive Methods, 1)."""
+    """Remove a random `fraction` (0 to 1) of the rows, rounded to a whole number.
+
+    Source: the GSPure paper, §Intuitive Methods, 1, which does not state the fraction; the default is ours.
+    """
     return Attacked.without(model, random_mask(len(model), round(fraction * len(model)), rng))
 
 
 def lowest_weight(model: Gaussians, _rng: Rng, weights: Float32, *, fraction: Share = FRACTION) -> Attacked:
-    """Remove the `fraction` (0 to 1) of the rows with the lowest ω_k, rounded to a whole number."""
+    """Remove the `fraction` (0 to 1) of the rows with the lowest weights ω, rounded to a whole number.
+
+    Source: what editors and converters do.
+    """
     return Attacked.without(model, lowest_mask(weights, round(fraction * len(model))))
 
 
 def weight_share(model: Gaussians, _rng: Rng, weights: Float32, *, share: Share = SHARE) -> Attacked:
-    r"""Remove the rows with the lowest ω_k that together hold at most a `share` of all weight.
+    """Remove the rows with the lowest weights ω that together hold at most a `share` (0 to 1) of all weight.
 
-    .. math:: \sum_{k\,\mathrm{pruned}} \omega_k \le s \sum_{k} \omega_k
+    Source: ours.
     """
     held = np.cumsum(np.sort(weights), dtype=np.float64)
     removed = int(np.searchsorted(held, share * held.max(initial=0.0), "right"))
@@ -62,9 +76,9 @@ def weight_share(model: Gaussians, _rng: Rng, weights: Float32, *, share: Share 
 
 
 def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction: Share = FRACTION) -> Attacked:
-    """Remove the `fraction` (0 to 1) of the rows with the lowest α_k, rounded to a whole number.
+    """Remove the `fraction` (0 to 1) of the rows with the lowest opacities, rounded to a whole number.
 
-    The "sequential pruning" of Splats in Splats and GS-Hider.
+    Source: the "sequential pruning" of Splats in Splats and GS-Hider.
     """
     return Attacked.without(model, lowest_mask(opacities, round(fraction * len(model))))
 
@@ -72,50 +86,76 @@ def lowest_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, fraction:
 def opacity_weight(
     model: Gaussians, _rng: Rng, weights: Float32, opacities: Float32, *, tau: Factor = TAU_N
 ) -> Attacked:
-    """Remove the rows with α_k < ᾱ / `tau` or ω_k < ω̄ / `tau`: the paper's ablation without clustering.
+    """Remove the rows whose weight ω, or opacity, is below its mean over the rows, divided by `tau`.
 
-    Ours: the paper does not say how it joins the two.
+    Source: an ablation of the GSPure paper, which does not say how it joins the two conditions; "or" is ours.
     """
     return Attacked.without(model, plain_prune_mask(opacities, tau) | plain_prune_mask(weights, tau))
 
 
 def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: Amount = TOLERANCE) -> Attacked:
-    """Remove the rows farther than `tolerance` of their own scales from the visible surface: the paper's GOF."""
+    """Remove the rows farther than `tolerance` of their own scales from the visible surface: the paper's GOF.
+
+    A tolerance below 1.2 removes the surface itself.
+
+    Source: the GSPure paper, which does not say how its baseline removes rows; the rule and its default are ours.
+    """
     return Attacked.without(model, ~(surface <= tolerance))
 
 
 def unattacked(model: Gaussians, _rng: Rng) -> Attacked:
-    """Return the model itself, byte for byte."""
+    """Return the model itself, byte for byte; all drops are measured from it.
+
+    Source: ours, for comparison.
+    """
     return Attacked(model, np.arange(len(model)), len(model))
 
 
 def transparent(model: Gaussians, _rng: Rng, opacities: Float32) -> Attacked:
-    """Remove the rows with α_k < 1/255, which no view shows."""
+    """Remove the rows with opacities below 1/255, which no view shows.
+
+    Source: what editors and converters do.
+    """
     return Attacked.without(model, opacities < ALPHA_MIN)
 
 
 def plain_weight(model: Gaussians, _rng: Rng, weights: Float32, *, tau: Factor = TAU_N) -> Attacked:
-    """Remove the rows with ω_k < ω̄ / `tau`: GSPure without clusters."""
+    """Remove the rows whose weight ω is below the mean weight divided by `tau`: GSPure without clusters.
+
+    Source: ours, for comparison.
+    """
     return Attacked.without(model, plain_prune_mask(weights, tau))
 
 
 def plain_opacity(model: Gaussians, _rng: Rng, opacities: Float32, *, tau: Factor = TAU_N) -> Attacked:
-    """Remove the rows with α_k < ᾱ / `tau`."""
+    """Remove the rows whose opacity is below the mean opacity divided by `tau`.
+
+    Source: ours, for comparison.
+    """
     return Attacked.without(model, plain_prune_mask(opacities, tau))
 
 
 def random_matched(model: Gaussians, rng: Rng, prune_mask: Bools) -> Attacked:
-    """Remove as many rows as GSPure does, at random."""
+    """Remove as many rows as GSPure does, at random.
+
+    Source: ours, for comparison.
+    """
     return Attacked.without(model, random_mask(len(model), int(prune_mask.sum()), rng))
 
 
 def lowest_weight_matched(model: Gaussians, _rng: Rng, weights: Float32, prune_mask: Bools) -> Attacked:
-    """Remove as many rows as GSPure does, in ascending order of ω_k."""
+    """Remove as many rows as GSPure does, in ascending order of weights ω.
+
+    Source: ours, for comparison.
+    """
     return Attacked.without(model, lowest_mask(weights, int(prune_mask.sum())))
 
 
 def lowest_opacity_matched(model: Gaussians, _rng: Rng, opacities: Float32, prune_mask: Bools) -> Attacked:
-    """Remove as many rows as GSPure does, in ascending order of α_k."""
+    """Remove as many rows as GSPure does, in ascending order of opacities.
+
+    Source: ours, for comparison.
+    """
     return Attacked.without(model, lowest_mask(opacities, int(prune_mask.sum())))
 
 

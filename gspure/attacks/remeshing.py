@@ -26,9 +26,12 @@ NEAR: Final = 0.05  # largest difference from the median depth of a pixel that s
 
 
 def remesh(model: Gaussians, rng: Rng, teacher: Teacher, *, iterations: Steps = ITERATIONS) -> Attacked:
-    """Extract the surface as a mesh, put as many flat Gaussians on it, and train them on renders of the model (ours).
+    """Extract the surface as a mesh, put as many flat Gaussians on it, and train them on renders of the model.
 
-    No stored number but the background reaches the result other than through the surface and the renders.
+    Training takes `iterations` steps. No stored number but the background reaches the result other than through the
+    surface and the renders.
+
+    Source: ours.
     """
     if not teacher.public.rows_are_gaussians:
         raise NotApplicable("remesh", "a network computes the Gaussians")

@@ -29,7 +29,12 @@ MERGED: Final = 0.1  # fraction of the rows to merge into others; ours
 
 
 def split(model: Gaussians, rng: Rng, columns: Columns, *, fraction: Share = SPLIT) -> Attacked:
-    """Split a random `fraction` (0 to 1) of the Gaussians in two along their longest axes; the new rows come last."""
+    """Split a random `fraction` (0 to 1) of the Gaussians in two along their longest axes; the new rows come last.
+
+    The halves have together the centre and the covariance of their row, and cover the same area.
+
+    Source: ours.
+    """
     require_attribute("split", columns, "opacity")
     count = len(model)
     axes = principal_axes(model)
@@ -60,8 +65,10 @@ def _half(opacities: Float64) -> Float64:
 def merge_pairs(model: Gaussians, _rng: Rng, columns: Columns, *, fraction: Share = MERGED) -> Attacked:
     """Merge pairs of mutual nearest neighbours, those most alike first, to remove a `fraction` (0 to 1) of the rows.
 
-    A merged row has the weighted mean of the pair's colours, and replaces the one that covers more. There are fewer
-    such pairs than half of the rows.
+    A merged row has the pair's centre, covariance and covered area, and the weighted mean of its colours. It replaces
+    the one that covers more. There are fewer such pairs than half of the rows.
+
+    Source: ours.
     """
     require_attribute("merge_pairs", columns, "opacity")
     opacities = model.opacities.astype(np.float64)

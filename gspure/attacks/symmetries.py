@@ -18,11 +18,16 @@ EXPONENTS: Final = (-5, 5)  # norms of quaternions become 2^e and more, below 2^
 
 
 def gauge(model: Gaussians, rng: Rng, public: PublicModel, *, mix: Annotated[int, Range(0, 1)] = 1) -> Attacked:
-    """Draw again what no image depends on: the order of rows, frames, and with `mix` the basis of features.
+    """Draw again what no image depends on: the order of rows, frames, and with `mix` = 1 the basis of features.
 
-    Frames are the axes' order and directions, and the sign and norm of the quaternion (`gspure.model.frames`). Features
-    are mixed, and the first layer of the public network undoes it (`PublicModel.mixed`). Rows with the same centre keep
-    their order. Ours.
+    - Frames: each Gaussian's axes are permuted and reversed (24 turns), and its scales permuted with them; its
+      quaternion gets a random sign, and a norm between 2⁻⁵ and 2⁶ (`gspure.model.frames`).
+    - Order: rows with the same centre keep theirs, on which images depend.
+    - Features are mixed, and the first layer of the public network, in the file beside the .ply, undoes the mix
+      (`PublicModel.mixed`). Anchor features are rotated by a random orthogonal matrix. GS-Hider's are replaced by
+      weighted means, which stay between 0 and 1 as a sigmoid requires. `mix` = 0 keeps features and networks.
+
+    Source: ours.
     """
     mixed = public.mixed(rng) if mix else public
     rows = _order(model, rng)

@@ -28,10 +28,13 @@ COLOURS: Final = ("colour", "base_colour", "opacity")
 def gaussian_noise(
     model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = SIGMA, attributes: str = "colour"
 ) -> Attacked:
-    """Add independent Gaussian noise to stored attributes of every row (paper, §Intuitive Methods, 3).
+    """Add independent Gaussian noise of deviation `sigma` to stored attributes of every row.
 
-    Its standard deviation `sigma` is the same for every column. Attributes are ``colour`` (spherical harmonics or
-    features: the paper's "photometric features"), ``base_colour``, and ``opacity`` (the logit).
+    `sigma` is in stored units, the same for every column. `attributes` are ``colour`` (spherical harmonics or features:
+    the paper's "photometric features"), ``base_colour`` (harmonics of degree 0, or all features), and ``opacity`` (the
+    logit), separated by commas.
+
+    Source: the GSPure paper, §Intuitive Methods, 3, without a strength; the default is ours.
     """
     names = select_columns("gaussian_noise", columns, attributes, COLOURS)
 
@@ -43,14 +46,20 @@ def gaussian_noise(
 
 
 def opacity_noise(model: Gaussians, rng: Rng, columns: Columns, *, sigma: Amount = OPACITY_SIGMA) -> Attacked:
-    """Multiply every opacity by an independent 1 + `sigma` ε, ε normal; the result is clipped to 0 to 1."""
+    """Multiply every opacity by an independent 1 + `sigma` ε, ε standard normal, and clip the result to 0 to 1.
+
+    Source: published tests of watermarks, with a `sigma` of 0.05 to 0.2.
+    """
     require_attribute("opacity_noise", columns, "opacity")
     noisy = model.opacities * (1 + sigma * rng.standard_normal(len(model)))
     return Attacked.changed(model, {"opacity": logit(noisy, LEAST_OPACITY)})
 
 
 def position_noise(model: Gaussians, rng: Rng, *, sigma: Amount = POSITION_SIGMA) -> Attacked:
-    """Move every centre by independent Gaussian noise of `sigma` times the model's radius along each axis."""
+    """Move every centre along each axis by Gaussian noise whose deviation is `sigma` radii of the model.
+
+    Source: published tests of watermarks, with a `sigma` of 0.001 to 0.01.
+    """
     moved = model.means + sigma * radius(model) * rng.standard_normal((len(model), 3))
     return Attacked.changed(model, dict(zip("xyz", moved.astype(np.float32).T, strict=True)))
 
@@ -58,10 +67,13 @@ def position_noise(model: Gaussians, rng: Rng, *, sigma: Amount = POSITION_SIGMA
 def feature_scaling(
     model: Gaussians, _rng: Rng, columns: Columns, *, factor: Amount = FACTOR, attributes: str = "colour"
 ) -> Attacked:
-    """Multiply attributes of every row by `factor`, 0 or more (paper, §Intuitive Methods, 2).
+    """Multiply attributes of every row by `factor`, 0 or more.
 
-    Attributes are ``colour`` (stored coefficients or features), ``base_colour``, and ``opacity`` (the activated one).
-    The paper scales both in §Intuitive Methods and colour alone in §Baselines, the default here.
+    `attributes` are ``colour`` (stored coefficients or features), ``base_colour`` (harmonics of degree 0, or all
+    features), and ``opacity`` (the activated one), separated by commas.
+
+    Source: the GSPure paper. It scales colour and opacity in §Intuitive Methods, 2, and colour alone in §Baselines, the
+    default here. It states no factor; the default is ours.
     """
     names = select_columns("feature_scaling", columns, attributes, COLOURS)
     scaled = {name: model.table[name] * np.float32(factor) for name in names}
@@ -78,10 +90,15 @@ def quantize(
     bits: Annotated[int, Range(1, HALF)] = BITS,
     attributes: str = QUANTIZED,
 ) -> Attacked:
-    """Round stored values of some `ATTRIBUTES` to few bits, as files for the web do.
+    """Round stored values of some attributes to few bits, as files for the web do.
 
-    16 `bits` are half precision; larger values become its largest number. 1 to 8 bits are 2^bits equally spaced levels
-    between a column's extremes, so one extreme value coarsens all others.
+    16 `bits` are half precision; values beyond ±65,504 become its largest number. 1 to 8 bits are 2^bits equally spaced
+    levels between a column's extremes, so one extreme value coarsens all others.
+    `attributes` are ``colour``, ``base_colour``, ``opacity``, ``scale``, ``rotation`` and ``position``, separated by
+    commas.
+
+    Source: published tests of watermarks; the default attributes are ours, as formats keep 16 bits and more for
+    positions.
     """
     require("quantize", "bits", bits, "1 to 8, or 16", fits=bits in {*range(1, 9), HALF})
     names = select_columns("quantize", columns, attributes, ATTRIBUTES)
@@ -96,6 +113,8 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
     """Set the spherical harmonics above `degree` to zero; the columns stay, so that the model reads as before.
 
     Models without harmonics above `degree` are refused.
+
+    Source: published tests of watermarks.
     """
     most = model.sh_degree - 1
     if degree > most:
@@ -107,9 +126,11 @@ def sh_truncation(model: Gaussians, _rng: Rng, *, degree: Annotated[int, Range(0
 
 
 def sh_edit(model: Gaussians, rng: Rng, *, sigma: Amount = EDITED, factor: Amount = 1.0) -> Attacked:
-    """Multiply the harmonics above degree 0 by `factor`, and add Gaussian noise of deviation `sigma` to each (ours).
+    """Multiply the harmonics above degree 0 by `factor`, and add Gaussian noise of deviation `sigma` to each.
 
-    Only view-dependent colour changes. Models without it are refused.
+    `sigma` is in stored units. Only view-dependent colour changes. Models without it are refused.
+
+    Source: ours.
     """
     names = model.columns_named("f_rest_")
     if not names:

@@ -18,10 +18,13 @@ LENGTHS: Final = (1.0, 2.0)  # of waves, in radii; ours
 
 
 def warp(model: Gaussians, rng: Rng, *, amplitude: Annotated[float, Range(0.0, 1.0)] = AMPLITUDE) -> Attacked:
-    """Displace every centre by a sum of sine waves, in all by at most `amplitude` radii (ours).
+    """Displace every centre by a sum of three sine waves, in all by at most `amplitude` radii of the model.
 
-    Only centres move. At 1 %, waves as long as a radius turn and stretch what they move by at most 6 %, which is little
-    for Gaussians that are much smaller than a radius. Anchors, which have no frames, can be warped, too.
+    The waves are one to two radii long, so no rigid transform undoes them. Frames stay: at an amplitude of 1 %, they
+    would turn and stretch by at most 6 %, which is little for Gaussians that are much smaller than a radius. Anchors,
+    which have no frames, can be warped, too.
+
+    Source: ours.
     """
     size = radius(model)
     lengths = rng.uniform(*LENGTHS, WAVES)

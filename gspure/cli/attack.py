@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gspure.arrays import save_array
 from gspure.attacks import BUILT_IN, find_attack
+from gspure.attacks.reference import NOTES, reference
 from gspure.attacks.strength import Damage, Match, scene_damage
 from gspure.cameras import Camera
 from gspure.cameras.photographs import missing_photographs
@@ -30,6 +31,8 @@ EXAMPLES = """\
   gspure attack random_pruning --model point_cloud.ply --set fraction=0.25 --seed 1 --out random/point_cloud.ply
   gspure attack plain_weight --model point_cloud.ply --weights purified/weights.npy --out plain/point_cloud.ply
   gspure attack random_pruning --model point_cloud.ply --damage 1 --cameras cameras.json --out random_1dB.ply
+
+`gspure attack NAME --help` tells what an attack does, its settings, strength and source.
 """
 
 _MEASUREMENTS = {
@@ -42,6 +45,7 @@ _MEASUREMENTS = {
 
 
 def add_arguments(parser: Parser) -> None:
+    parser.described = _described
     parser.text("name", "NAME", "one of the attacks below, or of a plug-in; those on renders need a configuration")
     options.list_choices(parser, "attacks", (attack for attack in BUILT_IN if not attack.of_renders))
     parser.reads("--model", "MODEL", "file of the public model; the files beside it are copied")
@@ -61,6 +65,11 @@ def add_arguments(parser: Parser) -> None:
     meaning = "photographs VIEW.png of the scene, for --damage (default: those that the cameras name)"
     parser.reads("--photographs", "DIR", meaning, required=False)
     options.add_device(parser)
+
+
+def _described(name: str) -> str:
+    """Return what an attack does, also of one on renders or of a plug-in."""
+    return f"{name}\n\n{reference(find_attack(name))}\n{NOTES}"
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
+        self.described: Callable[[str], str] | None = None  # what `--help` prints after an attack
         self.register("type", None, partial(filled, str))
         self.register("type", Path, partial(filled, Path))
 
@@ -71,6 +72,10 @@ class Parser(argparse.ArgumentParser):
 
         A misspelt option is refused first, because argparse would report the intended one as missing instead.
         """
+        wants_help = not {"-h", "--help"}.isdisjoint(words[1:])
+        if self.described and wants_help and not words[0].startswith("-"):
+            print(self.described(words[0]), end="")
+            self.exit()
         end = len(words)
         if "--" in words and "passed_on" in self._defaults:
             end = words.index("--")

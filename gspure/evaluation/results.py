@@ -30,39 +30,74 @@ _NONE: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class Result(NamedTuple):
-    """One variant or control of a model, as one owner reads it; unknown numbers are NaN or None.
+    """One variant or control of a model, as one owner reads it; unknown numbers are NaN or None, and empty in the file.
 
     Without a message, there is one row, of no owner. A variant without results has only the reason.
+
+    Parameters
+    ----------
+    condition
+        Columns `scheme`, `protocol` and `initialization`.
+    scene, seed
+        The model; seeds from 1 on are repetitions.
+    variant, entry, attack
+        The variant, its entry in the configuration, and the attack that it is one strength of.
+    wanted, strength
+        The damage for which the strength was searched, dB; columns `strength_setting` and `strength_value`.
+    owner, extraction
+        ``published`` or ``adaptive``; the extraction that shows the message, or a detector.
+    damage, fidelity
+        Drop of the scene's PSNR against photographs that a customer cannot undo, dB; without photographs, PSNR of the
+        scene against renders of the unattacked model.
+    coverage_lost
+        Share of the pixels that the attack uncovers.
+    scene_values, message_values
+        Columns `scene_METRIC` and `message_METRIC`.
+    trace, legibility, word
+        T, R, and what is left of the message.
+    z, p, level
+        Standard score of T among the candidates; the p-value; the largest one that proves the message.
+    candidates, clean_models, twins, bits
+        Their numbers.
+    reading, correct
+        What a detector reads, mean over views: correct bits in percent, or a score; bits that most views read right.
+    reached
+        Whether the attack changed what the extraction reads.
+    pruned_share
+        Share of the rows that the attack removed.
+    failure, run
+        Why results are missing; run ID.
+
     """
 
     condition: OfCondition
     scene: str
     seed: int
     variant: str
-    entry: str = ""  # of the configuration
-    attack: str = ""  # what the variant is one strength of
-    wanted: float = nan  # damage for which the strength was searched, dB
+    entry: str = ""
+    attack: str = ""
+    wanted: float = nan
     strength: StrengthValue | None = None
     owner: OwnerName = ""
-    extraction: str = ""  # the target that shows the message, or a detector
-    damage: float = nan  # drop of the scene's PSNR against photographs that a customer cannot undo, dB
-    fidelity: float = nan  # PSNR of the scene against renders of the unattacked model, dB; without photographs
-    coverage_lost: float = nan  # share of the pixels that the attack uncovers
+    extraction: str = ""
+    damage: float = nan
+    fidelity: float = nan
+    coverage_lost: float = nan
     scene_values: Annotated[Mapping[str, float], "scene_{}"] = _NONE
     message_values: Annotated[Mapping[str, float], "message_{}"] = _NONE
-    trace: float = nan  # T
-    legibility: float = nan  # R
+    trace: float = nan
+    legibility: float = nan
     z: float = nan
     p: float = nan
-    level: float = nan  # the smallest p that the candidates or bits can show, at least 0.001: what counts as proven
+    level: float = nan
     candidates: int = 0
     clean_models: int = 0
     twins: int = 0
-    reading: float = nan  # of a detector: correct bits in percent, or a score, mean over views
-    correct: int = 0  # bits that the majority of views reads correctly
+    reading: float = nan
+    correct: int = 0
     bits: int = 0
     word: Word = ""
-    reached: bool | None = None  # whether the attack changed what the extraction reads
+    reached: bool | None = None
     pruned_share: float = nan
     failure: str = ""
     run: str = ""

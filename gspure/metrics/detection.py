@@ -73,7 +73,12 @@ def detection(readings: Sequence[Reading], clean: Sequence[float]) -> Detection:
     rank = round(threshold.rate * (1 + len(clean)))  # of the threshold among the clean scores
 
     def chance(hits: int) -> float:
-        """Return the probability that this many views, or more, exceed the threshold in a model without the mark."""
+        r"""Return the probability that this many views, or more, exceed the threshold in a model without the mark.
+
+        For scores, with h of V views above the k-th highest of N clean ones, it is
+
+        .. math:: p = \sum_{i \ge h} \binom{V}{i} \binom{N}{h + k - 1 - i} \Big/ \binom{N + V}{h + k - 1}.
+        """
         if bits:
             return float(binom.sf(hits - 1, views, threshold.rate))
         above = hits + rank - 1

@@ -1,7 +1,7 @@
 """Adapters: schemes that run the programs of an author's unmodified checkout.
 
 The programs are processes of their own and exchange files with gspure; nothing is copied or imported. ``NAME.toml``
-describes the scheme NAME; docs/schemes.md, "Code of authors", explains its fields.
+describes the scheme NAME; examples/adapters/README.md explains its fields.
 """
 
 from __future__ import annotations
