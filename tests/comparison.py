@@ -10,9 +10,6 @@ flips can do. A maximum norm alone would either miss errors or fail at random.
 
 import numpy as np
 
-from gspure.arrays import Bools
-from tests.reference.blending import Margins
-
 FLIP = 0.02
 """What a few flips at the cut-off (1/255 each) or one at the stop (0.01) move a pixel, relative to the spread."""
 
@@ -20,12 +17,12 @@ DEPTH_ROUNDING = 5e-6
 """Relative rounding of view depths, which decide the order and the near plane."""
 
 
-def may_flip(margins: Margins, tight: float = 5e-6) -> Bools:
+def may_flip(margins, tight=5e-6):
     """Pixels where an alpha or a transmittance may fall to a step's other side."""
     return np.minimum(margins.alpha, margins.stop) < 50 * tight
 
 
-def may_swap(margins: Margins) -> Bools:
+def may_swap(margins):
     """Pixels where two Gaussians may come in the other order, or one fall to the near plane's other side.
 
     Equal depths are no risk: the row decides.
@@ -67,7 +64,7 @@ def assert_contributions_agree(actual, reference, *, tight=5e-6):
     assert flipped.sum() <= 1 + undecided + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} pixels differ"
 
 
-def steady_pixels(margins: Margins, tight: float = 5e-6) -> Bools:
+def steady_pixels(margins, tight=5e-6):
     """Pixels [H,W] whose gradient does not hang on rounding: no step is near, nor the kink where alpha is clamped."""
     return ~(may_flip(margins, tight) | may_swap(margins) | (margins.clamp < 50 * tight))
 

@@ -17,7 +17,7 @@ from gspure.method.settings import FEATURES, MethodSettings
 from gspure.scenes.rooms import PLACEMENTS, PROTOCOLS
 from gspure.schemes.pair import INITIALIZATIONS
 from gspure.workflow import planning
-from gspure.workflow.config import DEFAULT_VARIANTS, PairConfig, VariantConfig
+from gspure.workflow.config import DEFAULT_VARIANTS
 from gspure.workflow.config_reading import SUITES, load_yaml, read_config
 from gspure.workflow.matrix import expanded
 from gspure.workflow.schema import config_schema
@@ -73,18 +73,21 @@ def test_keys_are_texts_as_written_and_values_and_merges_those_of_yaml(
         ("no: 1\n'no': 2", "no in line 2"),
         ("a: [{b: 1,\n  b: 2}]", "b in line 2"),
         ("a: &x {b: 1}\n<<: *x\n<<: *x", "<< in line 3"),
+        ("pairs: {room_1: {}, room: {matrix: {seed: [1]}}}", "pairs"),
     ],
 )
 def test_a_file_that_is_no_mapping_with_each_key_once_is_refused(write: Write, text: str, place: str) -> None:
     (file,) = write(text)
     with pytest.raises(InputError) as refusal:
-        load_yaml(file)
+        read_config([file], {}, SOURCE)
     assert (refusal.value.source, refusal.value.field) == (str(file), place)
 
 
 CROP = "variants: {unattacked: {}, gspure: {}, crop: &c {fraction: 0.5, seed: 3}, b: *c, d: {<<: *c, seed: 1}}"
 HALF = {"fraction": 0.5, "seed": 3}
 CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {"fraction": 0.5, "seed": 1}}
+SWEPT = "variants: {unattacked: {}, gspure: {}, crop: {matrix: {fraction: [0.5], seed: [3, 4]}}}"
+CROPS = {f"crop_0_5_{seed}": {"attack": "crop", "fraction": 0.5, "seed": seed} for seed in (3, 4)}
 
 
 @pytest.mark.parametrize(
@@ -96,6 +99,7 @@ CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {
         (["views: {parts: 2}", ""], {"views": {"evaluate": "all"}}, {"views": {"parts": 2, "evaluate": "all"}}),
         (["threads: 1"], {"threads": None}, {}),
         (["detectors: {}"], {"detectors": {"mark": MARK}}, {"detectors": {"mark": MARK}}),
+        ([SWEPT, "variants: {crop: {seed: 3}}"], {}, {"variants": {**EVERY, **CROPS, "crop": {"seed": 3}}}),
     ],
 )
 def test_files_are_overlaid_entry_by_entry(write: Write, files: list[str], overrides: Json, content: Json) -> None:
@@ -103,21 +107,6 @@ def test_files_are_overlaid_entry_by_entry(write: Write, files: list[str], overr
     merged = read_config(write(*files), overrides, SOURCE)
     assert repr(merged) == repr(configuration(content))
     assert overrides == given
-
-
-def test_a_matrix_makes_an_entry_of_each_combination_before_files_are_overlaid(write: Write) -> None:
-    swept = "variants: {unattacked: {}, gspure: {}, crop: {seed: 3, matrix: {fraction: [0.5, 0.25]}}}"
-    pairs = "pairs: {room: {views: 9, matrix: {protocol: [own, shared], placement: [front, raised]}}}"
-    merged = read_config(write(swept, pairs, "variants: {crop: {fraction: 0.7}, crop_0_5: {seed: 1}}"), {}, SOURCE)
-    assert [*merged.pairs] == ["room_own_front", "room_own_raised", "room_shared_front", "room_shared_raised"]
-    assert merged.pairs["room_own_raised"] == PairConfig(views=9, protocol="own", placement="raised")
-    assert merged.variants["crop"] == VariantConfig({"fraction": 0.7})
-    assert merged.variants["crop_0_5"] == VariantConfig({"fraction": 0.5}, attack="crop", seed=1)
-    assert merged.variants["crop_0_25"] == VariantConfig({"fraction": 0.25}, attack="crop", seed=3)
-    for matrix, place in (("3", "variants.crop.matrix"), ("{fraction: [0.5, '0_5']}", "variants")):
-        with pytest.raises(InputError) as refusal:
-            read_config(write(f"variants: {{crop: {{matrix: {matrix}}}}}"), {}, SOURCE)
-        assert refusal.value.field == place
 
 
 def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:

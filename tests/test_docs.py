@@ -16,7 +16,6 @@ import yaml
 
 import gspure
 from experiments import leaderboard_page, results_page
-from experiments.results_page import PAGE
 from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.codec import plain
 from gspure.evaluation.identity import Condition
@@ -29,8 +28,7 @@ from tests.models import blobs
 from tests.workflow_cases import configuration
 
 DOCS = ROOT / "docs"
-EXPERIMENTS = ROOT / "experiments"
-TABLES = sorted((EXPERIMENTS / "tables").glob("*.csv"))
+TABLES = sorted(results_page.TABLES.glob("*.csv"))
 DECIMAL = re.compile(r"\d+\.\d+")
 
 
@@ -101,9 +99,9 @@ def test_the_example_of_bits_in_the_file_reads_them_unless_they_were_rounded(tmp
 
 
 def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say() -> None:
-    text = PAGE.read_text(encoding="utf-8")
+    text = results_page.PAGE.read_text(encoding="utf-8")
     assert text == results_page.page(), "run python -m experiments.results_page"
-    with (EXPERIMENTS / "tables" / "captures-measures.csv").open(newline="", encoding="utf-8") as file:
+    with (results_page.TABLES / "captures-measures.csv").open(newline="", encoding="utf-8") as file:
         of_condition = grouped(csv.DictReader(file), lambda row: row["condition"])
     rows = {row["attack"]: row for row in of_condition["Splats in Splats, own poses, message (adaptive)"]}
     repaired, purified = (rows[attack] for attack in ("prune_repair", "gspure"))
@@ -127,8 +125,7 @@ def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> Non
         header, *rows = csv.reader(file)
     assert rows
     assert {len(row) for row in rows} == {len(header)}
-    run = table.stem.partition("-")[0]
-    assert re.search(rf"`{run}\b", (EXPERIMENTS / "README.md").read_text(encoding="utf-8"))
+    assert re.search(rf"`{table.stem.partition('-')[0]}\b", (results_page.HERE / "README.md").read_text())
 
 
 def radius(
