@@ -62,7 +62,7 @@ bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
 gpu: $(DEV_PACKAGES) $(OPENCL) ## with a GPU: test its kernels, measure contributions and training, beside gsplat if installed
 	@$(BIN)/python -c "from gspure.opencl.device import choose_device; d = choose_device(); assert d.kind == 'gpu', f'no GPU but {d}'"
 	@$(BIN)/python -m pytest tests/test_kernels.py tests/test_renderer.py tests/test_gradients.py tests/test_trainable.py
-	@$(BIN)/python -m benchmarks.drivers
+	@$(BIN)/python -m experiments.drivers
 	@$(BIN)/python -m pytest benchmarks/bench_views.py benchmarks/bench_training.py benchmarks/bench_gsplat.py --record gpu
 
 lock: $(DEV_PACKAGES) ## choose the newest versions that pyproject.toml allows, and write them down

@@ -22,8 +22,12 @@ OUTSIDE = {
     "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",
     "examples/adapters/README.md": "adapters.md",
+    "experiments/README.md": "experiments.md",
 }
 """Pages of the repository, and their places on the site."""
+
+TABLES = ("experiments/tables/", "experiments/results/")
+"""Folders outside docs/ whose files pages link to; their places on the site are the same."""
 
 SEE_ALSO = {
     "attacks.md": "\n[Every attack in detail](reference/attacks.md).\n",
@@ -108,10 +112,10 @@ def constants_page() -> str:
 
 def leaderboard_page() -> str:
     """Return the leaderboard of the committed results."""
-    sys.path.insert(0, str(ROOT / "setup"))
-    import leaderboard
+    sys.path.insert(0, str(ROOT))
+    from experiments.leaderboard_page import page
 
-    return leaderboard.leaderboard_page()
+    return page()
 
 
 REFERENCE = {
@@ -132,6 +136,9 @@ def on_files(files: Any, config: Any) -> Any:
         files.append(File.generated(config, place, content=(ROOT / source).read_text(encoding="utf-8")))
     for place, page in REFERENCE.items():
         files.append(File.generated(config, place, content=page()))
+    for table in (file for folder in TABLES for file in (ROOT / folder).rglob("*.csv")):
+        place = table.relative_to(ROOT).as_posix()
+        files.append(File.generated(config, place, abs_src_path=str(table)))
     if REPORT.is_file():
         files.append(File.generated(config, "report.html", abs_src_path=str(REPORT)))
     return files
@@ -158,7 +165,7 @@ def relinked(text: str, source: str, place: str) -> str:
         if not path or "://" in path:
             return match[0]
         path = posixpath.normpath(posixpath.join(posixpath.dirname(source), path))
-        if path not in OUTSIDE and not path.startswith("docs/"):
+        if path not in OUTSIDE and not path.startswith(("docs/", *TABLES)):
             return label if not mark else ""
         target_place = OUTSIDE.get(path, path.removeprefix("docs/"))
         relative = posixpath.relpath(target_place, posixpath.dirname(place) or ".")

@@ -7,8 +7,8 @@ from pathlib import Path
 from tests.plugin_path import write_info
 
 ROOT = Path(__file__).parents[1]
-PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("config/*.md"), ROOT / ".github" / "CONTRIBUTING.md"]
-PAGES.append(ROOT / "examples" / "adapters" / "README.md")
+NAMED = (".github/CONTRIBUTING.md", "config/README.md", "examples/adapters/README.md", "experiments/README.md")
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *(ROOT / name for name in NAMED)]
 
 
 def blocks(page, language):

@@ -5,11 +5,11 @@ import re
 import time
 from pathlib import Path
 
-import leaderboard
 import numpy as np
 import pytest
 from PIL import Image
 
+from experiments import leaderboard_page
 from gspure.cameras import orbit_cameras
 from gspure.codec import plain
 from gspure.evaluation.identity import Condition
@@ -157,8 +157,8 @@ def test_tables_begin_in_the_order_of_the_verdict_and_are_sorted_by_a_click(
     radii = [Radius(Condition(f"s{i}"), "message", "published", "message", i / 4, False, 0, 9, 1) for i in (2, 9, 4)]
     record = Record("0.1.0", "small-1", "2026-11-29", 1, "96x72", "", tuple(radii), ())
     write_json(tmp_path / "records" / "mine.json", plain(record))
-    monkeypatch.setattr(leaderboard, "RECORDS", tmp_path / "records")
-    table = re.search(r"<table.*?</table>", leaderboard.leaderboard_page(), re.DOTALL)[0]
+    monkeypatch.setattr(leaderboard_page, "RECORDS", tmp_path / "records")
+    table = re.search(r"<table.*?</table>", leaderboard_page.page(), re.DOTALL)[0]
     (tmp_path / "leaderboard.html").write_text(f"<!doctype html>{table}<script>{script}</script>")
     page = visit(tmp_path / "leaderboard.html")
     orders = []

@@ -19,10 +19,11 @@ from gspure.schemes.pair import INITIALIZATIONS
 from gspure.workflow import planning
 from gspure.workflow.config import DEFAULT_VARIANTS
 from gspure.workflow.config_reading import SUITES, load_yaml, read_config
+from gspure.workflow.matrix import expanded
 from gspure.workflow.schema import config_schema
 from tests.workflow_cases import ROOT, SOURCE, configuration
 
-SHIPPED = sorted((ROOT / "config").glob("*.yaml"))
+SHIPPED = {file.stem: file for folder in ("config", "experiments") for file in sorted((ROOT / folder).glob("*.yaml"))}
 EVERY: dict[str, Any] = {"unattacked": {}, "gspure": {}}
 BOT = {"model": "bot.ply", "cameras": "orbit"}
 MARK = {"command": "read"}
@@ -72,18 +73,21 @@ def test_keys_are_texts_as_written_and_values_and_merges_those_of_yaml(
         ("no: 1\n'no': 2", "no in line 2"),
         ("a: [{b: 1,\n  b: 2}]", "b in line 2"),
         ("a: &x {b: 1}\n<<: *x\n<<: *x", "<< in line 3"),
+        ("pairs: {room_1: {}, room: {matrix: {seed: [1]}}}", "pairs"),
     ],
 )
 def test_a_file_that_is_no_mapping_with_each_key_once_is_refused(write: Write, text: str, place: str) -> None:
     (file,) = write(text)
     with pytest.raises(InputError) as refusal:
-        load_yaml(file)
+        read_config([file], {}, SOURCE)
     assert (refusal.value.source, refusal.value.field) == (str(file), place)
 
 
 CROP = "variants: {unattacked: {}, gspure: {}, crop: &c {fraction: 0.5, seed: 3}, b: *c, d: {<<: *c, seed: 1}}"
 HALF = {"fraction": 0.5, "seed": 3}
 CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {"fraction": 0.5, "seed": 1}}
+SWEPT = "variants: {unattacked: {}, gspure: {}, crop: {matrix: {fraction: [0.5], seed: [3, 4]}}}"
+CROPS = {f"crop_0_5_{seed}": {"attack": "crop", "fraction": 0.5, "seed": seed} for seed in (3, 4)}
 
 
 @pytest.mark.parametrize(
@@ -95,6 +99,7 @@ CHANGED_CROP = {**EVERY, "crop": {"fraction": 0.7, "seed": 3}, "b": HALF, "d": {
         (["views: {parts: 2}", ""], {"views": {"evaluate": "all"}}, {"views": {"parts": 2, "evaluate": "all"}}),
         (["threads: 1"], {"threads": None}, {}),
         (["detectors: {}"], {"detectors": {"mark": MARK}}, {"detectors": {"mark": MARK}}),
+        ([SWEPT, "variants: {crop: {seed: 3}}"], {}, {"variants": {**EVERY, **CROPS, "crop": {"seed": 3}}}),
     ],
 )
 def test_files_are_overlaid_entry_by_entry(write: Write, files: list[str], overrides: Json, content: Json) -> None:
@@ -152,9 +157,9 @@ def test_a_long_name_is_admitted(name: str) -> None:
     assert [*configuration({"pairs": {name: {}}}).pairs] == [name]
 
 
-@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", SHIPPED.values(), ids=lambda file: file.stem)
 def test_a_shipped_configuration_is_read(file: Path) -> None:
-    entries = yaml.safe_load(file.read_text())
+    entries = expanded(yaml.safe_load(file.read_text()), file)
     shipped = read_config([file], {}, SOURCE)
     assert entries.keys() == {name for name in entries if getattr(shipped, name)}
     of_suite = load_yaml(SUITES / f"{entries['suite']}.yaml") if "suite" in entries else {}
@@ -179,8 +184,8 @@ OVERLAID = [*product(("config", "mini", "six_pairs"), ("ablations", "severity", 
 
 @pytest.mark.parametrize(("base", "overlay"), OVERLAID)
 def test_a_shipped_overlay_adds_to_a_configuration(base: str, overlay: str) -> None:
-    files = [ROOT / "config" / f"{name}.yaml" for name in (base, overlay)]
-    below, above = (load_yaml(file) for file in files)
+    files = [SHIPPED[base], SHIPPED[overlay]]
+    below, above = (expanded(load_yaml(file), file) for file in files)
     merged = read_config(files, {}, SOURCE)
     assert merged.pairs.keys() == below["pairs"].keys()
     assert merged.variants == configuration({"variants": {**below.get("variants", {}), **above["variants"]}}).variants

@@ -10,14 +10,12 @@ from math import inf, nan
 from operator import attrgetter
 from pathlib import Path
 
-import leaderboard
 import numpy as np
 import pytest
 import yaml
 
 import gspure
-from benchmarks import results_page
-from benchmarks.results_page import PAGE
+from experiments import leaderboard_page, results_page
 from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.codec import plain
 from gspure.evaluation.identity import Condition
@@ -30,7 +28,7 @@ from tests.models import blobs
 from tests.workflow_cases import configuration
 
 DOCS = ROOT / "docs"
-TABLES = sorted((DOCS / "tables").glob("*.csv"))
+TABLES = sorted(results_page.TABLES.glob("*.csv"))
 DECIMAL = re.compile(r"\d+\.\d+")
 
 
@@ -101,9 +99,9 @@ def test_the_example_of_bits_in_the_file_reads_them_unless_they_were_rounded(tmp
 
 
 def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    assert text == results_page.page(), "run python -m benchmarks.results_page"
-    with (DOCS / "tables" / "captures-measures.csv").open(newline="", encoding="utf-8") as file:
+    text = results_page.PAGE.read_text(encoding="utf-8")
+    assert text == results_page.page(), "run python -m experiments.results_page"
+    with (results_page.TABLES / "captures-measures.csv").open(newline="", encoding="utf-8") as file:
         of_condition = grouped(csv.DictReader(file), lambda row: row["condition"])
     rows = {row["attack"]: row for row in of_condition["Splats in Splats, own poses, message (adaptive)"]}
     repaired, purified = (rows[attack] for attack in ("prune_repair", "gspure"))
@@ -127,7 +125,7 @@ def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> Non
         header, *rows = csv.reader(file)
     assert rows
     assert {len(row) for row in rows} == {len(header)}
-    assert f"`{table.stem.partition('-')[0]}`" in (DOCS / "tables" / "README.md").read_text(encoding="utf-8")
+    assert re.search(rf"`{table.stem.partition('-')[0]}\b", (results_page.HERE / "README.md").read_text())
 
 
 def radius(
@@ -139,8 +137,8 @@ def radius(
 
 
 def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp_path, monkeypatch):
-    monkeypatch.setattr(leaderboard, "RECORDS", tmp_path)
-    assert leaderboard.NO_RECORD in leaderboard.leaderboard_page()
+    monkeypatch.setattr(leaderboard_page, "RECORDS", tmp_path)
+    assert leaderboard_page.NO_RECORD in leaderboard_page.page()
     weak, strong, unknown = (Condition(name, "own", "both") for name in ("gs_hider", "keyss", "secure_gs"))
     found = [
         radius(unknown, nan, exceeds=True),
@@ -151,7 +149,7 @@ def test_the_leaderboard_ranks_schemes_by_the_radius_of_the_owner_who_adapts(tmp
     ]
     record = Record("0.1.0", "small-1", "2026-11-29", 2, "96x72", "", tuple(found), ())
     (tmp_path / "run.json").write_text(json.dumps(plain(record)))
-    page = leaderboard.leaderboard_page()
+    page = leaderboard_page.page()
     rows = [re.findall("<td.*?</td>", row) for row in re.findall("<tr>(.*?)</tr>", page)[1:]]
     texts = [[re.sub("<.*?>", "", cell) for cell in row] for row in rows]
     assert texts == [

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from benchmarks.agreement import SHAPES, VIEW, Cell, agreement
+from experiments.extreme import SHAPES, VIEW, Cell, agreement
 from gspure.constants import ALPHA_MAX
 from gspure.model.gaussians import Gaussians
 from gspure.renderer import Renderer

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from benchmarks.roc import detectability
+from experiments.roc import detectability
 from gspure.metrics.statistics import holm, mean_interval, paired_test
 
 

@@ -189,7 +189,7 @@ def test_the_grid_of_the_paper_has_a_job_per_model_and_variant_never_one_per_vie
     project = started(tmp_path / "project")
     for name in SCENES:  # small ones
         colmap_project(project.folder / "data" / name, ring(9), [[0.1 * i, 0.0, 0.0] for i in range(9)])
-    config = yaml.safe_load((ROOT / "config" / "mipnerf360.yaml").read_text())
+    config = yaml.safe_load((ROOT / "experiments" / "mipnerf360.yaml").read_text())
     project.configure(config)
     messages = {pair["message"] for pair in config["pairs"].values()}
     models, variants = len(config["pairs"]) * len(config["schemes"]), len(DEFAULT_VARIANTS)

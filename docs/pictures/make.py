@@ -1,7 +1,7 @@
 """Draw the pictures of the documentation from results.
 
 ``python docs/pictures/make.py radius|survival|demo|poses|robot [RESULTS]``, in a checkout: of the committed
-tables, of `make demo`, of config/six_pairs.yaml, or of
+tables, of `make demo`, of experiments/six_pairs.yaml, or of
 
     gspure pair snowmiku_plush robot.ply --resolution 640px --out pair     # the robot stands where the figure does
     gspure embed splats_in_splats pair --out marked --set iterations=7000 --set max_gaussians=120000
@@ -26,6 +26,7 @@ from gspure.images import read_image
 from gspure.report.audit import audits, is_judged
 
 HERE = Path(__file__).parent
+EXPERIMENTS = HERE.parents[1] / "experiments"
 
 
 def shrink(source: Path, name: str) -> None:
@@ -62,7 +63,7 @@ WEAK = 7  # largest z of a point with a name
 
 def draw_survival() -> None:
     """Draw the best reading of a keyed pattern against damage, a point for each attack and strength."""
-    with (HERE.parent / "tables" / "keyed_pattern.csv").open(newline="", encoding="utf-8") as stream:
+    with (EXPERIMENTS / "tables" / "keyed_pattern.csv").open(newline="", encoding="utf-8") as stream:
         known = [row for row in csv.DictReader(stream) if row["damage"] and row["attack"] != "embedding"]
     rows = [row for row in known if "bank also" not in row["strength"]]
     family_of = {attack: family for family, attacks in FAMILIES.items() for attack in attacks}
@@ -93,7 +94,7 @@ def draw_survival() -> None:
 
 what, results = sys.argv[1], Path(*sys.argv[2:] or ["results"])
 if what == "radius":
-    rows = read_results(*(HERE.parent / "results" / run / "results.csv" for run in ("radius", "scenes")))
+    rows = read_results(*(EXPERIMENTS / "results" / run / "results.csv" for run in ("radius", "scenes")))
     conditions = {}
     for audit in audits(rows):
         if audit.has_radius:

@@ -10,7 +10,7 @@ from gspure.progress import say
 from gspure.provenance import PROVENANCE
 
 EXAMPLES = """\
-  gspure download all --accept-licence                      # into data/, for config/mipnerf360.yaml
+  gspure download all --accept-licence                      # into data/, for experiments/mipnerf360.yaml
   gspure download garden playroom --out data --accept-licence
 
 Each scene becomes a COLMAP project DIR/SCENE whose `images` are the photographs that papers evaluate on (images_4 of

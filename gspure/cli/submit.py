@@ -6,7 +6,7 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 
 EXAMPLES = """\
-  gspure submit results --out docs/leaderboard/mine.json      # of a run of a suite; then open a pull request
+  gspure submit results --out experiments/leaderboard/mine.json    # of a run of a suite; then open a pull request
 """
 
 

@@ -70,7 +70,7 @@ class RadiusRecord(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The radii of a run as docs/leaderboard/ collects them: the content of `RADIUS`, and how it was measured."""
+    """The radii of a run as the leaderboard collects them: the content of `RADIUS`, and how it was measured."""
 
     gspure: str  # version
     suite: str  # name of the list of attacks

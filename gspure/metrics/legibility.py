@@ -12,7 +12,7 @@ import numpy as np
 from gspure.arrays import Float32, Float64
 from gspure.images import is_blank
 
-READABLE: Final = 0.8  # least share of blocks in a readable message; as two viewers judge (docs/tables/legibility.csv)
+READABLE: Final = 0.8  # least share of blocks in a readable message: experiments/tables/legibility.csv
 TRACES: Final = 0.4  # the same for traces; wrong messages of small pictures reach 0.33
 MATCH: Final = 0.4  # least correlation of the edges in a block that shows the message
 BLOCKS: Final = (6, 8)  # of a picture, down and across

@@ -19,7 +19,7 @@ NOTHING: Final = "nothing found"
 UNLIKE: Final = "unlike the calibration models"
 
 LIKENESS: Final = ("rows", "median_opacity")  # outside their ranges, some statistics do not count
-TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by benchmarks/scan.py
+TABLE: Final = Path(__file__).with_name("calibration.csv")  # written by experiments/scan.py
 
 
 class Clean(NamedTuple):

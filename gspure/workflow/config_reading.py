@@ -13,6 +13,7 @@ from gspure.files import Json
 from gspure.metrics.names import GSPURE, UNATTACKED
 from gspure.metrics.targets import MESSAGE
 from gspure.workflow.config import AssetConfig, Config
+from gspure.workflow.matrix import expanded
 
 SUITES: Final = Path(__file__).parent / "suites"
 
@@ -24,8 +25,8 @@ def read_config(files: Iterable[Path], overrides: Mapping[str, object], source: 
     """
     content: dict[str, object] = {}
     for file in files:
-        content = _laid_over(content, load_yaml(file))
-    return config_of(_laid_over(content, overrides), source)
+        content = _laid_over(content, expanded(load_yaml(file), file))
+    return config_of(_laid_over(content, expanded(overrides, source)), source)
 
 
 def config_of(content: Mapping[str, object], source: str) -> Config:

@@ -8,12 +8,16 @@ import json
 from gspure import codec
 from gspure.files import Json
 from gspure.workflow.config import Config
+from gspure.workflow.matrix import MATRIX, SECTIONS, Axes
 
 
 def config_schema() -> Json:
     """Return the JSON schema of a configuration."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "gspure", "description": Config.__doc__}
-    return head | codec.schema(Config)
+    content = head | codec.schema(Config)
+    for section in SECTIONS:
+        content["properties"][section]["additionalProperties"]["properties"][MATRIX] = codec.schema(Axes)
+    return content
 
 
 def schema_text() -> str:
