@@ -56,8 +56,9 @@ docs: $(DOCS_PACKAGES) ## build the documentation: build/site
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 	@echo "The documentation: $(CURDIR)/build/site/index.html"
 
-bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed
+bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed, and add a row to benchmarks/history.csv
 	@$(BIN)/python -m pytest benchmarks
+	@$(BIN)/python benchmarks/history.py
 
 gpu: $(DEV_PACKAGES) $(OPENCL) ## with a GPU: test its kernels, measure contributions and training, beside gsplat if installed
 	@$(BIN)/python -c "from gspure.opencl.device import choose_device; d = choose_device(); assert d.kind == 'gpu', f'no GPU but {d}'"

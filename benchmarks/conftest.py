@@ -8,14 +8,13 @@ With POCL_LLVM_CPU_NAME=haswell POCL_KERNELLIB_NAME=avx2, PoCL compiles for AVX2
 
 import os
 import platform
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from findings import Findings
 from pytest_benchmark.fixture import BenchmarkFixture
-from timing import CORES, Measure, Times, Variants, one_round
+from timing import CORES, Measure, Times, Variants, one_round, processor
 
 from gspure.files import write_json
 from gspure.opencl.device import Device, choose_device
@@ -96,7 +95,7 @@ def describe(device: Device) -> dict[str, str]:
     """Return the properties of the machine that the results depend on."""
     target = os.environ.get("POCL_LLVM_CPU_NAME")
     return {
-        "processor": _processor(),
+        "processor": processor(),
         "cores": str(CORES),
         "memory": f"{os.sysconf('SC_PHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') / 2**30:.0f} GiB",
         "load before": f"{os.getloadavg()[0]:.1f}",
@@ -105,13 +104,3 @@ def describe(device: Device) -> dict[str, str]:
         "kernels compiled for": f"{target}, but run on the processor above" if target else "this processor",
         "software": f"{platform.system()}, Python {platform.python_version()}, numpy {np.__version__}",
     }
-
-
-def _processor() -> str:
-    listing = Path("/proc/cpuinfo")
-    if not listing.exists():
-        return platform.processor() or platform.machine()
-    fields = dict(re.findall(r"^([^\t:]+?)\s*: (.*)$", listing.read_text(encoding="utf-8"), re.MULTILINE))
-    widest = next((f for f in ("avx512f", "avx2", "avx") if f in fields.get("flags", "").split()), "no AVX")
-    model = fields.get("model name", platform.machine())
-    return f"{model}, family {fields.get('cpu family', '?')}, model {fields.get('model', '?')}, {widest}"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
+import platform
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -49,3 +52,14 @@ def one_round(variants: Variants, times: Mapping[str, Times]) -> None:
     """Measure every variant once, in order."""
     for name, run in variants.items():
         times[name].measure(run)
+
+
+def processor() -> str:
+    """Return the name of the processor, and its widest vectors."""
+    listing = Path("/proc/cpuinfo")
+    if not listing.exists():
+        return platform.processor() or platform.machine()
+    fields = dict(re.findall(r"^([^\t:]+?)\s*: (.*)$", listing.read_text(encoding="utf-8"), re.MULTILINE))
+    widest = next((f for f in ("avx512f", "avx2", "avx") if f in fields.get("flags", "").split()), "no AVX")
+    model = fields.get("model name", platform.machine())
+    return f"{model}, family {fields.get('cpu family', '?')}, model {fields.get('model', '?')}, {widest}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import json
 import os
@@ -9,6 +10,7 @@ import posixpath
 import re
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,10 @@ SEE_ALSO = {
     "numerics.md": "\n[All constants](reference/constants.md).\n",
 }
 """The ends of pages: links to generated ones."""
+
+HISTORY = "Ratios of CPU time, this commit / 44f0201b, measured in turns (`benchmarks/history.py`)."
+SLOWER = 1.1  # a ratio that grew by more is shown in red
+FACTS = 3  # columns of the history before the ratios
 
 CLASSES = (
     "gspure.cameras.Camera",
@@ -110,6 +116,20 @@ def constants_page() -> str:
     return f"# Constants\n\n```python\n{source}```\n"
 
 
+def history() -> str:
+    """Return the last rows of the history of speed; ratios more than a tenth above those before are red."""
+    with (ROOT / "benchmarks" / "history.csv").open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    lines = [f"| {' | '.join(header)} |", f"|{' --- |' * len(header)}"]
+    for before, row in list(pairwise([rows[0], *rows]))[-10:]:
+        ratios = [
+            f'<span class="slower">{ratio}</span>' if float(ratio) > SLOWER * float(last) else ratio
+            for last, ratio in zip(before[FACTS:], row[FACTS:], strict=True)
+        ]
+        lines.append(f"| {' | '.join([*row[:FACTS], *ratios])} |")
+    return "\n".join(["", "## History", "", HISTORY, "", *lines, ""])
+
+
 def leaderboard_page() -> str:
     """Return the leaderboard of the committed results."""
     sys.path.insert(0, str(ROOT))
@@ -153,7 +173,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         markdown += "\n[The report of the demo](report.html), with its model in 3-D.\n"
     parts = re.split(r"(^```.*?^```$)", markdown, flags=re.MULTILINE | re.DOTALL)
     parts[::2] = (relinked(part, source, place) for part in parts[::2])
-    return "".join([*parts, SEE_ALSO.get(place, "")])
+    end = history() if place == "benchmarks.md" else SEE_ALSO.get(place, "")
+    return "".join([*parts, end])
 
 
 def relinked(text: str, source: str, place: str) -> str:

@@ -62,6 +62,14 @@ def test_the_references_name_everything():
     assert all(f"| `{name}` |" in page for name in schema["properties"]["method"]["properties"])
 
 
+def test_a_step_of_the_history_that_is_a_tenth_slower_is_red(monkeypatch, tmp_path):
+    rows = ["day,at,on,image,audit", "1,a,x,1.00,1.00", "2,b,x,1.09,1.11"]
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks" / "history.csv").write_text("\n".join(rows))
+    monkeypatch.setattr(site, "ROOT", tmp_path)
+    assert '| 1.09 | <span class="slower">1.11</span> |' in site.history()
+
+
 def test_every_page_is_in_the_navigation():
     text = (ROOT / "mkdocs.yml").read_text()
     places = {site.OUTSIDE.get(str(page.relative_to(ROOT)), page.name) for page in PAGES}
