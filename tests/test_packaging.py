@@ -28,7 +28,7 @@ def test_a_wheel_contains_kernels_workflow_and_data(tmp_path):
     code += "from gspure.opencl.program import kernel_folder; print(kernel_folder(), snakefile().parent, sep='\\n')"
     kernels, workflow = map(Path, python(code, cwd=tmp_path))
     files = {path: kernels / path.name for path in (ROOT / "kernels_cl").glob("*.cl")}
-    for folder in ("rules", "profiles", "envs"):
+    for folder in ("rules", "profiles"):
         files |= {path: workflow / path.relative_to(ROOT) for path in (ROOT / folder).rglob("*.*")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure").rglob("*.csv")}
     files |= {path: installed / path.relative_to(ROOT) for path in (ROOT / "gspure/workflow/plugins").rglob("*.py")}
@@ -45,8 +45,8 @@ def test_conda_installs_what_pip_installs():
     names = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
     required = [re.match(r"([\w-]+)(.*)", text) for text in metadata["dependencies"]]
     expected = {f"{names.get(match[1], match[1])} {match[2]}" for match in required if match}
-    environment = yaml.safe_load((ROOT / "envs" / "gspure.yaml").read_text())["dependencies"]
-    recipe = yaml.safe_load((ROOT / "envs" / "conda-recipe" / "recipe.yaml").read_text())
+    environment = yaml.safe_load((ROOT / "rules" / "envs" / "gspure.yaml").read_text())["dependencies"]
+    recipe = yaml.safe_load((ROOT / "rules" / "envs" / "conda-recipe" / "recipe.yaml").read_text())
     in_snakemake = [*environment, "snakemake-minimal >=9.27,<10"]  # where the environment is used
     for packages in (in_snakemake, recipe["requirements"]["run"]):
         assert {*packages} - {"pocl"} == expected | {f"python {metadata['requires-python']}"}
