@@ -245,7 +245,7 @@ def list_choices(parser: Parser, part: Part, choices: Iterable[Attack | Scheme])
 
 
 def _choice_line(choice: Attack | Scheme) -> str:
-    """Return the name of an attack or a scheme, settings with defaults, and the packages that it needs."""
+    """Return the name of an attack or a scheme, its settings with defaults, and the packages that it needs."""
     settings = [f"{name}={value}" for name, value in choice.settings.items()]
     needs = [f"(pip install '{requirement}')" for requirement in choice.packages.values()]
     return f"  {choice.name:<28}{' '.join([*settings, *needs])}".rstrip()
