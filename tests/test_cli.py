@@ -19,18 +19,11 @@ from gspure.model import read_model, write_model
 from tests.models import blobs
 
 HEAVY = ("numpy", "scipy", "pyopencl", "hdbscan", "pyvista", "matplotlib", "plyfile", "rich", "jinja2", "PIL")
+HEAVY_FOR_HELP = {"--help": HEAVY, "render --help": HEAVY, "train --help": HEAVY, "embed --help": ("torch",)}
 RENDER = ["render", "model.ply", "--cameras", "cameras.json", "--split", "test", "--out", "out"]
 
 
-@pytest.mark.parametrize(
-    ("line", "heavy"),
-    [
-        ("--help", HEAVY),
-        ("render --help", HEAVY),
-        ("train --help", HEAVY),
-        ("embed --help", ("torch",)),  # it lists all schemes
-    ],
-)
+@pytest.mark.parametrize(("line", "heavy"), HEAVY_FOR_HELP.items())
 def test_help_imports_nothing_heavy(line, heavy):
     words = line.split()
     code = f"import sys\nfrom gspure.cli import main\ntry: main({words})\nfinally: print(*sys.modules.keys() & {heavy})"
