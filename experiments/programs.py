@@ -20,9 +20,9 @@ import torch
 from gspure.cameras import read_cameras
 from gspure.cameras.colmap import write_colmap
 from gspure.cameras.points import stored_points
-from gspure.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
 from gspure.errors import InputError
 from gspure.images import read_image
+from gspure_torch.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
 
 ITERATIONS = 700
 FEATURES = 16

@@ -70,12 +70,13 @@ def detectors() -> dict[str, str]:
     return {name: command for entry in installed() for name, command in loaded(entry).detectors.items()}
 
 
-def names_of(entry: EntryPoint, part: Part) -> list[str]:
-    """Return the names of the attacks or schemes of a plug-in; none if it cannot be imported."""
+def added_by(entry: EntryPoint, part: Part) -> Sequence[Any]:
+    """Return the attacks or schemes of a plug-in; none if it cannot be imported."""
     try:
-        return [added.name for added in getattr(loaded(entry), part)]
+        added: Sequence[Any] = getattr(loaded(entry), part)
     except InputError:
-        return []
+        return ()
+    return added
 
 
 def loaded(entry: EntryPoint) -> Plugin:

@@ -5,7 +5,7 @@ rule base_step:
         "results/logs/base_step.log",
     priority: 1
     conda:
-        "../envs/gspure.yaml"
+        "envs/gspure.yaml"
     threads: get_threads
     resources:
         opencl_device=get_turn,
@@ -20,7 +20,7 @@ rule base_command:
         "results/logs/base_command.log",
     priority: 1
     conda:
-        "../envs/gspure.yaml"
+        "envs/gspure.yaml"
     threads: get_threads
     resources:
         opencl_device=get_turn,

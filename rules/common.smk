@@ -104,7 +104,7 @@ def step(name, version=None, **settings):
 
     def version_of(wildcards):
         model = get_model(wildcards)
-        return f"{code_of(name, model.module)} {files_digest(model.users_files)}"
+        return f"{code_of(name, *model.modules)} {files_digest(model.users_files)}"
 
     def text_of(wildcards):
         return codec.text({key: value(wildcards) if callable(value) else value for key, value in settings.items()})

@@ -77,7 +77,7 @@ rule write_report:
     benchmark:
         "results/benchmarks/report.tsv"
     conda:
-        "../envs/gspure.yaml"
+        "envs/gspure.yaml"
     params:
         code=code_of("report"),
         templates=files_digest(sorted(Path(gspure.__file__).parent.glob("*/templates/*"))),

@@ -86,7 +86,7 @@ use rule base_command as embed_message with:
     wildcard_constraints:
         scheme=WATERMARKED,
     params:
-        code=lambda wildcards: code_of("embed", get_model(wildcards).module),
+        code=lambda wildcards: code_of("embed", *get_model(wildcards).modules),
         read=lambda wildcards: files_digest(get_model(wildcards).users_files),
         command=lambda wildcards: get_embedding(wildcards, "results/{scheme}/{scene}"),
     message:

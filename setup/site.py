@@ -20,7 +20,6 @@ OUTSIDE = {
     "README.md": "index.md",
     "CHANGELOG.md": "changelog.md",
     ".github/CONTRIBUTING.md": "contributing.md",
-    "RESPONSIBLE_USE.md": "responsible-use.md",
     "benchmarks/README.md": "benchmarks.md",
     "config/README.md": "configuration.md",
     "examples/adapters/README.md": "adapters.md",

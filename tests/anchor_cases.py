@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gspure.schemes.secure_gs.anchors import PRIVATE, PUBLIC, Anchors, fresh
-from gspure.schemes.secure_gs.key import HiddenKey
-from gspure.schemes.secure_gs.model import AnchorModel
+from gspure_torch.secure_gs.anchors import PRIVATE, PUBLIC, Anchors, fresh
+from gspure_torch.secure_gs.key import HiddenKey
+from gspure_torch.secure_gs.model import AnchorModel
 
 
 def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:

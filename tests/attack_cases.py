@@ -11,8 +11,8 @@ from gspure.cameras import Camera
 from gspure.images import read_back
 from gspure.model import Gaussians
 from gspure.public_model import PublicModel
-from gspure.schemes.gs_hider.model import FeatureModel
-from gspure.schemes.secure_gs.model import AnchorModel
+from gspure_torch.gs_hider.model import FeatureModel
+from gspure_torch.secure_gs.model import AnchorModel
 from tests.models import blobs
 
 unhurried = settings(max_examples=40, deadline=None)  # a busy machine is no failure

@@ -159,7 +159,7 @@ def model_plan(name: str, variants: Sequence[str], controls: Sequence[str]) -> M
     return ModelPlan(
         id=model,
         public=public,
-        module="gspure.public_model",
+        modules=(),
         cameras={},
         decisions={},
         variants=tuple(job(variant, AttackSpec(variant, entry=variant)) for variant in variants),

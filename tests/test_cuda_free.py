@@ -20,13 +20,13 @@ from tests.reference.projection import project
 
 torch = pytest.importorskip("torch")
 
-from gspure.cuda_free import gsplat  # noqa: E402
-from gspure.cuda_free.dialects import DIALECTS, SETTINGS, Dialect, find_wrapper, read_dialect  # noqa: E402
-from gspure.cuda_free.neighbours import distCUDA2  # noqa: E402
-from gspure.cuda_free.projection import world_covariances  # noqa: E402
-from gspure.cuda_free.rasterizer import interface  # noqa: E402
-from gspure.cuda_free.replacement import extensions_of  # noqa: E402
-from gspure.cuda_free.similarity import fused_ssim  # noqa: E402
+from gspure_torch.cuda_free import gsplat  # noqa: E402
+from gspure_torch.cuda_free.dialects import DIALECTS, SETTINGS, Dialect, find_wrapper, read_dialect  # noqa: E402
+from gspure_torch.cuda_free.neighbours import distCUDA2  # noqa: E402
+from gspure_torch.cuda_free.projection import world_covariances  # noqa: E402
+from gspure_torch.cuda_free.rasterizer import interface  # noqa: E402
+from gspure_torch.cuda_free.replacement import extensions_of  # noqa: E402
+from gspure_torch.cuda_free.similarity import fused_ssim  # noqa: E402
 
 VIEW = tilted_camera(40, 30)
 EVERYTHING = Dialect((*SETTINGS, "antialiasing"), outputs=("color", "radii", "depth", "inverse_depth", "alpha"))

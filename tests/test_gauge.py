@@ -12,11 +12,11 @@ from gspure.constants import Energy
 from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
 from gspure.public_model import WHITE, PublicModel
-from gspure.schemes.gs_hider.model import COLUMNS, SCENE_DECODER, DecoderFile, FeatureModel
-from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.keyss.network import SHAPES, random_key
 from gspure.schemes.matching import registered
-from gspure.schemes.reference import Reference
+from gspure_torch.gs_hider.model import COLUMNS, SCENE_DECODER, DecoderFile, FeatureModel
+from gspure_torch.keyss.key import NetworkKey
+from gspure_torch.keyss.network import SHAPES, random_key
+from gspure_torch.reference import Reference
 from tests.anchor_cases import random_public
 from tests.models import blobs, camera, joined, tilted_camera
 
@@ -35,7 +35,7 @@ def harmonics(seed: int, degree: int) -> PublicModel:
 
 def features(seed: int) -> FeatureModel:
     pytest.importorskip("torch")
-    from gspure.schemes.gs_hider.decoder import untrained
+    from gspure_torch.gs_hider.decoder import untrained
 
     model = blobs(COUNT, seed, sh_degree=0)
     raw = np.random.default_rng(seed).normal(size=(COUNT, 16)).astype(np.float32)

@@ -8,10 +8,10 @@ torch = pytest.importorskip("torch")
 from gspure.metrics.image_metrics import ssim  # noqa: E402
 from gspure.model import Gaussians, write_model  # noqa: E402
 from gspure.opencl.losses import Photographs  # noqa: E402
-from gspure.schemes.gs_hider import SCHEME  # noqa: E402
-from gspure.schemes.gs_hider.decoder import differentiated, untrained  # noqa: E402
-from gspure.schemes.gs_hider.model import CHANNELS, COLUMNS, ROLES, DecoderFile  # noqa: E402
 from gspure.schemes.scheme import hide  # noqa: E402
+from gspure_torch.gs_hider import SCHEME  # noqa: E402
+from gspure_torch.gs_hider.decoder import differentiated, untrained  # noqa: E402
+from gspure_torch.gs_hider.model import CHANNELS, COLUMNS, ROLES, DecoderFile  # noqa: E402
 from tests.scheme_cases import quality  # noqa: E402
 
 
@@ -29,7 +29,7 @@ def test_the_gradient_of_a_feature_map_descends_the_loss_of_its_image(monkeypatc
     photographs = Photographs([photograph])
 
     def loss_and_gradient(feature_map, bfloat16):
-        monkeypatch.setattr("gspure.schemes.gs_hider.decoder.BFLOAT16", bfloat16)
+        monkeypatch.setattr("gspure_torch.gs_hider.decoder.BFLOAT16", bfloat16)
         return differentiated(feature_map, 0, decoder, photographs, weight=2.0)
 
     image = decoder(torch.from_numpy(features)).detach().numpy()

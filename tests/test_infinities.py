@@ -8,11 +8,11 @@ from gspure.model import read_model, require_finite, write_model
 from gspure.model.finite import drawable, undrawable_rows
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
-from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.keyss.network import fresh, random_key
 from gspure.schemes.matching import adaptive_matches
 from gspure.surface.distances import mesh_distances
 from gspure.surface.meshing import Mesh
+from gspure_torch.keyss.key import NetworkKey
+from gspure_torch.keyss.network import fresh, random_key
 from tests.attack_cases import measurements
 from tests.models import blobs, camera, tilted_camera
 

@@ -190,6 +190,14 @@ def test_a_users_model_is_read_in_place_and_compared_with_its_renders(plan: Plan
     assert Path("bot.ply") in job.users_files
 
 
+def test_a_model_depends_on_the_code_of_its_scheme_or_of_all_that_columns_may_tell(plan: Plan) -> None:
+    code = {model.id.scheme: {*model.modules} for model in plan.models}
+    of_secure_gs = {"gspure_torch.secure_gs", "gspure_torch.secure_gs.model", "gspure_torch.secure_gs.key"}
+    assert code["secure_gs"] == of_secure_gs
+    assert code["vanilla"] > {"gspure.public_model", "gspure_torch.gs_hider.model"} | of_secure_gs
+    assert "gspure_torch.gs_hider.model" not in code["splats_in_splats"]
+
+
 def test_generated_views_are_those_of_their_settings() -> None:
     generated = {"count": 5, "fov": 60, "up": [0, 0, 1]}
     entry = {**written_asset(), "cameras": "shells", "resolution": "64px", "generated": generated}

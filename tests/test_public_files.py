@@ -10,8 +10,8 @@ import pytest
 from gspure.cli import main
 from gspure.errors import InputError
 from gspure.model import Gaussians, write_model
-from gspure.schemes.gs_hider.model import COLUMNS, DecoderFile, FeatureModel
-from gspure.schemes.secure_gs.model import NETWORKS, AnchorModel, write_networks
+from gspure_torch.gs_hider.model import COLUMNS, DecoderFile, FeatureModel
+from gspure_torch.secure_gs.model import NETWORKS, AnchorModel, write_networks
 from tests.anchor_cases import random_public
 
 ROWS = Gaussians(np.ones(5, [(name, "<f4") for name in COLUMNS]))

@@ -12,13 +12,13 @@ from gspure.metrics.targets import is_picture
 from gspure.model import Gaussians, write_model
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
-from gspure.schemes.gs_hider.model import COLUMNS, FeatureModel
 from gspure.schemes.hidden_weight import low_rows
-from gspure.schemes.keyss.key import NetworkKey
-from gspure.schemes.keyss.network import SHAPES, added, random_key
 from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import hide
+from gspure_torch.gs_hider.model import COLUMNS, FeatureModel
+from gspure_torch.keyss.key import NetworkKey
+from gspure_torch.keyss.network import SHAPES, added, random_key
 from tests.models import blobs, without
 from tests.scheme_cases import NEEDS_TORCH, SETTINGS, held_out, quality
 
@@ -162,7 +162,7 @@ def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads(embedded, t
     written = []
     for number, seed in enumerate((3, 3, 4)):
         if embedded.scheme.name in NEEDS_TORCH:
-            from gspure.training.pytorch import torch
+            from gspure_torch.pytorch import torch
 
             request.addfinalizer(partial(torch.set_num_threads, torch.get_num_threads()))
             torch.set_num_threads(number + 1)
@@ -190,7 +190,7 @@ def test_a_model_is_opened_by_its_columns(tmp_path):
 
 def test_numpy_and_pytorch_add_the_same_offsets_of_keyss():
     torch = pytest.importorskip("torch")
-    from gspure.schemes.keyss.training import Learner
+    from gspure_torch.keyss.training import Learner
 
     rng = np.random.default_rng(0)
     layers = {name: rng.normal(0, 0.05, shape).astype(np.float32) for name, shape in SHAPES.items()}

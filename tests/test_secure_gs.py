@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from gspure.schemes.secure_gs.anchors import neural, visible_rows
-from gspure.schemes.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
-from gspure.schemes.secure_gs.initialization import first_anchors
+from gspure_torch.secure_gs.anchors import neural, visible_rows
+from gspure_torch.secure_gs.growing import CELLS, GRADIENT_THRESHOLD, Candidates, grown
+from gspure_torch.secure_gs.initialization import first_anchors
 from tests.anchor_cases import random_key, random_public
 from tests.models import blobs, camera, tilted_camera
 from tests.reference.projection import Splats, project

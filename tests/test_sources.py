@@ -61,6 +61,10 @@ def test_an_edit_of_a_plug_in_changes_the_digest(package, module):
     assert code_digest("gspure.stage", "murky.attack") != before
 
 
+def test_a_plug_in_counts_with_what_it_imports_from_another_one():
+    assert "gspure_torch.bridge" in sources._imports("marked_clones.marking")
+
+
 def test_an_edit_of_the_packages_own_names_or_of_what_is_not_imported_changes_nothing(package):
     before = code_digest("gspure.stage")
     for module in ("__init__", "unrelated"):

@@ -8,7 +8,7 @@ from tests.models import blobs, tilted_camera
 
 torch = pytest.importorskip("torch")
 
-from gspure.training.torch_bridge import BlendInputs, TorchRenderer  # noqa: E402
+from gspure_torch.bridge import BlendInputs, TorchRenderer  # noqa: E402
 
 GEOMETRY = ("means", "quats", "scales", "opacities")
 

@@ -21,7 +21,7 @@ from gspure.workflow.config_reading import config_of
 from tests.models import blobs, tilted_camera
 
 ROOT = Path(__file__).parents[1]
-WORKFLOW = ("gspure", "kernels_cl", "rules", "config", "profiles", "envs", "setup", "Snakefile")
+WORKFLOW = ("gspure", "gspure_torch", "kernels_cl", "rules", "config", "profiles", "setup", "Snakefile")
 CONFIG = {
     "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
     "pairs": {"raised": {"views": 9, "width": 32, "height": 24}},

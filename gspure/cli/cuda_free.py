@@ -6,10 +6,10 @@ from pathlib import Path
 
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
-from gspure.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
-from gspure.cuda_free.replacement import NAMES, Replacement, environment, extensions_of
 from gspure.errors import InputError
 from gspure.progress import say
+from gspure_torch.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
+from gspure_torch.cuda_free.replacement import NAMES, Replacement, environment, extensions_of
 
 EXAMPLES = """\
   gspure cuda-free -- python train.py -s garden -m trained
@@ -32,8 +32,8 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Become the program."""
-    from gspure.cuda_free.mapping import target_device
     from gspure.opencl.device import DEVICE_VARIABLE, choose_device
+    from gspure_torch.cuda_free.mapping import target_device
 
     words: list[str] = args.passed_on
     if not words:

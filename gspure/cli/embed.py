@@ -29,7 +29,6 @@ EXAMPLES = """\
 Writes public/, the public model, and key/, the owner's key, with readability.json: how much of the message is legible
 with this key and with a wrong one, in a few training views. A warning is printed if the message is not readable.
 Have commitment.json dated by somebody else when you publish the model: this proves that the key already existed.
-gs_hider, secure_gs and keyss need PyTorch: pip install 'gspure[torch]'.
 """
 
 

@@ -234,13 +234,18 @@ def remove_older(folder: Path, *patterns: str) -> None:
 
 def list_choices(parser: Parser, part: Part, choices: Iterable[Attack | Scheme]) -> None:
     """Add a list of attacks or schemes below the examples, with their settings and defaults; then those of packages."""
-    from gspure.plugins import installed, names_of, package_of
+    from gspure.plugins import added_by, installed, package_of
 
-    lines = [f"{parser.epilog}", f"{part}, with the defaults of their settings:"]
-    for choice in choices:
-        settings = " ".join(f"{name}={value}" for name, value in choice.settings.items())
-        lines.append(f"  {choice.name:<28}{settings}".rstrip())
-    of_packages = [f"  {name:<28}{package_of(entry)}" for entry in installed() for name in names_of(entry, part)]
-    if of_packages:
-        lines += [f"{part} of installed packages:", *of_packages]
+    lines = [f"{parser.epilog}", f"{part}, with the defaults of their settings:", *map(_choice_line, choices)]
+    for entry in installed():
+        added = added_by(entry, part)
+        if added:
+            lines += [f"{part} of {package_of(entry)}:", *map(_choice_line, added)]
     parser.epilog = "\n".join(lines)
+
+
+def _choice_line(choice: Attack | Scheme) -> str:
+    """Return the name of an attack or a scheme, its settings with defaults, and the packages that it needs."""
+    settings = [f"{name}={value}" for name, value in choice.settings.items()]
+    needs = [f"(pip install '{requirement}')" for requirement in choice.packages.values()]
+    return f"  {choice.name:<28}{' '.join([*settings, *needs])}".rstrip()

@@ -161,7 +161,7 @@ class ModelPlan:
 
     id: ModelId
     public: Path
-    module: str  # that reads it
+    modules: tuple[str, ...]  # that read it
     cameras: Mapping[str, CameraSource]  # of the scene and, with an owner, of the message
     decisions: Mapping[str, Decision]
     variants: tuple[Job, ...]

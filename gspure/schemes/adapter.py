@@ -90,12 +90,14 @@ class Adapter:
         return output_of(self.source, "git", ["git", "-C", str(self.checkout), *words], DAY).strip()
 
 
-def read_adapter(source: Path, built_in: Sequence[Scheme]) -> Scheme:
-    """Return the scheme that a TOML file describes, or raise `InputError` for its first fault."""
+def read_adapter(source: Path, schemes: Mapping[str, Scheme]) -> Scheme:
+    """Return the scheme that a TOML file describes, or raise `InputError` for its first fault.
+
+    Public files may be those of one of the `schemes`.
+    """
     with reading(source, "the description of an adapter"):
         fields = tomllib.loads(source.read_text(encoding="utf-8"))
     _require_fields(source, fields)
-    schemes = {scheme.name: scheme for scheme in built_in}
     if source.stem in schemes:
         raise InputError(source, "name", expected="a name not in use", found=repr(source.stem))
     base = fields.get("public", VANILLA)

@@ -1,4 +1,4 @@
-"""All schemes by name: built-in ones, adapters, and those of installed plug-ins."""
+"""All schemes by name: built-in ones, those of installed plug-ins, and adapters."""
 
 import os
 from pathlib import Path
@@ -12,32 +12,20 @@ from gspure.plugins import registered
 from gspure.progress import warn
 from gspure.provenance import PROVENANCE
 from gspure.public_model import PublicModel
-from gspure.schemes import gs_hider, keyed_pattern, keyss, secure_gs, splats_in_splats
+from gspure.schemes import keyed_pattern, splats_in_splats
 from gspure.schemes.adapter import read_adapter
 from gspure.schemes.scheme import Scheme
 
-BUILT_IN = (
-    splats_in_splats.SCHEME,
-    splats_in_splats.HARDENED,
-    gs_hider.SCHEME,
-    gs_hider.HARDENED,
-    gs_hider.CANONICAL,
-    secure_gs.SCHEME,
-    secure_gs.HARDENED,
-    secure_gs.CANONICAL,
-    keyss.SCHEME,
-    keyss.CANONICAL,
-    keyed_pattern.SCHEME,
-)
+BUILT_IN = (splats_in_splats.SCHEME, splats_in_splats.HARDENED, keyed_pattern.SCHEME)
 ADAPTERS = "GSPURE_ADAPTERS"  # the environment variable that names the folder of adapters
 
 
 def schemes() -> dict[str, Scheme]:
     """Return every scheme by name, or raise `InputError` if an adapter or plug-in is none or has a name in use."""
+    installed = registered("schemes", Scheme, BUILT_IN, lambda *_: None)
     folder = os.environ.get(ADAPTERS)
     files = sorted(Path(folder).glob("*.toml")) if folder else []
-    adapters = [read_adapter(file, BUILT_IN) for file in files]
-    return registered("schemes", Scheme, (*BUILT_IN, *adapters), lambda *_: None)
+    return installed | {file.stem: read_adapter(file, installed) for file in files}
 
 
 def find_scheme(name: str) -> Scheme:

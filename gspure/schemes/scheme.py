@@ -25,7 +25,6 @@ from gspure.schemes.pair import Pair
 from gspure.settings import SCHEDULES, SEED, Setting, defaults, require_settings
 
 FIT_STEPS: Final = 300  # of a decoder, or of private networks, on an attacked model (`Key.fitted`); ours
-PYTORCH: Final = {"torch": "gspure[torch]"}  # the package that schemes with networks import
 
 
 class Key(ABC):
@@ -113,7 +112,7 @@ class Scheme:
     beside: tuple[str, ...] = ()  # patterns of the names of public files beside the .ply, such as networks
     packages: Mapping[str, str] = field(default_factory=dict)  # optional imports, each with its requirement for pip
     reveals: bool = True  # whether keys return the Gaussians that show the message (`Key.gaussians`)
-    sources: tuple[Path, ...] = ()  # files besides its module on which its results depend
+    sources: tuple[Path, ...] = ()  # files besides its modules on which its results depend
     carriers: tuple[str, ...] = ()
     """Columns of the public file, as in `extractions`, that carry the message; empty if unknown."""
 
@@ -134,9 +133,11 @@ class Scheme:
         return permuted(public, self.carriers, rng) if self.carriers else None
 
     @property
-    def module(self) -> str:
-        """The module that defines `embed`."""
-        return (self.embed.func if isinstance(self.embed, partial) else self.embed).__module__
+    def modules(self) -> tuple[str, ...]:
+        """The modules that define its functions."""
+        functions = (self.embed, self.read_public, self.read_key)
+        whole = (known.func if isinstance(known, partial) else known for known in functions)
+        return tuple(dict.fromkeys(known.__module__ for known in whole))
 
 
 @dataclass(frozen=True, eq=False)

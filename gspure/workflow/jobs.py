@@ -19,7 +19,7 @@ class Subject:
 
     id: ModelId
     public: Path
-    module: str  # that reads it
+    modules: tuple[str, ...]  # that read it
     decisions: Mapping[str, Decision]
     views: Views
     targets: tuple[str, ...]
@@ -76,7 +76,7 @@ def variant_job(subject: Subject, name: str, variant: VariantSpec) -> Job:
         bit_targets=() if subject.is_clean else subject.bit_targets,
         inputs=distinct((*inputs, subject.renders) if needs_renders else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject))),
-        modules=(subject.module, attack.function.__module__),
+        modules=(*subject.modules, attack.function.__module__),
     )
 
 
@@ -105,7 +105,7 @@ def control_job(subject: Subject, name: str) -> Job:
         bit_targets=subject.bit_targets if is_read else (),
         inputs=distinct((*inputs, public) if public and is_made else inputs),
         users_files=distinct((*subject.users_files, *_detector_files(subject), *subject.clean_files)),
-        modules=(subject.module,),
+        modules=subject.modules,
     )
 
 

@@ -25,7 +25,7 @@ from gspure.evaluation.plan import (
 )
 from gspure.metrics.names import UNATTACKED, clean_model
 from gspure.metrics.targets import ADAPTIVE, HIDDEN_BITS, MESSAGE, SCENE, is_picture
-from gspure.schemes.registry import find_scheme
+from gspure.schemes.registry import find_scheme, schemes
 from gspure.schemes.scheme import Scheme
 from gspure.workflow.assets import Asset, Clean, read_assets
 from gspure.workflow.config import AssetConfig, Config
@@ -36,7 +36,7 @@ from gspure.workflow.pairs import PlannedPair, candidates_of_message, message_tr
 from gspure.workflow.variants import VariantSpec, check_schemes, read_detectors, read_variants
 
 VANILLA: Final = "vanilla"  # folder of the user's own models without a key
-PLAIN_READER: Final = "gspure.public_model"  # module that reads models of no scheme
+PLAIN_READER: Final = "gspure.public_model"  # module that reads models of vanilla 3DGS
 
 
 def plan_of(config: Config, source: str) -> Plan:
@@ -160,7 +160,7 @@ class _Planner:
         model = ModelPlan(
             id=identity,
             public=public,
-            module=scheme.module if scheme else PLAIN_READER,
+            modules=scheme.modules if scheme else plain_readers(),
             cameras=cameras,
             decisions=decisions_of(self.decision_settings(scheme), identity.folder),
             variants=(),
@@ -201,7 +201,7 @@ class _Planner:
         model = ModelPlan(
             id=identity,
             public=public,
-            module=scheme.module,
+            modules=scheme.modules,
             cameras={
                 SCENE: CameraSource(str(pair.folder / "cameras.json"), "native"),
                 MESSAGE: CameraSource(str(pair.folder / "message"), "native"),
@@ -238,7 +238,7 @@ class _Planner:
         return Subject(
             id=model.id,
             public=model.public,
-            module=model.module,
+            modules=model.modules,
             decisions=model.decisions,
             views=Views(
                 cameras=folder / "cameras.json",
@@ -256,6 +256,12 @@ class _Planner:
             users_files=model.users_files,
             compares_with_renders=model.embedding is None,
         )
+
+
+def plain_readers() -> tuple[str, ...]:
+    """Return the modules that read a model of no named scheme, which may be of any scheme with a signature."""
+    signed = [scheme for scheme in schemes().values() if scheme.signature]
+    return tuple(dict.fromkeys((PLAIN_READER, *(module for scheme in signed for module in scheme.modules))))
 
 
 def owner_of(

@@ -13,6 +13,7 @@ from typing import Any, Final
 from gspure.errors import InputError
 from gspure.files import digest, file_digest, file_state, read_json, write_json
 from gspure.opencl.program import kernel_digest
+from gspure.plugins import installed
 
 _PACKAGE: Final = Path(__file__).parents[1]
 _DIGESTS: Final = Path(".snakemake") / "gspure-digests.json"  # state and digest of the user's files, by name
@@ -50,7 +51,7 @@ def _known_digests() -> dict[str, Any]:
 def code_digest(*sources: str | Path) -> str:
     """Return a digest of the source of modules and scripts, and of all that these import, at any depth.
 
-    Only sources of this package and of a plug-in's package count, also those imported inside functions, and with
+    Only sources of this package and of those with plug-ins count, also those imported inside functions, and with
     `gspure.opencl` the kernels. This package's ``__init__`` does not count: it only names the public functions.
     """
     scripts = [source for source in sources if isinstance(source, Path)]
@@ -72,7 +73,7 @@ def _imports(module: str) -> frozenset[str]:
         return frozenset()
     parents = module.split(".")
     names = _named(file.read_bytes(), parents if file.name == "__init__.py" else parents[:-1])
-    packages = {"gspure", parents[0]}
+    packages = {"gspure", parents[0], *(entry.module.split(".")[0] for entry in installed())}
     return frozenset(name for name in names if name != "gspure" and name.split(".")[0] in packages and _file(name))
 
 

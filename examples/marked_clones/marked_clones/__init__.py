@@ -16,9 +16,10 @@ from gspure.metrics.targets import BITS
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import PYTORCH, Key, Scheme
+from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
+from gspure_torch import PYTORCH
 
 RENDERED = ("x", "y", "z", "f_dc_*", "f_rest_*", "opacity", "scale_*", "rot_*")
 
@@ -46,7 +47,7 @@ def embed(
     model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:
         return PublicModel(model), None
-    from gspure.training.pytorch import single_threaded
+    from gspure_torch.pytorch import single_threaded
     from marked_clones.decoder import disturbed, training, untrained
     from marked_clones.key import ClonesKey
     from marked_clones.marking import Marking, uncertain_rows

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gspure.arrays import Float32
-from gspure.training.pytorch import torch
+from gspure_torch.pytorch import torch
 
 FILTERS: Final = 64  # number of filters
 SIDE: Final = 9  # of a filter, in pixels of half the resolution

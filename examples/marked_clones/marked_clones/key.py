@@ -17,7 +17,7 @@ from gspure.arrays import Bools, Float32, Kind, load_array, load_arrays, save_ar
 from gspure.errors import InputError
 from gspure.model.finite import require_computed
 from gspure.schemes.scheme import Key
-from gspure.training.pytorch import single_threaded, torch
+from gspure_torch.pytorch import single_threaded, torch
 from marked_clones.decoder import Decoder, untrained
 
 _FILE: Final = "marked_clones.npz"

@@ -18,8 +18,8 @@ from gspure.model import Gaussians
 from gspure.model.gaussians import LEAST_OPACITY, logit
 from gspure.opencl.device import Device
 from gspure.public_model import Rows
-from gspure.training.pytorch import torch
-from gspure.training.torch_bridge import TorchRenderer
+from gspure_torch.bridge import TorchRenderer
+from gspure_torch.pytorch import torch
 from marked_clones.decoder import Decoder, disturbed, warped
 
 RGB_WEIGHT: Final = 10.0  # of the difference to the clean model's render; that of the bits is 1 (GaussianMarker)

@@ -23,8 +23,9 @@ from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
 from gspure.schemes.pair import Pair
-from gspure.schemes.scheme import PYTORCH, Key, Scheme
+from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
+from gspure_torch import PYTORCH
 from marked_clones import RENDERED, trained
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def embed(
     model = pair.scene.trained(begin, iterations, max_gaussians, seed, device)
     if not message_weight:
         return PublicModel(model), None
-    from gspure.training.pytorch import single_threaded
+    from gspure_torch.pytorch import single_threaded
     from marked_clones.decoder import training, untrained
     from marked_clones.key import BitsKey
 

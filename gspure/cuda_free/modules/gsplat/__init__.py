@@ -1,7 +1,0 @@
-"""The rasterization of gsplat, where gsplat itself is not installed."""
-
-from gspure.cuda_free.replacement import gsplat_rasterization
-
-__all__ = ["rasterization"]
-
-rasterization = gsplat_rasterization()

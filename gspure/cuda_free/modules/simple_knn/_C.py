@@ -1,5 +1,0 @@
-"""The function of simple-knn."""
-
-from gspure.cuda_free.neighbours import distCUDA2
-
-__all__ = ["distCUDA2"]

@@ -1,5 +1,0 @@
-"""Python imports this at its start, in every process of a program that ``gspure cuda-free`` runs."""
-
-from gspure.cuda_free.replacement import install
-
-install()
