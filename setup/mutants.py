@@ -67,6 +67,7 @@ JOBS = {
     "gspure.workflow.console": ("test_console.py",),
     "gspure.workflow.forecast": ("test_running.py",),
     "gspure.workflow.inputs": (*_PLANS, "test_cameras_places.py"),
+    "gspure.workflow.matrix": ("test_configuration.py",),
     "gspure.workflow.schema": ("test_codec.py",),
     "gspure.workflow.sources": ("test_sources.py",),
     "gspure.workflow.step": ("test_step.py",),

@@ -121,7 +121,7 @@ def test_anchors_are_unlike_the_calibration():
 
 
 def test_the_thresholds_separate_the_committed_files():
-    table = Path(__file__).parents[1] / "docs" / "results" / "scan" / "models.csv"
+    table = Path(__file__).parents[1] / "experiments" / "results" / "scan" / "models.csv"
     limits = {name: row.threshold for name, row in calibration().items()}
     suspects = {"clean": [], "splats_in_splats": []}
     with table.open(encoding="utf-8", newline="") as stream:
