@@ -34,7 +34,7 @@ Errors
     `InputError`: the `ValueError` of bad input, one line that names file and field.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 TYPE_CHECKING = False  # not imported: an interruption before `gspure.__main__` would print a traceback
 if TYPE_CHECKING:
