@@ -1,6 +1,6 @@
 """What attacks that no image shows do to messages, from the results of ``gspure audit experiments/free_attacks.yaml``.
 
-``python -m experiments.free_attacks RESULTS`` writes tables/free_attacks.csv: for each model and attack the largest
+``python -m experiments.free_attacks RESULTS...`` writes tables/free_attacks.csv: for each model and attack the largest
 change of a pixel in the held-out views, the number of pixels that change by more than `INVISIBLE`, the damage, dB, and
 what an owner reads, as published and after adapting. z compares the trace with candidates alone; the word counts clean
 models, too. For `gauge`, also the least and the largest trace as published over several seeds.
@@ -104,7 +104,7 @@ def table(results: Path) -> Iterator[Sequence[str]]:
 
 def main() -> None:
     columns = [*COLUMNS, *(f"{owner}_{name}" for owner in OWNERS for name in READING), "least_trace", "largest_trace"]
-    write_text(TABLE, csv_text(columns, table(Path(sys.argv[1]))))
+    write_text(TABLE, csv_text(columns, [row for results in sys.argv[1:] for row in table(Path(results))]))
 
 
 if __name__ == "__main__":
