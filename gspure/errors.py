@@ -6,6 +6,7 @@ import warnings
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -29,6 +30,11 @@ class InputError(ValueError):
         self.found = _short(found)
         self.hint = _short(hint) if hint else None
         super().__init__(str(self))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Let another process read it: its arguments have names."""
+        call = partial(type(self), self.source, self.field, expected=self.expected, found=self.found, hint=self.hint)
+        return call, ()
 
     def __str__(self) -> str:
         line = f"{self.source}: {self.field}: expected {self.expected}, found {self.found}"

@@ -423,7 +423,6 @@ FEATURES = ("f_anchor_feat_*",)  # SecureGS
         ("random_pruning", {"fraction": 0.1}, True, True),
         ("reorder", {}, False, False),
         ("inject", {}, False, True),
-        ("densify_clone", {}, True, False),
     ],
 )
 def test_an_attack_affects_what_it_changes_or_loses(name: str, settings: dict, bits: bool, places: bool) -> None:

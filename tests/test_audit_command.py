@@ -42,7 +42,7 @@ def test_a_model_becomes_a_configuration_that_another_model_does_not_replace(fol
     assert words[words.index("--cores") + 1] == "1"
 
 
-def test_another_model_or_suite_has_a_folder_of_its_own(folder, words):
+def test_another_model_or_suite_has_a_folder_of_its_own(folder, words, monkeypatch, capsys):
     places = []
 
     def place_of(*command: str) -> str:
@@ -62,6 +62,9 @@ def test_another_model_or_suite_has_a_folder_of_its_own(folder, words):
     assert place_of("other.ply", "--out", "mine") == "mine"
     assert main(["audit", "other.ply", "--cameras", "orbit"]) == 0
     assert len({*folder.rglob("audit.yaml")}) == len(places)
+    monkeypatch.setattr(audit, "forecast", lambda _: [Path.cwd().name])
+    assert main(["audit", "other.ply", "--cameras", "orbit", "--dry-run"]) == 0
+    assert capsys.readouterr().out.endswith("audit-other\n")
 
 
 def test_a_second_audit_in_a_folder_is_refused_at_once(folder, words, capsys):

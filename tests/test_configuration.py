@@ -126,7 +126,6 @@ def test_a_decision_inherits_from_the_method_or_has_the_defaults() -> None:
         ({"decisions": {"method": {}}}, "decisions.method"),
         ({"decisions": {"a": {"cluster_on": ["position"]}}}, "decisions.a.cluster_on"),
         ({"pairs": {"a/b": {}}}, "pairs.a/b"),
-        ({"pairs": {"-a": {}}}, "pairs.-a"),
         ({"pairs": {"ab" * 50 + "c": {}}}, f"pairs.{'ab' * 50}c"),
         ({"pairs": {"a\n": {}}}, "pairs.a\\n"),
         ({"detectors": {"mark": {**MARK, "message": 72}}}, "detectors.mark.message"),

@@ -16,6 +16,7 @@ import gspure
 from gspure.attacks import BUILT_IN
 from gspure.cameras import write_cameras
 from gspure.cli import COMMANDS, main
+from gspure.files import write_text
 from gspure.model import read_model, write_model
 from gspure.scenes import lighting
 from gspure.workflow.schema import config_schema
@@ -63,9 +64,8 @@ def test_the_references_name_everything():
 
 
 def test_a_step_of_the_history_that_is_a_tenth_slower_is_red(monkeypatch, tmp_path):
-    rows = ["day,at,on,image,audit", "1,a,x,1.00,1.00", "2,b,x,1.09,1.11"]
-    (tmp_path / "benchmarks").mkdir()
-    (tmp_path / "benchmarks" / "history.csv").write_text("\n".join(rows))
+    rows = "day,at,on,image,audit\n1,a,x,1.00,1.00\n2,b,x,1.09,1.11\n"
+    write_text(tmp_path / "benchmarks" / "history.csv", rows)
     monkeypatch.setattr(site, "ROOT", tmp_path)
     assert '| 1.09 | <span class="slower">1.11</span> |' in site.history()
 

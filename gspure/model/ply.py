@@ -104,7 +104,7 @@ def write_point_ply(path: Path, xyz: NDArray[Any], rgb: UInt8) -> None:
 def _write(path: Path, table: NDArray[np.void], comments: tuple[str, ...] = ()) -> None:
     with replacing(path) as temporary, temporary.open("wb") as stream:
         stream.write(header_of(table, comments))
-        table.tofile(stream)
+        stream.write(np.ascontiguousarray(table).data)  # `tofile` does not say that a disk is full
 
 
 def _row_type(path: Path, header: Header) -> np.dtype[np.void]:

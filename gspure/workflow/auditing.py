@@ -136,7 +136,7 @@ def _quiet() -> Iterator[None]:
 def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tuple[Path, Path]]:
     """Yield the configuration and the folder of a run, in which the block is, without another run there.
 
-    A rehearsal stays in the current folder, and leaves no files.
+    A rehearsal leaves no files, and stays in the current folder if the run would make a new one.
     """
     if wanted.is_configuration:
         if wanted.cameras or wanted.up or wanted.key or wanted.suite_name or wanted.out:
@@ -145,7 +145,12 @@ def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tu
         with nullcontext() if is_rehearsal else alone_in(Path.cwd()):
             yield wanted.source, Path()
     elif is_rehearsal:
-        with TemporaryDirectory() as folder:
+        place = wanted.out or own_place(wanted)
+        if place != Path() and place.is_dir():
+            wanted = wanted.resolved()
+        else:
+            place = Path()
+        with TemporaryDirectory() as folder, chdir(place):
             yield write_configuration(wanted, Path(folder) / AUDIT_FILE.name, draws=False), Path()
     else:
         place = wanted.out or own_place(wanted)
