@@ -100,13 +100,14 @@ class Cloud:
             is_seen[points_shown(camera, self.points)[0]] = True
         return float(is_seen.sum() / max(1, len(is_seen)))
 
-    def share_too_near(self, cameras: Sequence[Camera]) -> float:
-        """Return the largest share of the points in a view that lie before its near plane."""
-        shares = [0.0]
-        for camera in _some(cameras, _VIEWS_SEEN):
-            depths = points_shown(camera, self.points, near=0.0)[1][:, 2]
-            shares.append(np.count_nonzero(depths <= NEAR_PLANE) / max(1, len(depths)))
-        return max(shares)
+
+def share_too_near(points: Float64, cameras: Sequence[Camera]) -> float:
+    """Return the largest share of the points in a view that lie before its near plane."""
+    shares = [0.0]
+    for camera in _some(cameras, _VIEWS_SEEN):
+        depths = points_shown(camera, points, near=0.0)[1][:, 2]
+        shares.append(np.count_nonzero(depths <= NEAR_PLANE) / max(1, len(depths)))
+    return max(shares)
 
 
 def _some(cameras: Sequence[Camera], most: int) -> Sequence[Camera]:

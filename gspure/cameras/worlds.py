@@ -28,6 +28,7 @@ from gspure.cameras.fitting import (
     score_by_photographs,
     score_by_points,
     score_by_views,
+    share_too_near,
 )
 from gspure.cameras.normalizations import normalizations
 from gspure.cameras.points import RANDOM_POINTS, points_place, stored_points
@@ -149,7 +150,12 @@ def mention_unseen(cloud: Cloud, cameras: Sequence[Camera]) -> None:
         warn(f"about {percent(covered)} of the pixels show the model: are these its cameras?")
     elif seen < _LEAST_SEEN:
         warn(f"the views show about {percent(seen)} of the model: are these its cameras?")
-    near = cloud.share_too_near(cameras)
+    mention_near(cloud.points, cameras)
+
+
+def mention_near(points: Float64, cameras: Sequence[Camera]) -> None:
+    """Warn if many of the points [P,3] in a view, of a model or of a capture, lie before its near plane."""
+    near = share_too_near(points, cameras)
     if near > _MOST_NEAR:
-        reason = f"up to {percent(near)} of the Gaussians in a view are nearer than {NEAR_PLANE}, and not drawn"
-        warn(f"{reason}: if the scene is small, scale up model and cameras by the same factor")
+        reason = f"up to {percent(near)} of the points in a view are nearer than {NEAR_PLANE}, and not drawn"
+        warn(f"{reason}: if the scene is small, scale up cameras, and model or points, by the same factor")

@@ -5,6 +5,7 @@ import numpy as np
 from gspure.cameras.camera import Camera
 from gspure.cameras.photographs import photograph, photograph_size
 from gspure.cameras.reading import read_transform
+from gspure.cameras.worlds import mention_near
 from gspure.cli import options
 from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
@@ -64,6 +65,7 @@ def run(args: Arguments) -> None:
         public = registered(public, original.model)
     if scheme.fits and extraction == ADAPTIVE:
         key = key.fitted(public, _lesson(args))
+    mention_near(public.model.means.astype(np.float64), views)
     images = key.images(public, extraction, views, options.read_device(args))
     all_blank = True
     with filling_alone(args.out) as folder:

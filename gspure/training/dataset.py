@@ -24,7 +24,7 @@ from gspure.cameras.photographs import (
 )
 from gspure.cameras.points import stored_points
 from gspure.cameras.reading import camera_object
-from gspure.cameras.worlds import shifted
+from gspure.cameras.worlds import mention_near, shifted
 from gspure.errors import InputError
 from gspure.files import digest
 from gspure.images import orientation_remark, read_image, shrunk
@@ -110,6 +110,8 @@ def read_dataset(
     xyz, rgb, are_random = _points(source, train, seed, offset)
     if not view_counts(xyz, train).any():
         raise InputError(source, "training views", expected="some that see points", found="all look away from them")
+    if not are_random:
+        mention_near(xyz, train)
     return Dataset(source, train, test, xyz, rgb, offset, are_random)
 
 
