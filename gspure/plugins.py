@@ -45,6 +45,12 @@ class Plugin:
     schemes: Sequence[Any] = ()
     detectors: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        if not all(isinstance(part, Sequence) for part in (self.attacks, self.schemes)):
+            raise TypeError("attacks and schemes are lists")
+        if not (isinstance(self.detectors, Mapping) and all(isinstance(c, str) for c in self.detectors.values())):
+            raise TypeError("detectors are a mapping of names to commands, each one text")
+
 
 def registered(part: Part, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:
     """Return the built-in attacks or schemes, and those of plug-ins, by name.
