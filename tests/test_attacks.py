@@ -144,7 +144,7 @@ GREEDY = Plugin(attacks=[Attack("greedy", lambda model, rng, key: Attacked.witho
         ("half", "expected an importable gspure.Plugin, found function"),
         ("OTHER", "attacks: expected objects of Attack, found function"),
         ("TAKEN", "name: expected a name not in use, found 'gspure'"),
-        ("GREEDY", "needs: expected of columns, labels, opacities, .*, weights, found key"),
+        ("GREEDY", "needs: expected none but columns, labels, opacities, .*, weights, found key"),
     ],
 )
 def test_a_bad_plug_in_is_named(monkeypatch: pytest.MonkeyPatch, target: str, message: str) -> None:

@@ -72,4 +72,4 @@ def _require_known(attack: Attack, source: str) -> None:
     known = MEASUREMENTS | PUBLIC
     if not attack.parameters <= known:
         needs = ", ".join(sorted(attack.parameters))
-        raise InputError(source, "needs", expected=f"of {', '.join(sorted(known))}", found=needs)
+        raise InputError(source, "needs", expected=f"none but {', '.join(sorted(known))}", found=needs)

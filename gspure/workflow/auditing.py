@@ -141,9 +141,7 @@ def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tu
     if wanted.is_configuration:
         if wanted.cameras or wanted.up or wanted.key or wanted.suite_name or wanted.out:
             conflict = "--cameras, --up, --key, --suite or --out"
-            raise InputError(
-                wanted.source, "options", expected="none of a model beside a configuration", found=conflict
-            )
+            raise InputError(wanted.source, "options", expected="none beside a configuration", found=conflict)
         with nullcontext() if is_rehearsal else alone_in(Path.cwd()):
             yield wanted.source, Path()
     elif is_rehearsal:
