@@ -53,7 +53,7 @@ def add_arguments(parser: Parser) -> None:
 
 def run(args: Arguments) -> None:
     """Embed; write public model and key, both or neither."""
-    options.require_own_folder(args)
+    options.require_empty_folder(args)  # an older key could not be made again
     scheme = find_scheme(args.scheme)
     settings = parsed_settings(f"scheme {scheme.name}", scheme.embed, dict(args.set))
     makes_pair = bool(args.scene)

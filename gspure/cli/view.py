@@ -8,7 +8,7 @@ from gspure.cli.parser import Arguments, Parser
 EXAMPLES = """\
   gspure view point_cloud.ply                                  # view.html, which works from disk
   gspure view point_cloud.ply purified/purified.ply --out compared.html
-  gspure view marked/public --cameras marked/pair              # a room, as seen from inside
+  gspure view marked/public --cameras pair              # a room, as seen from inside
 """
 
 

@@ -72,11 +72,15 @@ def own_place(wanted: AuditRequest) -> Path:
 
 
 def audited_in(place: Path) -> tuple[Path, str] | None:
-    """Return the model and the suite of the audit whose results a folder has; None if it has none."""
+    """Return the model and the suite of the audit whose results a folder has; None if it has no results.
+
+    Results of a configuration are of no model: the folder stands for it.
+    """
+    from gspure.evaluation.plan import PLAN_FILE
     from gspure.workflow.config_reading import load_yaml
 
     if not (place / AUDIT_FILE).is_file():
-        return None
+        return (place.resolve(), "") if (place / RESULTS / PLAN_FILE).is_file() else None
     content = load_yaml(place / AUDIT_FILE)
     models = [place / str(asset.get("model", "")) for asset in content.get("assets", {}).values()]
     first = next(iter(models), place)
