@@ -72,7 +72,7 @@ def test_wrong_messages_are_not_legible(pictures: NDArray[np.uint8], message: Ar
 
 
 def test_a_readable_message_is_one_that_two_viewers_can_read() -> None:
-    table = Path(__file__).parents[1] / "docs" / "tables" / "legibility.csv"
+    table = Path(__file__).parents[1] / "experiments" / "tables" / "legibility.csv"
     with table.open(newline="") as file:
         rows = [*csv.DictReader(file)]
     for viewer in ("viewer_1", "viewer_2"):
