@@ -88,12 +88,12 @@ $(PACKAGES): $(BIN)/pip setup/requirements.lock pyproject.toml
 
 $(DEV_PACKAGES): $(PACKAGES) setup/requirements-dev.lock
 	@echo "setup: installing what the tests need"
-	@$(PIP) install --use-pep517 --no-deps --requirement setup/requirements-dev.lock
+	@$(PIP) install --use-pep517 --no-deps --no-compile --requirement setup/requirements-dev.lock
 	@touch $@
 
 $(DOCS_PACKAGES): $(PACKAGES) setup/requirements-docs.lock
 	@echo "setup: installing what the documentation needs"
-	@$(PIP) install --use-pep517 --no-deps --requirement setup/requirements-docs.lock
+	@$(PIP) install --use-pep517 --no-deps --no-compile --requirement setup/requirements-docs.lock
 	@touch $@
 
 $(OPENCL): $(PACKAGES) setup/opencl.sh
