@@ -60,7 +60,11 @@ JOBS = {
     "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
     "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
     "gspure.evaluation.attack_record": ("test_evaluate.py", "test_outcomes.py"),
-    "gspure.workflow.auditing": ("test_audit_command.py", "test_exit_statuses.py"),
+    "gspure.workflow.auditing": (
+        "test_audit_command.py",
+        "test_exit_statuses.py",
+        "test_workflow.py::test_an_audit_in_python_returns_results_and_is_silent",
+    ),
     "gspure.workflow.request": ("test_audit_command.py",),
     "gspure.workflow.config": ("test_codec.py", *_PLANS),
     "gspure.workflow.config_reading": ("test_configuration.py",),
@@ -132,7 +136,7 @@ def _left_alone(node: ast.AST) -> bool:
             return True
         case ast.If(test=ast.Compare(left=ast.Name(id="__name__"))):
             return True
-        case ast.Call(func=ast.Attribute(attr="sized" | "allocate")):
+        case ast.Call(func=ast.Attribute(attr="sized" | "allocate")) | ast.keyword(arg="strict"):
             return True
     return False
 

@@ -87,7 +87,6 @@ def test_image_attacks_do_what_they_say() -> None:
     step = np.repeat(np.linspace(0, 1, 2, dtype=np.float32), 32)[None, :, None] * np.ones((64, 1, 3), np.float32)
     assert renders.brightness(grey, rng, factor=2.0) == pytest.approx(0.5)
     assert renders.pixel_noise(grey, rng, sigma=0.1).std() == pytest.approx(0.1, rel=0.05)
-    # The derivative of a blurred step is the Gaussian.
     slope = np.diff(renders.blur(step, rng, radius=3.0)[32, :, 0].astype(np.float64))
     places = np.arange(len(slope))
     mean = slope @ places / slope.sum()

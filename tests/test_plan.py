@@ -133,6 +133,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         ({"schemes": {"planted": {"bits": 3}}}, "schemes.planted.bits: expected one of .*unknown key"),
         ({"extractions": ["message", "message_x"]}, "extractions: expected one of message.*'message_x'"),
         ({"assets": {"bot": {**BOT, "model": "no.ply"}}}, "assets.bot.model: expected .* found no.ply"),
+        ({"assets": {"bot": {**BOT, "cameras": "no.json"}}}, "assets.bot.cameras: .* found no.json"),
         ({"assets": {"bot": {**BOT, "clean": "bot"}}}, "assets.bot.clean: "),
         ({"assets": {"a": {**BOT, "clean": "b"}, "b": {**BOT, "clean": "c"}, "c": BOT}}, "assets.a.clean: "),
         ({"assets": {"desk": {"train": "desk"}}}, "assets.desk.train: "),
