@@ -31,8 +31,8 @@ def reference() -> Path:
     """Return a folder with the files of the fixed commit."""
     folder = HERE / "build" / REFERENCE
     if not folder.exists():
-        folder.mkdir(parents=True)
         archive = subprocess.run(["git", "archive", REFERENCE], cwd=HERE, check=True, capture_output=True)
+        folder.mkdir(parents=True)
         subprocess.run(["tar", "x", "-C", str(folder)], input=archive.stdout, check=True)
     return folder
 

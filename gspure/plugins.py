@@ -48,8 +48,10 @@ class Plugin:
     def __post_init__(self) -> None:
         if not all(isinstance(part, Sequence) for part in (self.attacks, self.schemes)):
             raise TypeError("attacks and schemes are lists")
-        if not (isinstance(self.detectors, Mapping) and all(isinstance(c, str) for c in self.detectors.values())):
-            raise TypeError("detectors are a mapping of names to commands, each one text")
+        if not isinstance(self.detectors, Mapping):
+            raise TypeError("detectors are a mapping of names to commands")
+        if not all(isinstance(command, str) for command in self.detectors.values()):
+            raise TypeError("the command of a detector is a string")
 
 
 def registered(part: Part, kind: type[T], built_in: Iterable[T], require: Callable[[T, str], None]) -> dict[str, T]:

@@ -185,14 +185,18 @@ class PublicModel:
 
     def scene(self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa") -> RenderView:
         """Return the renderer of the scene."""
+        renderer = self.renderer(device, energy)
+        return lambda camera: renderer.image(camera, background)
+
+    def renderer(self, device: Device | None = None, energy: Energy = "ewa") -> Renderer:
+        """Return the renderer of the rows as Gaussians, which are uploaded once."""
         if (device, energy) not in self._renderers:
             self._renderers[device, energy] = Renderer(self.model, device, energy=energy)
-        renderer = self._renderers[device, energy]
-        return lambda camera: renderer.image(camera, background)
+        return self._renderers[device, energy]
 
     @cached_property
     def _renderers(self) -> dict[tuple[Device | None, Energy], Renderer]:
-        """The renderers of the scene: the rows of this model do not change."""
+        """The renderers that were asked for."""
         return {}
 
     def learned(self, lesson: Lesson) -> Self:
@@ -226,7 +230,7 @@ class PublicModel:
 
     def contributions(self, device: Device | None = None, energy: Energy = "ray") -> Callable[[Camera], NDArray[Any]]:
         """Return a function from a camera to the `gspure.renderer.CONTRIBUTION` records of the rows in its image."""
-        return Renderer(self.model, device, energy=energy).contributions
+        return self.renderer(device, energy).contributions
 
     def geometry_digest(self) -> str:
         """Return a digest of everything in the model that contributions depend on."""

@@ -108,8 +108,7 @@ LANTERN = Scheme(
 )
 BLINKER = replace(LANTERN, name="blinker", extractions={BITS: ("f_dc_*",)}, fits=False)
 ETCHED = replace(BLINKER, name="etched", extractions={MODEL_BITS: ("f_dc_0",)})
-CONVERT = Attack("convert", convert)
-ADDED = Plugin(attacks=(CONVERT,), schemes=(LANTERN, BLINKER, ETCHED))
+ADDED = Plugin(attacks=(Attack("convert", convert),), schemes=(LANTERN, BLINKER, ETCHED))
 PLUGIN = {
     "name": "gspure-lantern",
     "version": "1.0",

@@ -108,6 +108,6 @@ def test_views_are_those_beside_the_model_or_generated(folder, words, capsys):
 def test_a_configuration_is_used_as_it_is_and_further_options_reach_snakemake(folder, words, capsys):
     Path("mine.yaml").write_text("{}")
     assert main(["audit", "mine.yaml", "--cameras", "orbit"]) == 2
-    assert "mine.yaml: options: expected none beside a configuration" in capsys.readouterr().err
+    assert "mine.yaml: options: expected none of a model beside a configuration" in capsys.readouterr().err
     assert main(["audit", "mine.yaml", "--", "--forcerun", "all"]) == 0
     assert words[words.index("--configfile") + 1 :] == ["mine.yaml", "--forcerun", "all"]

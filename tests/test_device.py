@@ -174,7 +174,6 @@ WORKING = Trial(
     index=0, kind="cpu", name="EPYC", platform="PoCL", driver="3.1", selected=True, problem=None, seconds=1.0
 )
 BROKEN = replace(WORKING, index=1, driver="3.0", problem="unknown target CPU")
-UNSELECTED = replace(WORKING, selected=False)
 DRIVER = "-m pip install intel-opencl-rt intel-cmplr-lib-rt"
 
 
@@ -185,7 +184,7 @@ DRIVER = "-m pip install intel-opencl-rt intel-cmplr-lib-rt"
         ((BROKEN, WORKING), "x86_64", "llvmpipe", "2.4.6", 0, None),
         ((BROKEN,), "x86_64", "llvmpipe", "2.4.6", 1, DRIVER),
         ((), "aarch64", "llvmpipe", "2.4.6", 1, "sudo apt-get install pocl-opencl-icd"),
-        ((UNSELECTED,), "x86_64", "llvmpipe", "2.4.6", 1, "unset GSPURE_DEVICE"),
+        ((replace(WORKING, selected=False),), "x86_64", "llvmpipe", "2.4.6", 1, "unset GSPURE_DEVICE"),
         ((WORKING,), "x86_64", None, "2.4.6", 0, "sudo apt-get install libegl1 libgl1-mesa-dri"),
         ((WORKING,), "x86_64", "llvmpipe", None, 1, "-m pip install 'numpy<3,>=1.26'"),
         ((WORKING,), "x86_64", "llvmpipe", "3.0.0", 1, "-m pip install 'numpy<3,>=1.26'"),

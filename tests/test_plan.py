@@ -27,7 +27,6 @@ from tests.workflow_cases import SOURCE, configuration, plan_of
 
 EVERY: dict[str, dict[str, Any]] = {"unattacked": {}, "gspure": {}}
 PAIR: dict[str, Any] = {"pairs": {"raised": {}}, "schemes": {"planted": {}}}
-READ = {"command": "read"}
 BOT = {"model": __file__, "cameras": "orbit"}
 CONFIG = yaml.safe_load("""
 assets: {bot: {model: bot.ply, cameras: orbit}}
@@ -145,7 +144,7 @@ def variant(name: str, **entries: Any) -> dict[str, Any]:
         (variant("crop", decision="mild"), "variants.crop.decision: "),
         (variant("gspure", decision="wild"), "variants.gspure.decision: expected one of mild, found 'wild'"),
         (variant("gspure", damage=1), "variants.gspure.damage: expected an attack with a strength, found gspure"),
-        ({"detectors": {"scene": READ}}, "detectors.scene: "),
+        ({"detectors": {"scene": {"command": "read"}}}, "detectors.scene: "),
         ({"detectors": {"blue": {}}}, "detectors.blue: expected one of green, found 'blue'"),
         ({"detectors": {"mark": {"command": "read 'image"}}}, "detectors.mark: "),
     ],

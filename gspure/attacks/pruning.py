@@ -94,7 +94,7 @@ def opacity_weight(
 
 
 def gof(model: Gaussians, _rng: Rng, surface: Float32, *, tolerance: Amount = TOLERANCE) -> Attacked:
-    """Remove the rows farther than `tolerance` of their own scales from the visible surface: the paper's GOF.
+    """Remove the rows farther than `tolerance` of their own scales from the visible surface.
 
     A tolerance below 1.2 removes the surface itself.
 

@@ -102,16 +102,22 @@ class Cloud:
 
 
 def share_too_near(points: Float64, cameras: Sequence[Camera]) -> float:
-    """Return the largest share of the points in a view that lie before its near plane."""
+    """Return the largest share of the points [P,3] in a view that lie before its near plane; some stand for all."""
+    sample = points[:: _stride(len(points), _POINTS)]
     shares = [0.0]
     for camera in _some(cameras, _VIEWS_SEEN):
-        depths = points_shown(camera, points, near=0.0)[1][:, 2]
+        depths = points_shown(camera, sample, near=0.0)[1][:, 2]
         shares.append(np.count_nonzero(depths <= NEAR_PLANE) / max(1, len(depths)))
     return max(shares)
 
 
 def _some(cameras: Sequence[Camera], most: int) -> Sequence[Camera]:
-    return cameras[:: max(1, -(-len(cameras) // most))]
+    return cameras[:: _stride(len(cameras), most)]
+
+
+def _stride(count: int, most: int) -> int:
+    """Return the step with which at most so many of `count` are taken."""
+    return max(1, -(-count // most))
 
 
 def score_by_views(cloud: Cloud, cameras: Sequence[Camera]) -> Score:

@@ -139,9 +139,16 @@ def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tu
     A rehearsal leaves no files, and stays in the current folder if the run would make a new one.
     """
     if wanted.is_configuration:
-        if wanted.cameras or wanted.up or wanted.key or wanted.suite_name or wanted.out:
-            conflict = "--cameras, --up, --key, --suite or --out"
-            raise InputError(wanted.source, "options", expected="none beside a configuration", found=conflict)
+        of_models = {
+            "--cameras": wanted.cameras,
+            "--up": wanted.up,
+            "--key": wanted.key,
+            "a suite": wanted.suite_name,
+            "--out": wanted.out,
+        }
+        given = ", ".join(name for name, value in of_models.items() if value)
+        if given:
+            raise InputError(wanted.source, "options", expected="none of a model beside a configuration", found=given)
         with nullcontext() if is_rehearsal else alone_in(Path.cwd()):
             yield wanted.source, Path()
     elif is_rehearsal:

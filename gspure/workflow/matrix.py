@@ -31,9 +31,9 @@ def expanded(content: Mapping[str, object], source: str | Path) -> dict[str, obj
             combined = [
                 named for name, entry in entries.items() for named in _combinations(section, name, entry, source)
             ]
-            known[section] = dict(combined)
             if len({name for name, _ in combined}) < len(combined):
                 raise InputError(source, section, expected="entries of different names", found="two of one name")
+            known[section] = dict(combined)
     return known
 
 

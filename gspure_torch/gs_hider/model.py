@@ -247,7 +247,7 @@ class FeatureModel(PublicModel):
         self, device: Device | None = None, background: Background = BLACK, energy: Energy = "ewa"
     ) -> RenderView:
         """Return the renderer of the features [H,W,16], on the first value of `background` as in the authors' code."""
-        renderer = Renderer(self.model, device, energy=energy)
+        renderer = self.renderer(device, energy)
         features = self.features
         return lambda camera: renderer.feature_map(camera, features, _feature_background(background))
 
