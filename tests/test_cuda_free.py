@@ -318,6 +318,8 @@ assert torch.cuda.is_available()
 torch.cuda.set_device(torch.device("cuda:0"))
 torch.cuda.empty_cache()
 assert optimizer.defaults["fused"]
+parallel = torch.nn.DataParallel(torch.nn.Linear(3, 2).cuda(), device_ids=[0], output_device=0)
+assert torch.equal(parallel(torch.ones(1, 3, device="cuda")), parallel.module(torch.ones(1, 3)))
 import gsplat, gsplat.csrc
 assert gsplat.KEPT and gsplat.rasterization
 assert len(torch.load("model.pth", map_location="cuda", weights_only=False)) == 5

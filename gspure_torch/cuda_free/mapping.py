@@ -64,6 +64,7 @@ def map_cuda() -> None:
     choose = torch.set_default_device
     torch.set_default_device = lambda device: choose(_placed(device, target))
     torch.load = _loading(torch.load, target)
+    torch.nn.DataParallel.__init__ = _wrap_alone
     torch.optim.Adam.__init__ = _fusing(torch.optim.Adam.__init__)
     if torch.distributed.is_available():
         torch.distributed.init_process_group = _without_nccl(torch.distributed.init_process_group)
@@ -118,6 +119,13 @@ def _loading(load: Callable[..., Any], target: str) -> Callable[..., Any]:
         return load(file, location, *args, **kwargs)
 
     return loaded
+
+
+def _wrap_alone(wrapper: Any, module: Any, *_: Any, **__: Any) -> None:
+    """Wrap a module as `DataParallel` does without devices: it calls the module."""
+    torch.nn.Module.__init__(wrapper)
+    wrapper.module = module
+    wrapper.device_ids = []
 
 
 def _fusing(begin: Callable[..., None]) -> Callable[..., None]:
