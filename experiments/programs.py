@@ -49,6 +49,7 @@ PROGRAMS = (
     Program("liruilong940607/gaussian-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "gsplat-1.4"),
     Program("ShijieZhou-UCLA/feature-3dgs", f"train.py -s {{data}} -m {{out}} -f lseg {EVALUATED}"),
     Program("xuanyuzhang21/GS-Hider", f"train_wm.py -s {{data}} -m {{out}} {EVALUATED}"),
+    Program("RY-Paper/KeySS", "train2hide_prompt_random_fast16.py -s {data} -m {out} --prompt key"),
     Program("ingra14m/Deformable-3D-Gaussians", f"train.py -s {{data}} -m {{out}} {EVALUATED}", "depth"),
     Program("autonomousvision/mip-splatting", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
     Program("city-super/Scaffold-GS", f"train.py -s {{data}} -m {{out}} {EVALUATED}"),
@@ -104,7 +105,8 @@ def outcome(program: Program, folder: Path, data: Path, out: Path) -> str:
     commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
     levels = re.findall(r"Evaluating test: .*?PSNR ([\d.]+)", done.stdout)
     dialect = dialect_of(program, folder)
-    end = f"stops: `{done.stderr.splitlines()[-1]}`"
+    errors = re.findall(r"^\w*Error: .*", done.stderr, re.MULTILINE)
+    end = f"stops: `{errors[-1]}`" if errors else "stops"
     if done.returncode == 0:
         end = f"{float(levels[-1]):.1f} dB, {seconds:.0f} CPU s"
     elif dialect.startswith("refused"):
