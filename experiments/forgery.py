@@ -115,7 +115,7 @@ def rows(folder: Path) -> Iterator[list[str]]:
                 read = "" if np.isnan(claim.read) else f"{claim.read:.0f}"
                 quality = "" if np.isinf(claim.fidelity) else f"{claim.fidelity:.1f}"
                 commitment = "broken" if claim.is_late else "holds"
-                row = [scene, scheme, claim.forgery, str(claim.tries), read, f"{claim.p:.1e}", quality, commitment]
+                row = [scene, scheme, claim.forgery, str(claim.tries), read, f"{claim.p:.2g}", quality, commitment]
                 print(*row, flush=True)
                 yield row
 

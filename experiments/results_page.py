@@ -71,7 +71,7 @@ def radius_facts() -> dict[str, str]:
     of_conditions = audits(read_results(*RADII))
     columns = [Column("condition"), Column("scenes"), Column("radius, adaptive"), Column("radius, as published")]
     columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
-    columns += [Column("p, late key"), Column("p, copied mark")]
+    columns += [Column("forged p, by late key; copy")]
     lines = [TableRow([*map(Cell, _radius_cells(audit))]) for audit in of_conditions if audit.has_radius]
     radii = [(audit, audit.radius()) for audit in of_conditions]
     known = [(audit, radius) for audit, radius in radii if radius]
@@ -102,15 +102,14 @@ def _radius_cells(audit: ConditionAudit) -> list[str]:
     texts = [_over_scenes(audit, radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
     killer = display_name(adaptive.killer or "none") if adaptive else UNKNOWN
     forged = [_forged(audit.condition.scheme, commitment) for commitment in ("broken", "holds")]
-    return [audit.condition.title, scenes, *texts, killer, *forged]
+    return [audit.condition.title, scenes, *texts, killer, "; ".join(forged)]
 
 
 def _forged(scheme: str, commitment: str) -> str:
-    """Return the least p-value of a forger in each scene, by claims that do or do not break a commitment."""
+    """Return the least p-value of a forger, by claims that do or do not break a commitment."""
     rows = [row for row in _table("forgery") if (row["scheme"], row["commitment"]) == (scheme, commitment)]
-    claims = [row for row in rows if row["forgery"] in FORGERIES]
-    of_scenes = grouped(claims, lambda row: row["scene"]).values()
-    return "; ".join(p_value(min(float(row["p"]) for row in alike)) for alike in of_scenes) or UNKNOWN
+    values = [float(row["p"]) for row in rows if row["forgery"] in FORGERIES]
+    return p_value(min(values)) if values else UNKNOWN
 
 
 def _over_scenes(audit: ConditionAudit, radius: Radius) -> str:
