@@ -1,20 +1,15 @@
-"""What a forger of keyed patterns reaches on a stranger's clean model: tables/keyed_pattern-forgery.csv.
+"""What forgers reach on a stranger's clean model, for each scheme: tables/forgery.csv.
 
-gspure pair room vault --views 32 --width 208 --height 156 --out room
-gspure pair vault room --views 32 --width 208 --height 156 --out vault
-python -m experiments.forgery room vault
+pip install ./examples/marked_clones
+python -m experiments.forgery FOLDER
 
-The stranger's model is another training of the scene. Its forger takes a mark of his own off the model, and claims to
-have the clean one. Then the pattern of his key is
+Makes two pairs and trains the models in a folder, unless they are there. The stranger's clean model is another training
+of the forger's scene, from the scene's points alone: a forger can always embed his mark in a scene that he trained from
+renders of the stranger's. Claims are those of `gspure forge` (`gspure.evaluation.forging`), and of keyed patterns also
 
-- ``subtracted``: that of this clean model, which he did not know when he drew the mark;
-- ``subtracted, keys without digest``: the mark, if patterns did not depend on the clean model;
-- ``searched``: the best of many keys;
-- ``fitted bits``: that of one key, and the message is what it reads.
-
-``copied`` is another forgery: cells get what sets those of a marked model apart from the cells around, and so the mark
-of its owner. z and p are those of the key among 9,999 others. A commitment from before the model was published holds
-for the last alone.
+- ``subtracted``: the forger takes a mark of his own off the stranger's model, and claims to have the clean one. The
+  pattern of his key depends on this clean model, which he did not know when he drew the mark;
+- ``subtracted, keys without digest``: the same, if patterns did not depend on the clean model.
 """
 
 import sys
@@ -23,79 +18,107 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.keyed_pattern import SETTINGS, STRANGERS, TABLES
-from gspure.arrays import Float64
+from gspure.arrays import UInt8, load_array, save_array
+from gspure.cli import main
+from gspure.evaluation.forging import Claim, Forger, forgeries
 from gspure.files import write_text
 from gspure.metrics.csv_tables import csv_text
-from gspure.metrics.sign_ranks import KEYS, certificate, largest_sums
-from gspure.model import Gaussians
+from gspure.metrics.sign_ranks import certificate
+from gspure.opencl.device import choose_device
 from gspure.public_model import PublicModel
-from gspure.schemes.keyed_pattern.key import Findings, KeyedPatternKey
-from gspure.schemes.keyed_pattern.pattern import Grid, Pattern, marked, recoloured
-from gspure.schemes.keyed_pattern.residuals import cell_colours
-from gspure.schemes.pair import Pair, read_pair
+from gspure.scenes.candidates import Kind, candidate_cameras, candidates
+from gspure.schemes.keyed_pattern.key import FORGED, KeyedPatternKey
+from gspure.schemes.keyed_pattern.pattern import marked
+from gspure.schemes.pair import read_pair
 from gspure.schemes.registry import find_scheme
-from gspure.schemes.scheme import hide
+from gspure.schemes.scheme import FIT_STEPS
 
-BITS = 32
-SEARCHED = 1_000_000
-STRENGTH = 0.005  # of the forger's mark, of colours 0 to 1
-LARGEST = 0.01  # part of a copied mark
-COLUMNS = ("scene", "forgery", "keys tried", "z", "p", "commitment")
-
-Claim = tuple[str, int, float, float, str]
-
-
-def ranked(findings: Findings, pattern: Pattern) -> tuple[float, float]:
-    """Return z and p of a pattern among those of other keys."""
-    ranks = certificate(tries_of(findings), pattern.mark(findings.cells).ravel())
-    return ranks.z, ranks.p
-
-
-def tries_of(findings: Findings) -> Float64:
-    """Return what a suspect shows, one row per try."""
-    return findings.tries.reshape(len(findings.tries), -1)
-
-
-def own_claims(stranger: Gaussians, pair: Pair) -> Iterator[Claim]:
-    """Yield the claims by keys that were made after the model."""
-    draft = KeyedPatternKey.random(np.random.default_rng(5), BITS, stranger, pair.scene.views)
-    clean = marked(stranger, Grid.of(stranger), draft.pattern, -STRENGTH)
-    key = KeyedPatternKey(draft.secret, draft.bits, clean, draft.views)
-    findings = key.findings(PublicModel(stranger))
-    yield "subtracted", 1, *ranked(findings, key.pattern), "broken"
-    yield "subtracted, keys without digest", 1, *ranked(findings, draft.pattern), "broken"
-    best = float(largest_sums(tries_of(findings), SEARCHED).max())
-    others = largest_sums(tries_of(findings), KEYS)
-    yield "searched", SEARCHED, best, (1 + np.count_nonzero(others >= best)) / (KEYS + 1), "broken"
-    yield "fitted bits", 1, *ranked(findings, Pattern(key.pattern.words, key.decoded(findings))), "broken"
+TABLE = Path(__file__).resolve().parent / "tables" / "forgery.csv"
+VIEWS, WIDTH, HEIGHT = 64, 96, 72
+PAIRS = (("interior-611", "interior-701"), ("landscape-612", "interior-702"))  # scene and message
+KIND = Kind("interior", "raised")  # of both messages
+VANILLA = {"iterations": 700, "max_gaussians": 6000}
+SCHEMES = {
+    "splats_in_splats": VANILLA,
+    "splats_in_splats_hardened": VANILLA,
+    "keyss": {"iterations": 400, "max_gaussians": 4000},
+    "secure_gs": {"iterations": 450, "max_anchors": 2500},
+    "gs_hider": {"iterations": 400, "max_gaussians": 4000},
+    "keyed_pattern": VANILLA,
+    "rendered_bits": VANILLA,
+}
+FORMS = ("secure_gs", "gs_hider")  # schemes whose clean models are of another form than vanilla 3DGS
+PICTURES = 199  # of the judge, and as many of the forger
+KEYS = 1_000_000  # keyed patterns that the forger tries
+COLUMNS = ("scene", "scheme", "forgery", "tries", "read %", "p", "fidelity dB", "commitment")
 
 
-def copied(source: Gaussians, onto: Gaussians) -> Gaussians:
-    """Return a model with what sets the cells of another one apart from those around, as far as it can be a mark."""
-    grid = Grid.of(source)
-    estimated = cell_colours(source, grid)
-    wanted = grid.cells(onto)
-    places = np.minimum(np.searchsorted(estimated.cells, wanted), len(estimated.cells) - 1)
-    is_known = estimated.cells[places] == wanted
-    changes = np.clip(estimated.residuals, -LARGEST, LARGEST)[places]
-    return recoloured(onto, np.where(is_known[:, None], changes, 0))
+def embed(folder: Path, name: str, scheme: str, number: int, *options: str) -> Path:
+    """Return the folder of a model, after training it unless it is there."""
+    place = folder / f"{name}-{number}"
+    if not place.is_dir():
+        settings = [f"--set={setting}={value}" for setting, value in SCHEMES[scheme].items()]
+        words = ["embed", scheme, str(folder / f"pair-{number}"), "--out", str(place), *settings, *options]
+        assert main(words) == 0
+    return place
 
 
-def rows() -> Iterator[list[str]]:
+def pictures(folder: Path) -> UInt8:
+    """Return pictures of the messages' kind, after tracing them unless they are there."""
+    file = folder / "pictures.npy"
+    if not file.is_file():
+        save_array(file, candidates(KIND, candidate_cameras(VIEWS, WIDTH, HEIGHT), 2 * PICTURES))
+    return load_array(file, dtype=np.uint8, shape=(2 * PICTURES, None, None, None, 3))
+
+
+def subtracted(stranger: PublicModel, key: KeyedPatternKey) -> Iterator[Claim]:
+    """Yield the claims of a forger who takes his mark off a stranger's model."""
+    draft = KeyedPatternKey.random(np.random.default_rng(5), len(key.bits), stranger.model, key.views)
+    clean = marked(stranger.model, draft.grid, draft.pattern, -FORGED)
+    claimed = KeyedPatternKey(draft.secret, draft.bits, clean, draft.views)
+    findings = claimed.findings(stranger)
+    values = findings.tries.reshape(len(findings.tries), -1)
+    for name, pattern in (
+        ("subtracted", claimed.pattern),
+        ("subtracted, keys without digest", draft.pattern),
+    ):
+        p = certificate(values, pattern.mark(findings.cells).ravel()).p
+        yield Claim(name, 1, np.nan, p, np.inf, is_late=True)
+
+
+def claims(folder: Path, scheme: str, number: int) -> Iterator[Claim]:
+    """Yield the claims on the stranger's model of a pair."""
+    known = find_scheme(scheme)
+    own = embed(folder, scheme, scheme, number)
+    form = scheme if scheme in FORMS else next(iter(SCHEMES))
+    clean = ("--set=message_weight=0", "--initialization=scene", "--seed=1")
+    stranger = known.read_public(embed(folder, f"clean-{form}", form, number, *clean) / "public")
+    shown = pictures(folder)
+    pair = read_pair(folder / f"pair-{number}")
+    public = known.read_public(own / "public")
+    key = known.read_key(own / "key")
+    forger = Forger(known, public, key, pair, shown[:PICTURES], shown[PICTURES:], choose_device())
+    yield from forgeries(forger, stranger, FIT_STEPS, KEYS)
+    if isinstance(key, KeyedPatternKey):
+        yield from subtracted(stranger, key)
+
+
+def rows(folder: Path) -> Iterator[list[str]]:
     """Yield the rows of the table."""
-    scheme = find_scheme("keyed_pattern")
-    for folder in sys.argv[1:]:
-        pair = read_pair(Path(folder))
-        stranger, _ = hide(scheme, pair, seed=1, message_weight=0, **STRANGERS)
-        public, key = hide(scheme, pair, **SETTINGS)
-        assert isinstance(key, KeyedPatternKey)
-        framed = key.findings(PublicModel(copied(public.model, stranger.model)))
-        claims = [*own_claims(stranger.model, pair), ("copied", 0, *ranked(framed, key.pattern), "holds")]
-        for name, tried, z, p, commitment in claims:
-            print(folder, name, tried, z, p, flush=True)
-            yield [Path(folder).name, name, str(tried), f"{z:.1f}", f"{p:.1e}", commitment]
+    for number, names in enumerate(PAIRS):
+        if not (folder / f"pair-{number}").is_dir():
+            size = [f"--views={VIEWS}", f"--width={WIDTH}", f"--height={HEIGHT}"]
+            assert main(["pair", *names, *size, "--out", str(folder / f"pair-{number}")]) == 0
+    for scheme in SCHEMES:
+        for number, (scene, _) in enumerate(PAIRS):
+            for claim in claims(folder, scheme, number):
+                read = "" if np.isnan(claim.read) else f"{claim.read:.0f}"
+                quality = "" if np.isinf(claim.fidelity) else f"{claim.fidelity:.1f}"
+                commitment = "broken" if claim.is_late else "holds"
+                row = [scene, scheme, claim.forgery, str(claim.tries), read, f"{claim.p:.2g}", quality, commitment]
+                print(*row, flush=True)
+                yield row
 
 
 if __name__ == "__main__":
-    write_text(TABLES / "keyed_pattern-forgery.csv", csv_text(COLUMNS, rows()))
+    write_text(TABLE, csv_text(COLUMNS, rows(Path(sys.argv[1]))))

@@ -19,7 +19,7 @@ from gspure.metrics.targets import MESSAGE, is_picture
 from gspure.report.audit import ConditionAudit, audits
 from gspure.report.table import Cell, Column, Table, TableRow, interval
 from gspure.report.tables import beside_table
-from gspure.text import UNKNOWN, decimal, significant
+from gspure.text import UNKNOWN, decimal, p_value, significant
 
 HERE: Final = Path(__file__).parent
 PAGE: Final = HERE.parent / "docs" / "results.md"
@@ -31,6 +31,7 @@ OURS: Final = "gspure_equal"
 OTHERS: Final = ("weight_equal", "gof_equal", "random_equal", "noise_equal")
 DAMAGES: Final = (0.3, 1.0, 2.0)  # dB
 SHOWN: Final = (OURS, "gof_equal", "random_equal", "gspure", "gof", "distil")  # of the schemes with networks
+FORGERIES: Final = ("fitted key", "searched key", "searched message", "copied mark")
 
 
 class Compared(NamedTuple):
@@ -70,6 +71,7 @@ def radius_facts() -> dict[str, str]:
     of_conditions = audits(read_results(*RADII))
     columns = [Column("condition"), Column("scenes"), Column("radius, adaptive"), Column("radius, as published")]
     columns += [Column("readable radius, adaptive"), Column("killer, adaptive", text=True)]
+    columns += [Column("forged p, by late key; copy")]
     lines = [TableRow([*map(Cell, _radius_cells(audit))]) for audit in of_conditions if audit.has_radius]
     radii = [(audit, audit.radius()) for audit in of_conditions]
     known = [(audit, radius) for audit, radius in radii if radius]
@@ -98,7 +100,16 @@ def _radius_cells(audit: ConditionAudit) -> list[str]:
     readable = audit.radius("readable")
     scenes = str(adaptive.scenes) if adaptive else UNKNOWN
     texts = [_over_scenes(audit, radius) if radius else UNKNOWN for radius in (adaptive, published, readable)]
-    return [audit.condition.title, scenes, *texts, display_name(adaptive.killer or "none") if adaptive else UNKNOWN]
+    killer = display_name(adaptive.killer or "none") if adaptive else UNKNOWN
+    forged = [_forged(audit.condition.scheme, commitment) for commitment in ("broken", "holds")]
+    return [audit.condition.title, scenes, *texts, killer, "; ".join(forged)]
+
+
+def _forged(scheme: str, commitment: str) -> str:
+    """Return the least p-value of a forger, by claims that do or do not break a commitment."""
+    rows = [row for row in _table("forgery") if (row["scheme"], row["commitment"]) == (scheme, commitment)]
+    values = [float(row["p"]) for row in rows if row["forgery"] in FORGERIES]
+    return p_value(min(values)) if values else UNKNOWN
 
 
 def _over_scenes(audit: ConditionAudit, radius: Radius) -> str:

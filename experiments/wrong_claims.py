@@ -47,7 +47,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import choose_device
 from gspure.opencl.trainable import Parameters
 from gspure.progress import track
-from gspure.public_model import PublicModel
+from gspure.public_model import Lesson, PublicModel
 from gspure.scenes.candidates import COARSENESS, Kind, candidate_cameras, candidates, kind_of
 from gspure.scenes.lighting import bake
 from gspure.scenes.photography import trace as photograph
@@ -59,7 +59,7 @@ from gspure.schemes.scheme import Key, hide
 from gspure.schemes.splats_in_splats.bits import SHIFT
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
-from gspure.schemes.splats_in_splats.training import refined
+from gspure.schemes.splats_in_splats.refining import refined
 from gspure.training.dataset import read_photographs
 from gspure.training.output import as_gaussians
 
@@ -450,7 +450,10 @@ def key_with_colours(model: Gaussians, photographs: Path, seed: int) -> SplatsIn
     """Return a key of Splats in Splats whose hidden colours learned a message on the rows of a model."""
     opacities = model.table["opacity"]
     begin = Parameters(model.means, model.quats, model.log_scales, opacities, np.zeros_like(model.sh_coeffs))
-    hidden = as_gaussians(refined(begin, Capture.read(photographs), REFINING_STEPS, seed, choose_device()))
+    capture = Capture.read(photographs)
+    rng = np.random.default_rng(seed)
+    lesson = Lesson(capture.views, capture.images, (), REFINING_STEPS, rng, device=choose_device())
+    hidden = as_gaussians(refined(begin, lesson))
     return SplatsInSplatsKey(model.means, OpacityMapping.fresh(np.random.default_rng(seed)), SHIFT, hidden)
 
 

@@ -33,6 +33,7 @@ COMMANDS = {
     "cameras": "convert cameras of any supported format, or generate views, and write cameras.json",
     "attack": "apply one attack or control to a model: prune, change or move its Gaussians",
     "detect": "read bits from images with a scheme's key, or bits or scores with a program of your own",
+    "forge": "measure how far claims on a stranger's clean model get, without the owner's key",
     "pair": "make a pair: photographs of a scene and of a message, for `gspure embed`",
     "download": "download the scenes of Mip-NeRF 360, and Playroom of Deep Blending",
     "report": "write tables, figures and report of a run, even if it failed or is running",

@@ -20,7 +20,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device
 from gspure.public_model import Lesson, PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
-from gspure.schemes.carriers import permuted
+from gspure.schemes.carriers import permuted, transplanted
 from gspure.schemes.pair import Pair
 from gspure.settings import SCHEDULES, SEED, Setting, defaults, require_settings
 
@@ -80,6 +80,17 @@ class Key(ABC):
         """Return the key after learning from photographs of the message, for an attacked model: see `Scheme.fits`."""
         return self
 
+    def forged(self, public: PublicModel, lesson: Lesson) -> Key:
+        """Return a forger's key for a stranger's clean model, where it shows the lesson, or the bits that it reads.
+
+        See `gspure.evaluation.forging`. By default, it learns as the key of an owner who adapts.
+        """
+        return self.fitted(public, lesson)
+
+    def best_of(self, public: PublicModel, keys: int) -> float | None:  # noqa: ARG002
+        """Return the p-value, by rank, of the best of some random keys for a model; None without such ranks."""
+        return None
+
     @abstractmethod
     def wrong(self, rng: np.random.Generator) -> Key:
         """Return an unrelated key of the same form, a negative control."""
@@ -119,6 +130,9 @@ class Scheme:
     redraw: Callable[[PublicModel, np.random.Generator], PublicModel] | None = None
     """Draws the carriers again; by default, their values are exchanged among rows."""
 
+    copy: Callable[[PublicModel, PublicModel], PublicModel] | None = None
+    """Copies the mark of a model onto another one, without a key; by default, its carriers, row by nearest row."""
+
     fits: bool = False  # whether ``message_adaptive`` learns from photographs of the message (`Key.fitted`)
 
     @property
@@ -131,6 +145,15 @@ class Scheme:
         if self.redraw:
             return self.redraw(public, rng)
         return permuted(public, self.carriers, rng) if self.carriers else None
+
+    def copied(self, marked: PublicModel, onto: PublicModel) -> PublicModel | None:
+        """Return another model with the mark of a marked one, as far as it is known without a key; None if it is not.
+
+        Networks beside the rows are those of the marked model.
+        """
+        if self.copy:
+            return self.copy(marked, onto)
+        return transplanted(marked, onto, self.carriers) if self.carriers else None
 
     @property
     def modules(self) -> tuple[str, ...]:

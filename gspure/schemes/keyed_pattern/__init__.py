@@ -13,6 +13,7 @@ import numpy as np
 from gspure.metrics.targets import MODEL_BITS
 from gspure.opencl.device import Device
 from gspure.public_model import PublicModel
+from gspure.schemes.keyed_pattern import residuals
 from gspure.schemes.keyed_pattern.key import KeyedPatternKey
 from gspure.schemes.keyed_pattern.strength import strongest
 from gspure.schemes.pair import Pair
@@ -46,6 +47,11 @@ def embed(
     return PublicModel(strongest(clean, key.pattern, pair.scene, message_weight, device)), key
 
 
+def copied(marked: PublicModel, onto: PublicModel) -> PublicModel:
+    """Return another model with the pattern of a marked one, as far as it is known without a key."""
+    return onto.with_model(residuals.copied(marked.model, onto.model))
+
+
 READS: Final = ("x", "y", "z", "f_*", "opacity", "scale_*", "rot_*")  # rows, and renders of them
 
-SCHEME = Scheme("keyed_pattern", embed, PublicModel.read, KeyedPatternKey.read, {MODEL_BITS: READS})
+SCHEME = Scheme("keyed_pattern", embed, PublicModel.read, KeyedPatternKey.read, {MODEL_BITS: READS}, copy=copied)

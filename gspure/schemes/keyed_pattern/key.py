@@ -23,11 +23,12 @@ from gspure.arrays import Bools, Float32, Float64, Kind, UInt8, load_arrays, sav
 from gspure.cameras import Camera, read_cameras, write_cameras
 from gspure.errors import InputError
 from gspure.images import png_files, read_image
+from gspure.metrics.proof import rank_p
 from gspure.metrics.readings import MODEL, Reading, bits_reading
-from gspure.metrics.sign_ranks import KEYS, Certificate, certificate
+from gspure.metrics.sign_ranks import KEYS, Certificate, certificate, largest_sums
 from gspure.model import Gaussians, read_model, write_model
-from gspure.public_model import PublicModel
-from gspure.schemes.keyed_pattern.pattern import Cells, Grid, Pattern
+from gspure.public_model import Lesson, PublicModel
+from gspure.schemes.keyed_pattern.pattern import Cells, Grid, Pattern, marked
 from gspure.schemes.keyed_pattern.registration import placements
 from gspure.schemes.keyed_pattern.residuals import blind, colour_mapped, informed, renders, smoothed, whitened
 from gspure.schemes.scheme import Key
@@ -37,6 +38,8 @@ CLEAN: Final = "clean.ply"
 CAMERAS: Final = "cameras.json"
 SECRET: Final = 32  # bytes
 ARRAYS: Final[dict[str, Kind]] = {"secret": (np.uint8, (SECRET,)), "bits": (np.bool_, (None,))}
+
+FORGED: Final = 0.005  # strength of a forger's mark, of colours 0 to 1; ours
 
 SMOOTHED: Final = ((0.01, 1), (0.01, 3), (0.02, 3), (0.04, 3))
 """Clip and passes of the attack ``unmark`` on the clean model: the owner's further references; ours."""
@@ -89,6 +92,11 @@ class KeyedPatternKey(Key):
         model, images = min(placed, key=lambda place: float(np.abs(place[1] - self.references[0]).mean()))
         return _united(blind(model, self.grid), self._informed(images, self.views))
 
+    def findings_in(self, images: Float32, views: Sequence[Camera]) -> Findings:
+        """Return what renders [V,H,W,3] of some of the key's views show together."""
+        cells, values = self._informed(images, views)
+        return _united((cells, values[0]), (cells, values[1:]))
+
     def _informed(self, images: Float32, views: Sequence[Camera]) -> tuple[Cells, Float64]:
         """Return what renders show in the cells of the clean model, against each of the references."""
         places = [self.views.index(view) for view in views]
@@ -132,12 +140,24 @@ class KeyedPatternKey(Key):
             expected = f"renders of {', '.join(view.name for view in self.views)}"
             raise InputError(images, "images", expected=expected, found=", ".join(files))
         pictures = np.stack([read_image(files[view.name], (view.width, view.height)) for view in views])
-        cells, values = self._informed(pictures, views)
-        return [self._reading(_united((cells, values[0]), (cells, values[1:])), KEYS)]
+        return [self._reading(self.findings_in(pictures, views), KEYS)]
 
     def _reading(self, findings: Findings, keys: int) -> Reading:
         reading = bits_reading(MODEL, self.decoded(findings), self.bits)
         return reading._replace(p=self.certificate(findings, keys).p)
+
+    def forged(self, public: PublicModel, lesson: Lesson) -> KeyedPatternKey:
+        """Return a key whose clean model is the stranger's without a mark of the key, and whose message it reads."""
+        draft = self.random(lesson.rng, len(self.bits), public.model, self.views)
+        clean = marked(public.model, draft.grid, draft.pattern, -FORGED)
+        forged = KeyedPatternKey(draft.secret, draft.bits, clean, draft.views)
+        return KeyedPatternKey(draft.secret, forged.read_model_bits(public), clean, draft.views)
+
+    def best_of(self, public: PublicModel, keys: int) -> float:
+        """Return the p-value of the best of some random keys, by rank among `KEYS` others."""
+        findings = self.findings(public)
+        tries = findings.tries.reshape(len(findings.tries), -1)
+        return rank_p(float(largest_sums(tries, keys).max()), largest_sums(tries, KEYS))
 
     def wrong(self, rng: np.random.Generator) -> KeyedPatternKey:
         """Return another secret and message for the same clean model."""

@@ -29,6 +29,7 @@ LEAST_AREA: Final = 1e-6  # relative to the median row's: every cell has a colou
 LARGEST_AREA: Final = 10.0  # of a row that counts, relative to the median row's; ours
 LARGEST_WEIGHT: Final = 4.0  # of a cell that counts, relative to the median cell's; ours
 DEVIATIONS: Final = 4.0  # largest residual of a cell, in deviations of those around it; ours
+LARGEST_MARK: Final = 0.01  # residual of a cell (of 1) that may be a mark; ours
 OUTLIER: Final = 0.12  # difference of a pixel from which on it shows something else, such as a hole; ours
 NOISE: Final = 0.004  # least deviation of a pixel: rounding to 8 bits; ours
 WINDOW: Final = 9  # side in pixels of the square that measures the deviation; ours
@@ -81,6 +82,17 @@ def blind(model: Gaussians, grid: Grid) -> tuple[Cells, Float64]:
     white = np.clip(colours.residuals / np.maximum(deviations, 1e-3), -DEVIATIONS, DEVIATIONS)
     weights = np.sqrt(np.minimum(colours.weights / np.median(colours.weights), LARGEST_WEIGHT))
     return colours.cells, white * weights[:, None]
+
+
+def copied(marked: Gaussians, onto: Gaussians) -> Gaussians:
+    """Return a model with what sets the cells of a marked one apart from those around, as far as it can be a mark."""
+    grid = Grid.of(marked)
+    colours = cell_colours(marked, grid)
+    wanted = grid.cells(onto)
+    places = np.minimum(np.searchsorted(colours.cells, wanted), len(colours.cells) - 1)
+    is_known = colours.cells[places] == wanted
+    changes = np.clip(colours.residuals, -LARGEST_MARK, LARGEST_MARK)[places]
+    return recoloured(onto, np.where(is_known[:, None], changes, 0))
 
 
 def smoothed(model: Gaussians, grid: Grid, clip: float, passes: int) -> Gaussians:

@@ -20,12 +20,15 @@ from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.model import Gaussians, read_model, write_model
 from gspure.model.finite import require_computed, require_finite
 from gspure.model.gaussians import CORE, LEAST_OPACITY, logit
-from gspure.public_model import PublicModel, Rows
+from gspure.opencl.trainable import Parameters
+from gspure.public_model import Lesson, PublicModel, Rows
 from gspure.schemes.matching import adaptive_matches, exact_matches
 from gspure.schemes.scheme import Key
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.opacity_mapping import OpacityMapping
+from gspure.schemes.splats_in_splats.refining import refined
 from gspure.settings import Range
+from gspure.training.output import as_gaussians
 
 _FILE: Final = "splats_in_splats.npz"
 _HIDDEN: Final = "hidden.ply"
@@ -67,6 +70,14 @@ class SplatsInSplatsKey(Key):
         message = message.with_appearance(opacity_logits, sh_coeffs)
         require_computed(message, "key", _FILE)
         return message, rows
+
+    def forged(self, public: PublicModel, lesson: Lesson) -> SplatsInSplatsKey:
+        """Return a key to the rows of a stranger's model, whose hidden colours learned the lesson."""
+        model = public.model
+        colours = np.zeros_like(model.sh_coeffs)
+        begin = Parameters(model.means, model.quats, model.log_scales, model.table["opacity"], colours)
+        hidden = as_gaussians(refined(begin, lesson))
+        return SplatsInSplatsKey(model.means, OpacityMapping.fresh(lesson.rng), self.shift, hidden)
 
     def wrong(self, rng: np.random.Generator) -> SplatsInSplatsKey:
         """Return an untrained mapping and as many random Gaussians, with shuffled hidden attributes."""

@@ -10,28 +10,24 @@ import numpy as np
 
 from gspure.cameras import Camera
 from gspure.model.gaussians import LEAST_OPACITY, logit, sigmoid
-from gspure.opencl.adam import LearningRates
-from gspure.opencl.device import Device
 from gspure.opencl.storage import morton_order
-from gspure.opencl.trainable import Parameters, TrainableModel, TrainState, TwinModel
+from gspure.opencl.trainable import Parameters, TrainState, TwinModel
 from gspure.progress import say
-from gspure.public_model import PublicModel
+from gspure.public_model import Lesson, PublicModel
 from gspure.schemes.hidden_weight import low_rows
-from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import Run
 from gspure.schemes.splats_in_splats import bits
 from gspure.schemes.splats_in_splats.key import SplatsInSplatsKey
 from gspure.schemes.splats_in_splats.opacity_mapping import fit
+from gspure.schemes.splats_in_splats.refining import refined
 from gspure.training.dataset import reduced
 from gspure.training.densification import reset_opacities
 from gspure.training.fast import schedule_of
 from gspure.training.output import as_gaussians
-from gspure.training.schedule import SH_DC_RATE, SH_REST_RATE, shuffled
 from gspure.training.trainer import densified
 
 OPACITY_THRESHOLD: Final = 0.25  # tau of the paper: the key holds the Gaussians whose opacity in the message is higher
 REFINED: Final = 0.2  # iterations with the mapped opacities, as a share of those of the joint training; ours
-REFINING: Final = LearningRates(0.0, 0.0, 0.0, 0.0, SH_DC_RATE, SH_REST_RATE)  # rates of `refined`: colours only
 HELD_EVERY: Final = 10  # interval of the resets that keep the message off low rows, in iterations; ours
 
 
@@ -121,18 +117,10 @@ class Training:
         extracted = replace(message.rows(rows), opacity_logits=mapped_logits)
         steps = round(REFINED * self._run.iterations)
         colours = message.sh_coeffs.copy()
-        colours[rows] = refined(extracted, self._pair.message, steps, self._run.seed, self._run.device).sh_coeffs
+        photographs = self._pair.message
+        rng = np.random.default_rng(self._run.seed)
+        lesson = Lesson(photographs.views, photographs.images, (), steps, rng, device=self._run.device)
+        colours[rows] = refined(extracted, lesson).sh_coeffs
         public = as_gaussians(replace(scene, sh_coeffs=bits.embed(scene.sh_coeffs, colours, shift)))
         say(f"{len(rows)} of {len(scene)} Gaussians have an opacity above {OPACITY_THRESHOLD} in the message")
         return PublicModel(public), SplatsInSplatsKey(message.means[rows], mapping, shift, as_gaussians(message))
-
-
-def refined(parameters: Parameters, capture: Capture, steps: int, seed: int, device: Device | None) -> Parameters:
-    """Return `parameters` with colours trained for their opacities; everything else is bit-identical."""
-    model = TrainableModel(TrainState.fresh(parameters), device=device)
-    model.set_targets(capture.images)
-    order = shuffled(len(capture.views), np.random.default_rng(seed))
-    for _ in range(steps):
-        view = next(order)
-        model.step(capture.views[view], view, REFINING)
-    return replace(parameters, sh_coeffs=model.state().parameters.sh_coeffs)
