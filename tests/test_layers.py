@@ -142,7 +142,7 @@ STATEMENTS = {
     "": 1509,
     "attacks": 1152,
     "cameras": 1411,
-    "certificate": 195,
+    "certificate": 268,
     "cli": 1853,
     "evaluation": 1428,
     "figures": 1044,
