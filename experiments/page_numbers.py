@@ -208,7 +208,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             for scheme in ("gs_hider", "secure_gs", "keyss")
             for attack in ("unattacked", "gauge")
         ],
-        "is # to #, and #, an inverted message": across(
+        "is # to #, and at #, the inverted message": across(
             "free_attacks", "least_trace|largest_trace|published_trace", "gs_hider", "gauge"
         ),
         "message of Splats in Splats (# dB), and lowers the scene's PSNR by at most # dB": [
@@ -243,7 +243,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "clips of 0.006 and 0.007, $p$ is # and #": down(
             "keyed_pattern", "p", *(f"16 copies, interleave, clip={clip} passes=1" for clip in ("0.006", "0.007"))
         ),
-        "answer this (z # and #)": down(
+        "proven again (z # and #)": down(
             "keyed_pattern",
             "z bank",
             *(

@@ -113,13 +113,6 @@ def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say
     assert float(repaired["drop of scene"]) < float(purified["drop of scene"])
 
 
-def test_decimals_of_the_page_on_marks_that_survive_are_in_its_tables() -> None:
-    tables = " ".join(table.read_text(encoding="utf-8") for table in TABLES if table.stem.startswith("keyed_pattern"))
-    shown = DECIMAL.findall((DOCS / "marks-that-survive.md").read_text(encoding="utf-8"))
-    assert len(shown) > 10
-    assert {*shown} <= {*DECIMAL.findall(tables)}
-
-
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
 def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> None:
     with table.open(newline="", encoding="utf-8") as file:
