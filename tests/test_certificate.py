@@ -1,6 +1,7 @@
 """What `gspure check-plugin` finds wrong with schemes, attacks and detectors that break one rule each."""
 
 import shlex
+import shutil
 import sys
 from dataclasses import replace
 from itertools import count
@@ -148,3 +149,13 @@ def test_a_line_per_check_is_printed_and_a_broken_rule_fails(is_rule, status, ma
     monkeypatch.setattr(check_plugin, "_checks", lambda *_: found)
     assert main(["check-plugin", "crop"]) == status
     assert capsys.readouterr().out.split("\n")[:2] == [" 1  ok      applies", f" 2  {mark:<7} repeats: rows differ"]
+
+
+@pytest.mark.parametrize(("name", "rules"), [("reorder", 6), ("green", 3)])
+def test_the_command_checks_an_attack_or_a_detector(name, rules, pair_folder, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "green.py").write_text(PER_IMAGE.format("1.0"))
+    monkeypatch.setattr(check_plugin, "make_pair", lambda _, folder: shutil.copytree(pair_folder, folder))
+    monkeypatch.setattr(check_plugin, "STEPS", 2)
+    assert main(["check-plugin", name]) == 0
+    assert capsys.readouterr().out.count("  ok ") == rules
