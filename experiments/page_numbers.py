@@ -14,6 +14,7 @@ import yaml
 
 from gspure.text import p_value
 from gspure.workflow.config import DEFAULT_VARIANTS
+from tests.comparison import FLIP, TIGHT
 
 ROOT = Path(__file__).parents[1]
 SUITES = ROOT / "gspure" / "workflow" / "suites"
@@ -280,6 +281,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "in 12 views takes # CPU seconds, ranking a million keys #": down(
             "keyed_pattern-keys", "value", "CPU s: renders and cells", "CPU s: rank among 1000000 keys"
         ),
+    },
+    "docs/numerics.md": {
+        "or order) may differ by #.": [FLIP],
+        "relative error of # in the mean, # at the 99 % quantile and # at most": [TIGHT / 5, TIGHT, 20 * TIGHT],
     },
     "docs/scan.md": {
         "come from # clean files: # models of # procedural scenes, # to # rows": [

@@ -23,11 +23,14 @@ Array = NDArray[Any]
 FLIP = 0.02
 """What a few flips at the cut-off (1/255 each) or one at the stop (0.01) move a pixel, relative to the spread."""
 
+TIGHT = 5e-6
+"""The largest error of 99 % of the pixels, relative to the spread; of the mean, a fifth, and of the worst, 20 times."""
+
 DEPTH_ROUNDING = 5e-6
 """Relative rounding of view depths, which decide the order and the near plane."""
 
 
-def may_flip(margins: Margins, tight: float = 5e-6) -> Bools:
+def may_flip(margins: Margins, tight: float = TIGHT) -> Bools:
     """Pixels where an alpha or a transmittance may fall to a step's other side."""
     return np.minimum(margins.alpha, margins.stop) < 50 * tight
 
@@ -41,7 +44,7 @@ def may_swap(margins: Margins) -> Bools:
 
 
 def assert_pixels_agree(
-    actual: Array, expected: Array, margins: Margins, *, spread: float = 1.0, tight: float = 5e-6
+    actual: Array, expected: Array, margins: Margins, *, spread: float = 1.0, tight: float = TIGHT
 ) -> None:
     """Compare pixels [H,W] or [H,W,C]; `spread` is the largest minus the smallest value that is blended."""
     assert actual.shape == expected.shape
@@ -52,7 +55,7 @@ def assert_pixels_agree(
     assert (error[~swaps] < max(FLIP, 20 * tight)).all(), f"largest error at a step {error[~swaps].max():.2e}"
 
 
-def assert_depths_agree(actual: Array, expected: Array, margins: Margins, *, tight: float = 5e-6) -> None:
+def assert_depths_agree(actual: Array, expected: Array, margins: Margins, *, tight: float = TIGHT) -> None:
     """Compare median depths [H,W]: a flip may pick another Gaussian, so pixels in the band are only counted."""
     assert actual.shape == expected.shape
     steady = ~(may_flip(margins, tight) | may_swap(margins) | (margins.median < 50 * tight))
@@ -61,7 +64,7 @@ def assert_depths_agree(actual: Array, expected: Array, margins: Margins, *, tig
     assert_tight(np.abs(actual[finite] / expected[finite] - 1), tight)
 
 
-def assert_contributions_agree(actual: Array, reference: Reference, *, tight: float = 5e-6) -> None:
+def assert_contributions_agree(actual: Array, reference: Reference, *, tight: float = TIGHT) -> None:
     """Compare stored contributions with the reference's sums, maxima and pixel counts of all K Gaussians."""
     assert (np.diff(actual["index"].astype(np.int64)) > 0).all(), "indices in order, none twice"
     assert (actual["pixels"] > 0).all(), "only touched Gaussians"
@@ -76,7 +79,7 @@ def assert_contributions_agree(actual: Array, reference: Reference, *, tight: fl
     assert flipped.sum() <= 1 + undecided + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} pixels differ"
 
 
-def steady_pixels(margins: Margins, tight: float = 5e-6) -> Bools:
+def steady_pixels(margins: Margins, tight: float = TIGHT) -> Bools:
     """Pixels [H,W] whose gradient does not hang on rounding: no step is near, nor the kink where alpha is clamped."""
     return ~(may_flip(margins, tight) | may_swap(margins) | (margins.clamp < 50 * tight))
 

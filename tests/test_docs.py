@@ -168,7 +168,8 @@ def test_the_examples_of_the_public_functions_run(name, tmp_path, monkeypatch):
 def plain_numbers(text: str) -> str:
     """Return Markdown on one line, with powers of ten and minus signs as programs print them."""
     digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
-    text = re.sub(r"·10([⁻⁰-⁹¹²³]+)", r"e\1", " ".join(text.split()))
+    text = re.sub(r"·10(?=[⁻⁰-⁹¹²³])", "e", " ".join(text.split()))
+    text = re.sub(r"\b10(?=[⁻⁰-⁹¹²³])", "1e", text)
     return text.translate(digits)
 
 
