@@ -339,7 +339,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ],
         "is right in # of # extractions": [graded_alike(0.8, "readable"), float(len(rows_of("legibility")))],
         "Of # in which they saw at least traces, # have": [float(len(SEEN)), float(sum(part < 0.4 for part in SEEN))],
-        "of # such keys of KeySS and SecureGS, # are proven, with clean models #": [
+        "of # such keys of KeySS and SecureGS, # are proven; with clean models, #": [
             made_afterwards("claims", clean_models="0"),
             made_afterwards("proven", clean_models="0"),
             made_afterwards("proven", clean_models="8"),
