@@ -58,7 +58,7 @@ docs: $(DOCS_PACKAGES) ## build the documentation: build/site
 
 bench: $(DEV_PACKAGES) $(OPENCL) ## measure speed, and add a row to benchmarks/history.csv
 	@$(BIN)/python -m pytest benchmarks
-	@$(BIN)/python benchmarks/history.py
+	@$(BIN)/python -m benchmarks.history
 
 gpu: $(DEV_PACKAGES) $(OPENCL) ## with a GPU: test its kernels, measure contributions and training, beside gsplat if installed
 	@$(BIN)/python -c "from gspure.opencl.device import choose_device; d = choose_device(); assert d.kind == 'gpu', f'no GPU but {d}'"

@@ -1,6 +1,6 @@
 """CPU time of this checkout against another one, measured in turns.
 
-``python benchmarks/against.py CHECKOUT [ROUNDS]`` prints the medians of both checkouts' times for the image and the
+``python -m benchmarks.against CHECKOUT [ROUNDS]`` prints the medians of both checkouts' times for the image and the
 contributions of a view, and of the ratios of neighbouring measurements.
 """
 
@@ -15,8 +15,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parents[1]
 WORKER = """
 import sys, time
-sys.path[:0] = ["benchmarks"]
-from room import LARGE, SMALL
+from benchmarks.room import LARGE, SMALL
 from gspure.renderer import Renderer
 scene = dict(small=SMALL, large=LARGE)[sys.argv[1]]
 renderer = Renderer(scene.model, energy=sys.argv[2])

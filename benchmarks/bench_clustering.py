@@ -1,12 +1,13 @@
 """The spanning tree and the selection, on features with the tails of a real scene."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pytest
-from findings import Findings
-from timing import Measure
 
+from benchmarks.findings import Findings
+from benchmarks.timing import Measure
 from gspure.constants import MIN_SAMPLES
 from gspure.method.clusters import SELECTIONS, select
 from gspure.method.features import joint_features
@@ -45,7 +46,7 @@ def tree(points: np.ndarray) -> np.ndarray:
 
 def test_spanning_tree(points: np.ndarray, measure: Measure, findings: Findings) -> None:
     spanning_tree(points[:100])  # builds the kernels
-    variants = {"spanning tree": partial(spanning_tree, points)}
+    variants: dict[str, Callable[[], object]] = {"spanning tree": partial(spanning_tree, points)}
     if len(points) <= ORACLE:
         ones = np.ones(len(points), int)
         variants["by hdbscan"] = partial(hdbscan_tree, points, ones, MIN_SAMPLES)

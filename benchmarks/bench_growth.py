@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from bench_clustering import scene
-from findings import Findings
-from room import LARGE, camera, panning, room
-from timing import Measure, Times
 
+from benchmarks.bench_clustering import scene
+from benchmarks.findings import Findings
+from benchmarks.room import LARGE, camera, panning, room
+from benchmarks.timing import Measure, Times
 from gspure.method.clusters import select
 from gspure.method.contributions import contribute
 from gspure.method.tree import spanning_tree

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from findings import Findings
-from room import Scene, each_scene
-from stages import Stages
-from timing import Measure
 
+from benchmarks.findings import Findings
+from benchmarks.room import Scene, each_scene
+from benchmarks.stages import Stages
+from benchmarks.timing import Measure
 from gspure.metrics.image_metrics import psnr
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Traversal

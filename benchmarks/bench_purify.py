@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from findings import Findings
-from room import LARGE, panning, room
 
+from benchmarks.findings import Findings
+from benchmarks.room import LARGE, panning, room
 from gspure.cameras import Camera, write_cameras
 from gspure.method.purify import peak_memory
 from gspure.model import read_model, write_model

@@ -5,14 +5,14 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import peak
 import pytest
-from evals import FLOPS_PER_EVAL, count_evals
-from findings import Findings
-from room import SMALL, Scene, each_scene
-from stages import Stages
-from timing import Measure
 
+from benchmarks import peak
+from benchmarks.evals import FLOPS_PER_EVAL, count_evals
+from benchmarks.findings import Findings
+from benchmarks.room import SMALL, Scene, each_scene
+from benchmarks.stages import Stages
+from benchmarks.timing import Measure
 from gspure.constants import Energy
 from gspure.opencl.engine import Engine
 from gspure.opencl.frame import Traversal

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from findings import Findings
-from room import camera, room
-from stages import Stages
-from timing import Measure
 
+from benchmarks.findings import Findings
+from benchmarks.room import camera, room
+from benchmarks.stages import Stages
+from benchmarks.timing import Measure
 from gspure.cameras.camera import Camera
 from gspure.constants import BLOCK, GEOMETRY_ATTRIBUTES
 from gspure.model import Gaussians

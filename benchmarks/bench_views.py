@@ -3,10 +3,10 @@
 from functools import partial
 
 import numpy as np
-from findings import Findings
-from room import Scene, each_scene
-from timing import Measure
 
+from benchmarks.findings import Findings
+from benchmarks.room import Scene, each_scene
+from benchmarks.timing import Measure
 from gspure.renderer import Renderer
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from findings import Findings
 from pytest_benchmark.fixture import BenchmarkFixture
-from timing import CORES, Measure, Times, Variants, one_round, processor
 
+from benchmarks.findings import Findings
+from benchmarks.timing import CORES, Measure, Times, Variants, one_round, processor
 from gspure.files import write_json
 from gspure.opencl.device import Device, choose_device
 from gspure.opencl.engine import Engine

@@ -1,6 +1,6 @@
 """CPU time of a step of a trainer in the style of 3DGS, against a step of gspure's own trainer, measured in turns.
 
-``gspure cuda-free -- python benchmarks/cuda_free.py [ROUNDS]`` prints both, and their parts. The trainer takes its
+``gspure cuda-free -- python -m benchmarks.cuda_free [ROUNDS]`` prints both, and their parts. The trainer takes its
 optimizer from PyTorch, and its loss from fused-ssim, which gspure replaces, too.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +15,10 @@ import torch
 from diff_gaussian_rasterization import GaussianRasterizationSettings, GaussianRasterizer
 from fused_ssim import fused_ssim
 
-sys.path.append(str(Path(__file__).parent))
-
-from bench_training import AT_REST, trainable
-from room import camera, room
-from stages import Stages
-from timing import Times, one_round
-
+from benchmarks.bench_training import AT_REST, trainable
+from benchmarks.room import camera, room
+from benchmarks.stages import Stages
+from benchmarks.timing import Times, one_round
 from gspure.cameras.camera import Camera
 from gspure.model import Gaussians
 from gspure.opencl.frame import Traversal

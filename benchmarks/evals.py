@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
-from stages import Stages
 
+from benchmarks.stages import Stages
 from gspure.opencl.engine import LANES, Engine, Program, by_name
 from gspure.opencl.program import build_options, kernel_source
 from gspure.renderer import CONTRIBUTION

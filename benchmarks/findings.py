@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from timing import Times
+
+from benchmarks.timing import Times
 
 
 @dataclass(frozen=True)

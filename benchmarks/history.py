@@ -1,6 +1,6 @@
 """CPU time of this commit against a fixed one, measured in turns, and its history: a row of history.csv per run.
 
-``python benchmarks/history.py [ROUNDS]`` appends the ratios of the image and the contributions of a view of a million
+``python -m benchmarks.history [ROUNDS]`` appends the ratios of the image and the contributions of a view of a million
 Gaussians, and of an audit of 100,000. The documentation shows the last rows.
 """
 
@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from against import HERE, once, worker
-from room import SMALL
-from timing import processor
 
+from benchmarks.against import HERE, once, worker
+from benchmarks.room import SMALL
+from benchmarks.timing import processor
 from gspure.model import write_model
 
 REFERENCE: Final = "44f0201b"

@@ -7,17 +7,14 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pyopencl as cl
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from bench_training import AT_REST, trainable
-from room import LARGE, SMALL, camera, room
-
+from benchmarks.bench_training import AT_REST, trainable
+from benchmarks.room import LARGE, SMALL, camera, room
 from gspure.opencl import engine
 from gspure.renderer import Renderer
 
@@ -30,13 +27,14 @@ def profiled() -> list[tuple[str, cl.Event]]:
     launch = engine.Program.launch
     events: list[tuple[str, cl.Event]] = []
 
-    def launch_and_keep(program: engine.Program, name: str, *args: Any, **settings: Any) -> None:
-        event = launch(program, name, *args, **settings)
+    def launch_and_keep(program: engine.Program, name: str, items: int, *args: Any, **settings: Any) -> Any | None:
+        event = launch(program, name, items, *args, **settings)
         if event:
             events.append((name, event))
+        return event
 
     cl.CommandQueue = lambda context: queue(context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-    engine.Program.launch = launch_and_keep
+    engine.Program.launch = launch_and_keep  # type: ignore[assignment, method-assign]
     return events
 
 
@@ -63,11 +61,11 @@ def main(style: Any) -> None:
     events = profiled()
     for scene in (SMALL, LARGE):
         renderer = Renderer(scene.model, style=style)
-        show(f"contributions, {scene.name}", lambda r=renderer, s=scene: r.contributions(s.camera), events)
+        show(f"contributions, {scene.name}", partial(renderer.contributions, scene.camera), events)
     model = trainable(room(200_000), style)
     view = camera(640, 480)
     model.set_targets([np.random.default_rng(0).random((480, 640, 3), np.float32)])
-    show("iteration, 200k @640x480", lambda: model.step(view, 0, AT_REST), events)
+    show("iteration, 200k @640x480", partial(model.step, view, 0, AT_REST), events)
 
 
 if __name__ == "__main__":

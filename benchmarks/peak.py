@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pyopencl as cl
-from timing import CORES, Times
 
+from benchmarks.timing import CORES, Times
 from gspure.opencl.engine import Engine
 
 CHAINS = 12

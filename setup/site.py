@@ -37,7 +37,7 @@ SEE_ALSO = {
 }
 """The ends of pages: links to generated ones."""
 
-HISTORY = "Ratios of CPU time, this commit / 44f0201b, measured in turns (`benchmarks/history.py`)."
+HISTORY = "Ratios of CPU time, this commit / 44f0201b, measured in turns (`python -m benchmarks.history`)."
 SLOWER = 1.1  # a ratio that grew by more is shown in red
 FACTS = 3  # columns of the history before the ratios
 

@@ -7,7 +7,7 @@ from gspure_torch.secure_gs.key import HiddenKey
 from gspure_torch.secure_gs.model import AnchorModel
 
 
-def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:
+def random_anchors(count: int = 40, k: int = 4, feat_dim: int = 8, seed: int = 0) -> Anchors:
     """Anchors before the cameras of `tests.models`."""
     rng = np.random.default_rng(seed)
     depths = rng.uniform(3.0, 9.0, count)
@@ -20,10 +20,10 @@ def random_anchors(count=40, k=4, feat_dim=8, seed=0) -> Anchors:
     )
 
 
-def random_public(count=40, k=4, feat_dim=8, seed=0) -> AnchorModel:
+def random_public(count: int = 40, k: int = 4, feat_dim: int = 8, seed: int = 0) -> AnchorModel:
     networks = fresh(PUBLIC, feat_dim, k, np.random.default_rng(seed + 100))
     return AnchorModel(random_anchors(count, k, feat_dim, seed).table, networks)
 
 
-def random_key(k=4, feat_dim=8, seed=0) -> HiddenKey:
+def random_key(k: int = 4, feat_dim: int = 8, seed: int = 0) -> HiddenKey:
     return HiddenKey(fresh(PRIVATE, feat_dim, k, np.random.default_rng(seed + 200)))

@@ -1,6 +1,7 @@
 """Small models of every kind that attacks meet, and measurements of them."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from hypothesis import settings
@@ -69,7 +70,7 @@ def photographs(public: PublicModel, views: Sequence[Camera]) -> list[Float32]:
     return [render + rng.normal(0, 10**-1.5, render.shape).astype(np.float32) for render in renders]
 
 
-def apply(name: str, model: Gaussians, seed: int = 0, **settings) -> Attacked:
+def apply(name: str, model: Gaussians, seed: int = 0, **settings: Any) -> Attacked:
     """Attack a model of any kind with all measurements of it."""
     return find_attack(name).apply(public(model), measurements(len(model)), seed=seed, **settings)
 

@@ -8,21 +8,34 @@ flips can do. A maximum norm alone would either miss errors or fail at random.
 `tight` scales all of it: the rounding errors that the case at hand admits, as a share of the spread of the values.
 """
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
+
+from gspure.arrays import Bools
+from gspure.model import Gaussians
+from gspure.renderer import Gradients
+from tests.reference.blending import Margins, Reference
+
+Array = NDArray[Any]
 
 FLIP = 0.02
 """What a few flips at the cut-off (1/255 each) or one at the stop (0.01) move a pixel, relative to the spread."""
+
+TIGHT = 5e-6
+"""The largest error of 99 % of the pixels, relative to the spread; of the mean, a fifth, and of the worst, 20 times."""
 
 DEPTH_ROUNDING = 5e-6
 """Relative rounding of view depths, which decide the order and the near plane."""
 
 
-def may_flip(margins, tight=5e-6):
+def may_flip(margins: Margins, tight: float = TIGHT) -> Bools:
     """Pixels where an alpha or a transmittance may fall to a step's other side."""
     return np.minimum(margins.alpha, margins.stop) < 50 * tight
 
 
-def may_swap(margins):
+def may_swap(margins: Margins) -> Bools:
     """Pixels where two Gaussians may come in the other order, or one fall to the near plane's other side.
 
     Equal depths are no risk: the row decides.
@@ -30,7 +43,9 @@ def may_swap(margins):
     return ((margins.order > 0) & (margins.order < DEPTH_ROUNDING)) | (margins.near < DEPTH_ROUNDING)
 
 
-def assert_pixels_agree(actual, expected, margins, *, spread=1.0, tight=5e-6):
+def assert_pixels_agree(
+    actual: Array, expected: Array, margins: Margins, *, spread: float = 1.0, tight: float = TIGHT
+) -> None:
     """Compare pixels [H,W] or [H,W,C]; `spread` is the largest minus the smallest value that is blended."""
     assert actual.shape == expected.shape
     assert np.isfinite(actual).all()
@@ -40,7 +55,7 @@ def assert_pixels_agree(actual, expected, margins, *, spread=1.0, tight=5e-6):
     assert (error[~swaps] < max(FLIP, 20 * tight)).all(), f"largest error at a step {error[~swaps].max():.2e}"
 
 
-def assert_depths_agree(actual, expected, margins, *, tight=5e-6):
+def assert_depths_agree(actual: Array, expected: Array, margins: Margins, *, tight: float = TIGHT) -> None:
     """Compare median depths [H,W]: a flip may pick another Gaussian, so pixels in the band are only counted."""
     assert actual.shape == expected.shape
     steady = ~(may_flip(margins, tight) | may_swap(margins) | (margins.median < 50 * tight))
@@ -49,7 +64,7 @@ def assert_depths_agree(actual, expected, margins, *, tight=5e-6):
     assert_tight(np.abs(actual[finite] / expected[finite] - 1), tight)
 
 
-def assert_contributions_agree(actual, reference, *, tight=5e-6):
+def assert_contributions_agree(actual: Array, reference: Reference, *, tight: float = TIGHT) -> None:
     """Compare stored contributions with the reference's sums, maxima and pixel counts of all K Gaussians."""
     assert (np.diff(actual["index"].astype(np.int64)) > 0).all(), "indices in order, none twice"
     assert (actual["pixels"] > 0).all(), "only touched Gaussians"
@@ -64,12 +79,12 @@ def assert_contributions_agree(actual, reference, *, tight=5e-6):
     assert flipped.sum() <= 1 + undecided + 50 * tight * reference.pixels.sum(), f"{flipped.sum()} pixels differ"
 
 
-def steady_pixels(margins, tight=5e-6):
+def steady_pixels(margins: Margins, tight: float = TIGHT) -> Bools:
     """Pixels [H,W] whose gradient does not hang on rounding: no step is near, nor the kink where alpha is clamped."""
     return ~(may_flip(margins, tight) | may_swap(margins) | (margins.clamp < 50 * tight))
 
 
-def assert_gradients_agree(actual, expected, model, *, tight=1e-5):
+def assert_gradients_agree(actual: Gradients, expected: Gradients, model: Gaussians, *, tight: float = 1e-5) -> None:
     """Compare gradients of a loss on `steady_pixels` row by row, relative to the row's size and a little of others'.
 
     A round Gaussian's quaternion has no gradient, as the sum of turns that would each change its shape; so a row's size
@@ -89,7 +104,7 @@ def assert_gradients_agree(actual, expected, model, *, tight=1e-5):
         assert (mean < tight) & (worst < 50 * tight), f"{name}: {mean:.2e}, {worst:.2e} in row {relative.argmax()}"
 
 
-def assert_tight(errors, tight):
+def assert_tight(errors: Array, tight: float) -> None:
     """Bound the mean, the 99 % quantile and the maximum."""
     if errors.size:
         mean, high, worst = errors.mean(), np.quantile(errors, 0.99), errors.max()

@@ -1,9 +1,13 @@
 """Fixtures that several test files share: each OpenCL device that works here, kernel style, energy."""
 
+from __future__ import annotations
+
 import os
 import shutil
+from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -11,6 +15,13 @@ import pytest
 from gspure import progress
 from gspure.files import write_text
 from tests.plugin_path import register
+
+if TYPE_CHECKING:
+    from types import SimpleNamespace
+
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
+
+    from gspure.schemes.pair import Pair
 
 # Every run takes the same examples, in any time; HYPOTHESIS_PROFILE=search looks for new ones.
 hypothesis.settings.register_profile("patient", deadline=None, derandomize=True)
@@ -38,7 +49,7 @@ def send(**event):
 """The beginning of a program that takes the place of Snakemake."""
 
 
-def pytest_generate_tests(metafunc):
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test with the argument `device` on each of them; none are looked for when no test asks."""
     if "device" in metafunc.fixturenames:
         from gspure.opencl.device import list_devices, works
@@ -47,25 +58,25 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("device", devices, ids=[f"device{device.index}" for device in devices], scope="session")
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files whose tests take longest: no process waits for them in the end."""
     items.sort(key=lambda item: item.path.stem not in SLOWEST)
 
 
-def pytest_terminal_summary(terminalreporter):
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """List what was skipped, for ``pytest @.pytest_cache/skipped`` when more packages are installed."""
     skipped = {report.nodeid for report in terminalreporter.stats.get("skipped", [])}
     path = terminalreporter.config.rootpath / ".pytest_cache" / "skipped"
     write_text(path, "".join(f"{test}\n" for test in sorted(skipped)))
 
 
-def pytest_runtest_setup():
+def pytest_runtest_setup() -> None:
     """Forget the `--quiet` of an earlier test."""
     progress.quiet = False
 
 
 @pytest.fixture(scope="session", autouse=True)
-def storage_order_of_large_models():
+def storage_order_of_large_models() -> Iterator[None]:
     """Small models are stored along the curve, too."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("gspure.opencl.storage.FEW", 0)
@@ -73,17 +84,17 @@ def storage_order_of_large_models():
 
 
 @pytest.fixture(params=["cpu", "gpu"])
-def style(request):
-    return request.param
+def style(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
 
 
 @pytest.fixture(params=["ewa", "ray"])
-def energy(request):
-    return request.param
+def energy(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
 
 
 @pytest.fixture
-def asset(tmp_path, monkeypatch):
+def asset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a model of 30 Gaussians and nine cameras; it is the current one."""
     from gspure.cameras import write_cameras
     from gspure.model import write_model
@@ -96,7 +107,7 @@ def asset(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def snakemake(tmp_path, monkeypatch):
+def snakemake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], int]:
     """Return a function that writes the program which takes the place of Snakemake; its folder is the current one."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "temporary").mkdir()
@@ -109,7 +120,7 @@ def snakemake(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def pair_folder(tmp_path_factory):
+def pair_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A ray-traced pair of 12 small views."""
     from tests.scheme_cases import small_pair
 
@@ -117,14 +128,14 @@ def pair_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def pair(pair_folder):
+def pair(pair_folder: Path) -> Pair:
     from gspure.schemes.pair import read_pair
 
     return read_pair(pair_folder)
 
 
 @pytest.fixture(scope="session")
-def own_pair_folder(tmp_path_factory):
+def own_pair_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same pair with the message at poses of its own."""
     from tests.scheme_cases import small_pair
 
@@ -132,7 +143,7 @@ def own_pair_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def trained(pair_folder):
+def trained(pair_folder: Path) -> Callable[[str], SimpleNamespace]:
     """Return a function from a scheme's name to what it embeds in the shared pair (`tests.scheme_cases`)."""
     from tests.scheme_cases import embedded_in
 
@@ -140,7 +151,7 @@ def trained(pair_folder):
 
 
 @pytest.fixture(scope="module")
-def browser():
+def browser() -> Iterator[Browser]:
     """Chromium without a window; it draws WebGL on the CPU."""
     from playwright.sync_api import sync_playwright
 
@@ -156,15 +167,15 @@ def browser():
 
 
 @pytest.fixture
-def visit(browser):
+def visit(browser: Browser) -> Iterator[Callable[..., Page]]:
     """Return a function from a file and a width to its page; errors and requests to the network fail the test."""
-    problems = []
+    problems: list[str] = []
 
-    def note_error(message):
+    def note_error(message: ConsoleMessage) -> None:
         if message.type == "error":
             problems.append(message.text)
 
-    def note_request(request):
+    def note_request(request: Request) -> None:
         if not request.url.startswith(("file:", "data:", "blob:")):
             problems.append(request.url)
 
@@ -174,7 +185,7 @@ def visit(browser):
     context.on("weberror", lambda error: problems.append(str(error.error)))
     context.on("request", note_request)
 
-    def visited(file, width=1400):
+    def visited(file: Path, width: int = 1400) -> Page:
         page = context.new_page()
         page.set_viewport_size({"width": width, "height": 900})
         page.goto(file.as_uri())

@@ -11,7 +11,7 @@ NAMED = (".github/CONTRIBUTING.md", "config/README.md", "examples/adapters/READM
 PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *(ROOT / name for name in NAMED)]
 
 
-def blocks(page, language):
+def blocks(page: Path, language: str) -> list[str]:
     """Return the fenced code blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
@@ -21,7 +21,7 @@ def example(name: str) -> str:
     return next(block for block in blocks(ROOT / "docs" / "extending.md", "python") if f"# {name}.py" in block)
 
 
-def install_example(folder):
+def install_example(folder: Path) -> None:
     """Put the package of the guide into a folder, as pip would."""
     module, metadata = (blocks(ROOT / "docs" / "extending.md", language)[0] for language in ("python", "toml"))
     project = tomllib.loads(metadata)["project"]

@@ -73,7 +73,8 @@ class LanternKey(Key):
 
     def read_model_bits(self, public: PublicModel) -> Bools:
         """Each of four rows holds a bit, inverted if its colour has changed."""
-        return EMBEDDED ^ (public.model.table["f_dc_0"][:4] != public_rows().table["f_dc_0"][:4])
+        changed: Bools = public.model.table["f_dc_0"][:4] != public_rows().table["f_dc_0"][:4]
+        return EMBEDDED ^ changed
 
     def wrong(self, rng: np.random.Generator) -> Self:
         return replace(self, means=rng.permuted(self.means, axis=0), bits=~self.bits)

@@ -2,26 +2,38 @@
 
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
+from gspure.arrays import Bools, Float64
 from gspure.cameras.camera import Camera, intrinsics
 from gspure.constants import NEAR_CENTRE
 from gspure.model.gaussians import Gaussians
 from gspure.model.rotations import rotation_matrices
+from gspure.public_model import PublicModel
 
 Case = tuple[Gaussians, Camera]
 
 
-def camera(width=65, height=47, *, focal=60.0, principal=None, viewmat=None, name="view") -> Camera:
+def camera(
+    width: int = 65,
+    height: int = 47,
+    *,
+    focal: float = 60.0,
+    principal: tuple[float, float] | None = None,
+    viewmat: Float64 | None = None,
+    name: str = "view",
+) -> Camera:
     """A camera at the origin that looks along +z, unless told otherwise."""
     cx, cy = (width / 2, height / 2) if principal is None else principal
     focal = min(focal, 19.0 * max(width, height))  # narrower views are refused
     return Camera(name, width, height, intrinsics(focal, focal, cx, cy), np.eye(4) if viewmat is None else viewmat)
 
 
-def tilted_camera(width=65, height=47, **settings) -> Camera:
+def tilted_camera(width: int = 65, height: int = 47, **settings: Any) -> Camera:
     """A camera away from the origin and turned about all three axes, roughly towards (0, 0, 5)."""
     viewmat = np.eye(4)
     viewmat[:3, :3] = Rotation.from_euler("XYZ", [0.3, -0.2, 0.5]).as_matrix()
@@ -29,7 +41,14 @@ def tilted_camera(width=65, height=47, **settings) -> Camera:
     return camera(width, height, viewmat=viewmat, **settings)
 
 
-def gaussians(*, means, scales, opacities=0.5, quats=(1.0, 0.0, 0.0, 0.0), colors=0.7) -> Gaussians:
+def gaussians(
+    *,
+    means: ArrayLike,
+    scales: ArrayLike,
+    opacities: ArrayLike = 0.5,
+    quats: ArrayLike = (1.0, 0.0, 0.0, 0.0),
+    colors: ArrayLike = 0.7,
+) -> Gaussians:
     """Gaussians of degree 0 with these colours; everything broadcasts over the rows of `means`."""
     means = np.atleast_2d(np.asarray(means, np.float64))
     count = len(means)
@@ -44,9 +63,10 @@ def gaussians(*, means, scales, opacities=0.5, quats=(1.0, 0.0, 0.0, 0.0), color
     )
 
 
-def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size=(0.02, 0.4)) -> Gaussians:
+def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size: tuple[float, float] = (0.02, 0.4)) -> Gaussians:
     """`count` Gaussians before the cameras above: anisotropic, turned, log-uniform in size, of any opacity."""
     rng = np.random.default_rng(seed)
+    least, most = np.log(size)
     depths = rng.uniform(3.0, 9.0, count)
     slopes = rng.uniform(-0.6, 0.6, (2, count))
     sh_coeffs = rng.normal(0.0, 0.15, (count, (sh_degree + 1) ** 2, 3))
@@ -54,23 +74,24 @@ def blobs(count: int, seed: int = 0, *, sh_degree: int = 3, size=(0.02, 0.4)) ->
     return Gaussians.from_parameters(
         means=np.stack([slopes[0] * depths, slopes[1] * depths, depths], axis=1),
         quats=rng.normal(size=(count, 4)) * rng.uniform(0.3, 3.0, (count, 1)),
-        scales=np.exp(rng.uniform(*np.log(size), (count, 3))),
+        scales=np.exp(rng.uniform(least, most, (count, 3))),
         opacities=np.clip(rng.beta(0.7, 0.7, count), 1e-4, 1 - 1e-6),
         sh_coeffs=sh_coeffs,
     )
 
 
-def points_of(means, opacities):
+def points_of(means: Float64, opacities: Float64) -> Any:
     """What generated views are placed around."""
     return SimpleNamespace(means=means, opacities=opacities)
 
 
-def covariances(model: Gaussians) -> np.ndarray:
+def covariances(model: Gaussians) -> Float64:
     turns = rotation_matrices(model.quats)
-    return np.einsum("kij,kj,klj->kil", turns, model.scales.astype(np.float64) ** 2, turns)
+    spreads: Float64 = np.einsum("kij,kj,klj->kil", turns, model.scales.astype(np.float64) ** 2, turns)
+    return spreads
 
 
-def without(public, prune_mask):
+def without(public: PublicModel, prune_mask: Bools) -> PublicModel:
     """The public model without the rows where `prune_mask` [K] is true."""
     return public.with_model(public.model[~prune_mask])
 
@@ -218,10 +239,10 @@ UNDRAWN += [dict.fromkeys(ROTATION, 0.0)]
 """Columns with which a row is not drawn."""
 
 
-def with_column(model: Gaussians, name: str, values) -> Gaussians:
+def with_column(model: Gaussians, name: str, values: ArrayLike) -> Gaussians:
     """The same rows with one more column."""
     table = np.empty(len(model), [*model.table.dtype.descr, (name, "<f4")])
-    for column in model.table.dtype.names:
+    for column in model.names:
         table[column] = model.table[column]
     table[name] = values
     return Gaussians(table, model.comments)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from gspure.evaluation.plan import AttackSpec, Control, Job, ModelPlan, Views
 from gspure.files import write_json
 from gspure.images import read_image, write_image
 from gspure.metrics.bit_evidence import BitEvidence
-from gspure.metrics.comparison import TRUTH, ViewMetrics, compare, pair_images, write_metrics
+from gspure.metrics.comparison import TRUTH, Reference, ViewMetrics, compare, pair_images, write_metrics
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import METRICS
 from gspure.metrics.names import CONTROLS, UNATTACKED
@@ -24,12 +25,14 @@ from gspure.metrics.names import CONTROLS, UNATTACKED
 BEFORE = {"scene": 30.0, "message": 28.0}
 
 
-def measured(target: str, psnr: float, others: float = 0.9, reference: str = TRUTH, view: str = "mean") -> ViewMetrics:
+def measured(
+    target: str, psnr: float, others: float = 0.9, reference: Reference = TRUTH, view: str = "mean"
+) -> ViewMetrics:
     """The metrics of one view, or their means; all but PSNR have the same value."""
     return ViewMetrics(target, view, reference, {**dict.fromkeys(METRICS, others), "psnr": psnr})
 
 
-def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known) -> Outcome:
+def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "sis", **known: Any) -> Outcome:
     """One variant, with the PSNR of its `targets` by name; a variant without targets has failed.
 
     ``gof@1dB`` is the entry ``gof`` at the strength searched for 1 dB of damage.
@@ -48,7 +51,7 @@ def outcome(variant: str, scene: str = "room", seed: int = 0, *, scheme: str = "
     )
 
 
-def attacked(variant: str, of_scene: float, of_message: float, *where: str | int, **known) -> Outcome:
+def attacked(variant: str, of_scene: float, of_message: float, *where: Any, **known: Any) -> Outcome:
     """One variant by how far it lowers the PSNR of scene and message, dB."""
     targets = {"scene": BEFORE["scene"] - of_scene, "message": BEFORE["message"] - of_message}
     return outcome(variant, *where, targets=targets, **known)
@@ -56,15 +59,15 @@ def attacked(variant: str, of_scene: float, of_message: float, *where: str | int
 
 NULL = tuple(np.random.default_rng(0).normal(0.0, 0.03, 199).tolist())
 TWINS = tuple(np.random.default_rng(1).normal(0.0, 0.03, 8).tolist())
-PROTOCOL = {"protocol": "shared", "initialization": "both"}
+PROTOCOL: dict[str, Any] = {"protocol": "shared", "initialization": "both"}
 
 
-def shown(trace: float, legible: float, twins: Sequence[float] = TWINS, **known) -> Evidence:
+def shown(trace: float, legible: float, twins: Sequence[float] = TWINS, **known: Any) -> Evidence:
     """Evidence among 199 candidates."""
     return Evidence(trace, legible, NULL, tuple(twins), **known)
 
 
-def with_evidence(variant: str, damage: float, *where: str | int, **evidence: Evidence) -> Outcome:
+def with_evidence(variant: str, damage: float, *where: Any, **evidence: Evidence) -> Outcome:
     """A variant that costs the scene some dB, with evidence by extraction."""
     targets = {"scene": 30.0 - damage} | dict.fromkeys(evidence, 20.0)
     return outcome(variant, *where, targets=targets, evidence=evidence, **PROTOCOL)
@@ -78,8 +81,9 @@ def read(variant: str, correct: int, bits: int, damage: float = 0.0) -> Outcome:
     """A variant whose bits are read."""
     p = BITS_P[correct, bits]
     detection = Detection(100.0 * correct / bits, 0.0, nan, nan, 0.0, 0.0, 4, bits)
-    known = {"detections": {"bits": detection}, "bits": {"bits": BitEvidence(p, correct, bits, 4)}}
-    return outcome(variant, targets={"scene": 30.0 - damage}, **known, **PROTOCOL)
+    evidence = BitEvidence(p, correct, bits, 4)
+    levels = {"scene": 30.0 - damage}
+    return outcome(variant, targets=levels, detections={"bits": detection}, bits={"bits": evidence}, **PROTOCOL)
 
 
 BITS_P = {(32, 32): 2.0**-32, (30, 32): 529 / 2**32, (17, 32): 0.43, (4, 4): 2.0**-4, (8, 8): 2.0**-8}
@@ -95,7 +99,7 @@ def photograph(view: int, target: str) -> NDArray[np.float32]:
 
 
 def _blocks(coarse: NDArray[np.float64], side: int) -> NDArray[np.float64]:
-    return np.kron(coarse, np.ones((side, side, 1)))
+    return np.asarray(np.kron(coarse, np.ones((side, side, 1))), np.float64)
 
 
 def candidates(count: int) -> NDArray[np.uint8]:

@@ -5,7 +5,9 @@ tests, and the examples.
 import os
 import sys
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
@@ -14,7 +16,7 @@ INFOS = ROOT / ".pytest_cache" / "plugins"
 PLUGIN_PATH = [str(folder) for folder in (*PACKAGES, INFOS)]
 
 
-def register():
+def register() -> None:
     """Put them on the import path, unless this is a test process of one that has."""
     for package in PACKAGES:
         write_info(tomllib.loads((package / "pyproject.toml").read_text())["project"], INFOS)
@@ -23,7 +25,7 @@ def register():
     os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys([*before, *PLUGIN_PATH]))
 
 
-def write_info(project, folder):
+def write_info(project: Mapping[str, Any], folder: Path) -> None:
     """Write name, version and entry points of a project to a folder of the import path, as pip does."""
     name, version = project["name"].replace("-", "_"), project["version"]
     info = folder / f"{name}-{version}.dist-info"

@@ -1,9 +1,9 @@
 """A small ray-traced pair, and what schemes embed in it, each made once in a run of the tests."""
 
-import importlib.util
 import sys
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from gspure.schemes.scheme import Scheme, hide
 from gspure.training.dataset import read_photographs
 from tests.documentation import example
 
-SETTINGS = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "splats_in_splats": {"iterations": 60, "max_gaussians": 800},
     "gs_hider": {"iterations": 60, "max_gaussians": 400},
     "secure_gs": {"iterations": 60, "max_anchors": 200},
@@ -55,11 +55,11 @@ def quality(view: RenderView, capture: Capture) -> float:
 
 def scheme_of_example(name: str) -> Scheme:
     """Return a scheme of the guide, as its package would hold it."""
-    spec = importlib.util.spec_from_loader(name, loader=None)
-    module = importlib.util.module_from_spec(spec)
+    module = ModuleType(name)
     sys.modules[name] = module  # where dataclasses look for it
     exec(compile(example(name), f"{name}.py", "exec"), module.__dict__)  # noqa: S102
-    return module.SCHEME
+    scheme: Scheme = module.SCHEME
+    return scheme
 
 
 def embedded_in(folder: Path, name: str) -> SimpleNamespace:

@@ -16,6 +16,7 @@ import yaml
 
 import gspure
 from experiments import leaderboard_page, results_page
+from experiments.page_numbers import NUMBERS
 from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.codec import plain
 from gspure.evaluation.identity import Condition
@@ -112,14 +113,6 @@ def test_the_results_are_generated_from_the_tables_and_begin_with_what_these_say
     assert float(repaired["drop of scene"]) < float(purified["drop of scene"])
 
 
-def test_decimals_of_the_page_on_marks_that_survive_are_in_its_tables() -> None:
-    known = [table for table in TABLES if table.stem.startswith(("keyed_pattern", "forgery", "bits"))]
-    tables = " ".join(table.read_text(encoding="utf-8") for table in known)
-    shown = DECIMAL.findall((DOCS / "marks-that-survive.md").read_text(encoding="utf-8"))
-    assert len(shown) > 10
-    assert {*shown} <= {*DECIMAL.findall(tables)}
-
-
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.stem)
 def test_tables_of_the_results_are_rectangular_and_described(table: Path) -> None:
     with table.open(newline="", encoding="utf-8") as file:
@@ -170,3 +163,23 @@ def test_the_examples_of_the_public_functions_run(name, tmp_path, monkeypatch):
     known = {"gspure": gspure, "np": np, "model": model, "cameras": gspure.read_cameras("cameras.json")}
     (test,) = doctest.DocTestFinder(recurse=False).find(getattr(gspure, name), name, globs=known)
     assert doctest.DocTestRunner().run(test).failed == 0
+
+
+def plain_numbers(text: str) -> str:
+    """Return Markdown on one line, with powers of ten and minus signs as programs print them."""
+    digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
+    text = re.sub(r"·10(?=[⁻⁰-⁹¹²³])", "e", " ".join(text.split()))
+    text = re.sub(r"\b10(?=[⁻⁰-⁹¹²³])", "1e", text)
+    return text.translate(digits)
+
+
+@pytest.mark.parametrize(("page", "text"), [(page, text) for page, texts in NUMBERS.items() for text in texts])
+def test_a_measured_number_of_a_page_is_that_of_its_table(page: str, text: str) -> None:
+    parts = [re.escape(part) for part in plain_numbers(text).split("#")]
+    found = re.findall(r"(-?[\d,]*\.?\d+(?:e-?\d+)?)".join(parts), plain_numbers((ROOT / page).read_text()))
+    assert len(found) == 1, found
+    shown = [*found[0]] if isinstance(found[0], tuple) else found
+    for number, value in zip(shown, NUMBERS[page][text], strict=True):
+        mantissa, _, power = number.replace(",", "").partition("e")
+        last_place = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+        assert float(number.replace(",", "")) == pytest.approx(value, abs=0.5001 * last_place, rel=0)

@@ -142,7 +142,7 @@ STATEMENTS = {
     "": 1509,
     "attacks": 1152,
     "cameras": 1411,
-    "certificate": 195,
+    "certificate": 268,
     "cli": 2051,
     "evaluation": 1599,
     "figures": 1044,

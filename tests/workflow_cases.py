@@ -7,8 +7,10 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -22,7 +24,7 @@ from tests.models import blobs, tilted_camera
 
 ROOT = Path(__file__).parents[1]
 WORKFLOW = ("gspure", "gspure_torch", "kernels_cl", "rules", "config", "profiles", "setup", "Snakefile")
-CONFIG = {
+CONFIG: dict[str, Any] = {
     "assets": {"bot": {"model": "bot.ply", "cameras": "views.json"}},
     "pairs": {"raised": {"views": 9, "width": 32, "height": 24}},
     "schemes": {"planted": {"gaussians": 600}},
@@ -47,12 +49,12 @@ print(json.dumps({image.stem: 0.5 for image in pathlib.Path(sys.argv[1]).glob("*
 SOURCE = "mine.yaml"
 
 
-def configuration(content) -> Config:
+def configuration(content: Mapping[str, object]) -> Config:
     """A configuration with all defaults."""
     return config_of(content, SOURCE)
 
 
-def plan_of(content) -> Plan:
+def plan_of(content: Mapping[str, object]) -> Plan:
     """The plan of a configuration."""
     return planning.plan_of(configuration(content), SOURCE)
 
@@ -63,38 +65,38 @@ class Project:
 
     folder: Path
 
-    def run(self, *arguments, status=0):
+    def run(self, *arguments: str, status: int = 0) -> str:
         """Run Snakemake, and return what it printed."""
         command = [sys.executable, "-m", "snakemake", *arguments, "--cores", "2"]
         done = subprocess.run(command, cwd=self.folder, env=self.environment(), **PRINTED, check=False)
         assert done.returncode == status, done.stdout
-        return done.stdout
+        return str(done.stdout)
 
-    def environment(self):
+    def environment(self) -> dict[str, str]:
         return {**os.environ, "PYTHONPATH": os.pathsep.join([str(self.folder), os.environ.get("PYTHONPATH", "")])}
 
-    def planned(self, *arguments):
+    def planned(self, *arguments: str) -> Counter[str]:
         """The jobs that would run, by rule."""
         jobs = re.findall(r"^(\w+) +(\d+)$", self.run("--dry-run", *arguments), re.MULTILINE)
         return Counter({rule: int(count) for rule, count in jobs})
 
-    def configure(self, config):
+    def configure(self, config: Mapping[str, Any]) -> None:
         (self.folder / "config" / "config.yaml").write_text(yaml.safe_dump(config))
 
-    def copy(self, folder):
+    def copy(self, folder: Path) -> "Project":
         shutil.copytree(self.folder, folder, symlinks=True)
         return Project(folder)
 
-    def edit(self, file, before, after):
+    def edit(self, file: str, before: str, after: str) -> None:
         path = self.folder / file
         assert before in path.read_text()
         path.write_text(path.read_text().replace(before, after, 1))
 
 
-PRINTED = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+PRINTED: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
 
 
-def started(folder, config=CONFIG):
+def started(folder: Path, config: Mapping[str, Any] = CONFIG) -> Project:
     """A project in which nothing has been run."""
     for name in WORKFLOW:
         source = ROOT / name
@@ -112,7 +114,7 @@ def started(folder, config=CONFIG):
     return project
 
 
-def make_ready(project):
+def make_ready(project: Project) -> None:
     """Let `make demo` take the set-up for done, and Snakemake be that of the tests."""
     place = project.folder / ".venv"
     (place / "bin").mkdir(parents=True)
@@ -126,7 +128,7 @@ def make_ready(project):
         (place / name).touch()
 
 
-def edit_cameras(project, edit):
+def edit_cameras(project: Project, edit: Callable[[list[dict[str, Any]]], object]) -> None:
     """Let `edit` change the list of cameras in the user's file."""
     path = project.folder / "views.json"
     cameras = json.loads(path.read_text())

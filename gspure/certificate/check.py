@@ -1,9 +1,13 @@
 """A check of a plug-in: what it expects, and what is wrong."""
 
+import re
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gspure.attacks import NotApplicable
+
+NAME: Final = re.compile("[a-z][a-z0-9_]*")
+"""Names of attacks, schemes and detectors: words of commands, keys of configurations and names of folders."""
 
 
 class Check(NamedTuple):
@@ -34,6 +38,12 @@ def check(name: str, test: Callable[[], object], *, is_rule: bool = True) -> Che
     except Exception as error:  # noqa: BLE001 (a foreign module may raise anything)
         return Check(name, f"{type(error).__name__}: {error}", is_rule)
     return Check(name, is_rule=is_rule)
+
+
+def name_check(name: str) -> Check:
+    """Check the name of an attack, a scheme or a detector."""
+    expected = "expected small letters, digits and _, with a letter first"
+    return check("has a plain name", lambda: require(NAME.fullmatch(name) is not None, f"{name!r}: {expected}"))
 
 
 def require(holds: bool, problem: str) -> None:  # noqa: FBT001

@@ -1,5 +1,7 @@
 """The checks of an attack: it is applied to a small model, twice, and at both ends of its strength."""
 
+import inspect
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -9,7 +11,7 @@ import numpy as np
 from gspure.attacks import Attack, Attacked, Measurements
 from gspure.attacks.strength import Strength, scene_damage
 from gspure.cameras import Camera
-from gspure.certificate.check import Check, check, require
+from gspure.certificate.check import Check, check, name_check, require
 from gspure.method.purify import purify
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.model.gaussians import Table
@@ -64,6 +66,11 @@ def attack_checks(trial: Trial) -> Iterator[Check]:
     """Yield the checks of an attack."""
     applied: list[Attacked] = []
     before = trial.public.model.table.copy()
+    yield name_check(trial.attack.name)
+    yield check("explains its settings, and names its source", lambda: _explains_itself(trial.attack))
+    if trial.attack.of_renders:
+        yield check("returns finite images of the same shape", lambda: _returns_image(trial))
+        yield check("leaves renders as they are", lambda: _leaves_render(trial))
     yield check("applies to a vanilla model", lambda: applied.append(trial.attacked()))
     if not applied:
         return
@@ -74,6 +81,25 @@ def attack_checks(trial: Trial) -> Iterator[Check]:
     strength = trial.attack.strength
     if strength:
         yield check("does no less damage at the strong end", lambda: _is_stronger(trial, strength))
+
+
+def _explains_itself(attack: Attack) -> None:
+    text = inspect.getdoc(attack.function) or ""
+    unnamed = sorted({*attack.settings} - {*re.findall(r"`(\w+)`", text)})
+    require(not unnamed, f"its docstring does not name {', '.join(unnamed)} in backquotes")
+    require(re.search(r"^Source: .*\w", text, re.MULTILINE) is not None, "its docstring has no line `Source: ...`")
+
+
+def _returns_image(trial: Trial) -> None:
+    image = np.asarray(trial.attack.function(trial.render.copy(), np.random.default_rng(0)))
+    require(image.shape == trial.render.shape, f"{list(image.shape)}, not {list(trial.render.shape)}")
+    require(bool(np.isfinite(image).all()), "some numbers are not finite")
+
+
+def _leaves_render(trial: Trial) -> None:
+    render = trial.render.copy()
+    trial.attack.function(render, np.random.default_rng(0))
+    require(np.array_equal(render, trial.render), "the render that was given has changed")
 
 
 def _leaves_input(trial: Trial, before: Table) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gspure.attacks import find_attack
-from gspure.certificate.check import Check, check, require
+from gspure.certificate.check import Check, check, name_check, require
 from gspure.errors import InputError
 from gspure.public_model import PublicModel
 from gspure.schemes.pair import Pair
@@ -50,6 +50,7 @@ class Embedded:
 def scheme_checks(scheme: Scheme, pair: Pair, settings: Mapping[str, Setting], folder: Path) -> Iterator[Check]:
     """Yield the checks of a scheme, which is trained three times with these settings; files go to an empty folder."""
     made: list[Embedded] = []
+    yield name_check(scheme.name)
     yield check("embeds a message, and returns its key", lambda: made.append(embedded(scheme, pair, settings)))
     if not made:
         return

@@ -39,12 +39,21 @@ class Reading(NamedTuple):
 
 
 def read_marks(command: str, source: Path, message: str, timeout: float, folder: Path | None = None) -> list[Reading]:
-    """Return what a command reads from a model's file, or from each PNG file of a folder, within `timeout` seconds.
+    """Return what a command reads from a model's file, or from each PNG file of a folder, by `answers`.
 
-    The command runs in `folder` and gets a copy of the file, or a folder of copies, as its last argument: it may change
-    them. The last line that it prints is a JSON object. It maps the name of each image, without ``.png``, or `MODEL`,
-    to bits, as a text of 0 and 1, or to a score, which is high if the mark is present. `message` holds the embedded
-    bits, and is empty if the command returns scores.
+    `message` holds the embedded bits, and is empty if the command returns scores.
+    """
+    answer = answers(command, source, timeout, folder)
+    return [reading_of(view, value, message) for view, value in answer.items()]
+
+
+def answers(command: str, source: Path, timeout: float, folder: Path | None = None) -> dict[str, object]:
+    """Return what a command answers for a model's file, or for each PNG file of a folder, sorted by view.
+
+    The command runs in `folder`, for at most `timeout` seconds, and gets a copy of the file, or a folder of copies, as
+    its last argument: it may change them. The last line that it prints is a JSON object. It maps the name of each
+    image, without ``.png``, or `MODEL`, to bits, as a text of 0 and 1, or to a score, which is high if the mark is
+    present.
 
     Raise `InputError` if the command cannot be run, fails, takes too long or prints anything else.
     """
@@ -61,7 +70,7 @@ def read_marks(command: str, source: Path, message: str, timeout: float, folder:
     for view in sorted(views.symmetric_difference(answer)):
         mismatch = "no entry" if view in views else "a further entry"
         raise InputError("detector", view, expected=expected, found=mismatch)
-    return [_reading(view, answer[view], message) for view in sorted(views)]
+    return {view: answer[view] for view in sorted(views)}
 
 
 def read_bits(read: Callable[[Float32], Bools], message: Bools, images: Path) -> list[Reading]:
@@ -96,8 +105,8 @@ def share_correct(decoded: Bools, message: Bools) -> float:
     return 100.0 * float(np.mean(decoded == message))
 
 
-def _reading(view: str, value: object, message: str) -> Reading:
-    """Return the reading of a view from its entry in a command's answer."""
+def reading_of(view: str, value: object, message: str) -> Reading:
+    """Return the reading of a view from its entry in a command's answer; raise `InputError` for one that is none."""
     if message:
         if not isinstance(value, str) or len(value) != len(message) or {*value} - {*"01"}:
             raise InputError("detector", view, expected=f"{len(message)} bits as text", found=repr(value))

@@ -12,11 +12,14 @@ import numpy as np
 
 from gspure import Plugin
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
+from gspure.cameras import Camera
 from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
 from gspure.model.gaussians import logit
-from gspure.public_model import PublicModel
+from gspure.opencl.device import Device
+from gspure.public_model import PublicModel, RenderView, Rows
 from gspure.renderer import Renderer
+from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import Range
 from gspure.training.initialization import gaussians_at, thinned
@@ -27,13 +30,13 @@ ARRAYS = {"means": (np.float32, (None, 3)), "opacity": (np.float32, (None,)), "f
 
 
 def embed(
-    pair,
-    seed,
-    device=None,
+    pair: Pair,
+    seed: int,
+    device: Device | None = None,
     *,
     message_weight: Annotated[int, Range(0, 1)] = 1,
     gaussians: Annotated[int, Range(100, 10_000_000)] = 4000,
-):
+) -> tuple[PublicModel, "PlantedKey | None"]:
     """Plant the pair's message in its scene, with at most `gaussians` rows, about half of them the message's."""
     rng = np.random.default_rng(seed)
     clouds = [(c.dataset.xyz, c.dataset.rgb) for c in (pair.scene, pair.message)]
@@ -61,10 +64,10 @@ class PlantedKey(Key):
     opacity: np.ndarray  # [M], the private logit
     f_dc: np.ndarray  # [M,3], the private zeroth coefficient
 
-    def message(self, public, extraction, device=None):
+    def message(self, public: PublicModel, extraction: str, device: Device | None = None) -> RenderView:
         return Renderer(self.gaussians(public, None, extraction)[0], device).image
 
-    def gaussians(self, public, camera, extraction):
+    def gaussians(self, public: PublicModel, camera: Camera | None, extraction: str) -> tuple[Gaussians, Rows]:
         """Return the rows whose position is, bit for bit, that of one that carries the message, and their indices."""
         known = {mean.tobytes(): i for i, mean in enumerate(self.means[self.message_rows])}
         places = np.array([known.get(mean.tobytes(), -1) for mean in public.model.means], np.intp)
@@ -74,17 +77,17 @@ class PlantedKey(Key):
         columns |= {f"f_dc_{i}": self.f_dc[places, i] for i in range(3)}
         return revealed.with_columns(columns | {"opacity": self.opacity[places]}), rows
 
-    def wrong(self, rng):
+    def wrong(self, rng: np.random.Generator) -> "PlantedKey":
         """Return a key to as many other rows, with the private values in another order."""
         order = rng.permutation(len(self.opacity))
         return PlantedKey(rng.permutation(self.message_rows), self.means, self.opacity[order], self.f_dc[order])
 
-    def write(self, folder):
+    def write(self, folder: Path) -> None:
         save_array(folder / ROWS, self.message_rows)
         save_arrays(folder / "planted.npz", {name: getattr(self, name) for name in ARRAYS})
 
     @staticmethod
-    def read(folder):
+    def read(folder: Path) -> "PlantedKey":
         arrays = load_arrays(Path(folder) / "planted.npz", ARRAYS, "a key to a planted message")
         message_rows = load_array(Path(folder) / ROWS, dtype=np.bool_, shape=(len(arrays["means"]),))
         return PlantedKey(message_rows, **{name: arrays[name] for name in ARRAYS})

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from gspure.arrays import Bools, Float64
 from gspure.cameras.camera import Camera
-from gspure.constants import ALPHA_MAX, ALPHA_MIN, MEDIAN_TRANSMITTANCE, NEAR_PLANE, TRANSMITTANCE_MIN
+from gspure.constants import ALPHA_MAX, ALPHA_MIN, MEDIAN_TRANSMITTANCE, NEAR_PLANE, TRANSMITTANCE_MIN, Energy
 from gspure.model.gaussians import Gaussians
-from tests.reference.projection import Energy, Rays, Splats, pixel_centres, project
+from tests.reference.projection import Rays, Splats, pixel_centres, project
 from tests.reference.spherical_harmonics import sh_colors
 
 

@@ -73,7 +73,7 @@ def pull_back(
                 gradient[rows, column] += terms.sum(axis=tuple(range(1, terms.ndim)))
         return gradient
 
-    return Gradients(*map(pulled, parameters), opacities, channels, means2d)
+    return Gradients(pulled("means"), pulled("quats"), pulled("scales"), opacities, channels, means2d)
 
 
 def blend_backward(
@@ -122,8 +122,8 @@ def blend_backward(
 
 
 def inputs_of_blending(
-    means: Complex, quats: Complex, scales: Complex, sh_coeffs: Float64, camera: Camera
-) -> tuple[Complex, Complex, Complex]:
+    means: Complex, quats: Complex, scales: Complex, sh_coeffs: NDArray[Any], camera: Camera
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return centres in pixels [V,2], Sigma' [V,2,2] and colours [V,3] of complex parameters."""
     rotation = camera.viewmat[:3, :3]
     view = means @ rotation.T + camera.viewmat[:3, 3]

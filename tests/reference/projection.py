@@ -6,8 +6,10 @@ Gaussians only, front to back.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gspure.arrays import Bools, Float64, Indices
 from gspure.cameras.camera import Camera
@@ -129,13 +131,14 @@ def bounded_scales(scales: Float64, depths: Float64, camera: Camera, energy: Ene
     return np.clip(scales, middle / RAY_SCALE_RATIO, middle * RAY_SCALE_RATIO)
 
 
-def splat_covariances(covs: Float64, means: Float64, camera: Camera) -> Float64:
+def splat_covariances(covs: NDArray[Any], means: NDArray[Any], camera: Camera) -> NDArray[Any]:
     """Return Sigma' = J Sigma J^T + 0.3 I [V,2,2] in square pixels from view-space covariances and centres."""
     J = projection_jacobians(means, camera)
-    return J @ covs @ J.transpose(0, 2, 1) + EWA_DILATION * np.eye(2)
+    projected: NDArray[Any] = J @ covs @ J.transpose(0, 2, 1)
+    return projected + EWA_DILATION * np.eye(2)
 
 
-def projection_jacobians(means: Float64, camera: Camera) -> Float64:
+def projection_jacobians(means: NDArray[Any], camera: Camera) -> NDArray[Any]:
     """Return the Jacobians J [V,2,3] of the perspective projection at view-space centres.
 
     Each centre is first moved into the image's frustum, widened by a share of its half extent: beyond it the

@@ -1,0 +1,355 @@
+"""The measured numbers of the pages: the text around them, where ``#`` stands for each, and what committed tables say.
+
+``python -m experiments.page_numbers`` prints them; a test compares them with the pages.
+"""
+
+import csv
+import json
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from gspure.text import p_value
+from gspure.workflow.config import DEFAULT_VARIANTS
+from tests.comparison import FLIP, TIGHT
+
+ROOT = Path(__file__).parents[1]
+SUITES = ROOT / "gspure" / "workflow" / "suites"
+NUMBER = re.compile(r"-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?")
+
+
+@cache
+def rows_of(table: str) -> list[dict[str, str]]:
+    """Return the rows of a table of experiments/tables/ or, named by a path, of experiments/results/."""
+    folder = "results" if "/" in table else "tables"
+    with (ROOT / "experiments" / folder / f"{table}.csv").open(newline="", encoding="utf-8") as file:
+        return [*csv.DictReader(file)]
+
+
+def cells(table: str, column: str, *keys: str, place: int = 0) -> list[float]:
+    """Return the numbers of a column in the rows that have all keys among their cells; `place` counts within a cell."""
+    texts = [row[column] for row in rows_of(table) if {*keys} <= {*row.values()}]
+    return [float(NUMBER.findall(text)[place].replace(",", "")) for text in texts]
+
+
+def cell(table: str, column: str, *keys: str, place: int = 0) -> float:
+    """Return the number of the only row that has all keys among its cells."""
+    (number,) = cells(table, column, *keys, place=place)
+    return number
+
+
+def across(table: str, columns: str, *keys: str) -> list[float]:
+    """Return the numbers of several columns in one row; `columns` are separated by ``|``."""
+    return [cell(table, column, *keys) for column in columns.split("|")]
+
+
+def down(table: str, column: str, *keys: str) -> list[float]:
+    """Return the numbers of one column in the rows that have one of the keys each."""
+    return [cell(table, column, key) for key in keys]
+
+
+@cache
+def benchmark(title: str, name: str, kind: str = "") -> float:
+    """Return a time of a benchmark, in ms (of GPUs: on the clock), or, if it has none of this name, a figure."""
+    found: list[dict[str, Any]] = json.loads((ROOT / "benchmarks" / f"results{kind}.json").read_text())["found"]
+    (benchmark,) = [one for one in found if one["title"] == title]
+    if name in benchmark["times_ms"]:
+        return float(benchmark["times_ms"][name]["wall_median" if kind else "cpu_per_core_median"])
+    return float(next(figure["value"] for figure in benchmark["figures"] if figure["name"] == name))
+
+
+def on_both(title: str, name: str, gpu_name: str = "") -> list[float]:
+    """Return a number on CPU and GPU."""
+    return [benchmark(title, name), benchmark(title, gpu_name or name, "-gpu")]
+
+
+def patterns(*keys: str) -> list[float]:
+    """Return damage and readings of a keyed pattern after an attack."""
+    return across("keyed_pattern", "damage|z rows|z clean model|z bank", *keys)
+
+
+def trained_longer(scheme: str) -> float:
+    """Return how far the PSNR of a model trained on renders is above the public model's, dB."""
+    before, after = (cell("price", "scene PSNR", scheme, iterations) for iterations in ("0", "4000"))
+    return after - before
+
+
+def faster(table: str) -> list[float]:
+    """Return the PSNR of the fast schedule minus that of the vanilla one, dB, by seed."""
+    pairs = zip(cells(table, "PSNR", "fast"), cells(table, "PSNR", "vanilla"), strict=True)
+    return [fast - vanilla for fast, vanilla in pairs]
+
+
+def finetuned() -> list[float]:
+    """Return how far fine-tuning lowers the PSNR of the message of Splats in Splats, dB, by scene."""
+    tables = [f"large/{scene}_shared" for scene in ("land", "lands", "object", "rooms_2", "rooms", "view")]
+    before, after = (
+        [cell(table, "message_psnr", variant) for table in tables] for variant in ("unattacked", "finetune")
+    )
+    return [high - low for high, low in zip(before, after, strict=True)]
+
+
+def wrong_messages(column: str, twins: str) -> float:
+    """Return the sum of a column over the wrong messages as published, compared with so many twins."""
+    published = [row for row in rows_of("wrong_claims") if (row["owner"], row["twins"]) == ("published", twins)]
+    return sum(float(row[column]) for row in published if row["group"] == "wrong message")
+
+
+def shown_by_the_demo(variant: str) -> list[float]:
+    """Return a row of the demo's verdict: damage, PSNR, legible blocks in percent, p-value."""
+    published = [row for row in rows_of("radius/results") if row["owner"] == "published"]
+    (row,) = [row for row in published if (row["scheme"], row["variant"]) == ("splats_in_splats", variant)]
+    return [
+        float(row["damage"]),
+        float(row["message_psnr"]),
+        100 * float(row["legibility"]),
+        float(p_value(float(row["p"]))),
+    ]
+
+
+def attacks_of(suite: str) -> float:
+    """Return the number of attacks of a suite, each strength counted."""
+    variants = yaml.safe_load((SUITES / f"{suite}.yaml").read_text())["variants"]
+    return sum(len(settings.get("damage", [None])) for name, settings in variants.items() if name != "unattacked")
+
+
+def graded_alike(least: float, word: str) -> float:
+    """Return the number of extractions that are at least so legible if, and only if, the first viewer gave the word."""
+    return sum((float(row["legibility"]) >= least) == (row["viewer_1"] == word) for row in rows_of("legibility"))
+
+
+SMALL, LARGE = "100k @960x540", "1M @1600x1063"
+TRAINED_SMALL, TRAINED = "100k @320x240", "200k @640x480"
+CASES, TRAININGS = (SMALL, LARGE), (TRAINED_SMALL, TRAINED)
+PER_SECOND = ("iterations per second, CPU / cores", "iterations per second, wall")
+
+
+def stages(figure: str) -> list[float]:
+    return [benchmark(f"stages [{case}-ewa]", figure) for case in CASES]
+
+
+def training(figure: str, benchmarks: str = "stages of training") -> list[float]:
+    return [benchmark(f"{benchmarks} [{case}]", figure) for case in TRAININGS]
+
+
+def gsplat(figure: str) -> list[float]:
+    return [benchmark(f"gsplat [{case}]", figure, "-gpu") for case in CASES]
+
+
+def growth(figure: str, *counts: str) -> list[float]:
+    return [benchmark("clustering with gaussians", f"{count} Gaussians: {figure}") for count in counts]
+
+
+COUNTS = ("50,000", "1,000,000", "6,000,000")
+PURIFIED = ("purify [1M]", "purify [6M]")
+OWNERS = "GS-Hider, own poses"
+UNRELATED = "30 unrelated models"
+AUDITED = float(len(DEFAULT_VARIANTS) - 1)
+SEEN = [float(row["legibility"]) for row in rows_of("legibility") if row["viewer_1"] != "nothing"]
+
+NUMBERS: dict[str, dict[str, list[float]]] = {
+    "README.md": {
+        "`audit` runs # attacks (# with a key)": [AUDITED, attacks_of("small-1")],
+        "GOF # # #% # traces": shown_by_the_demo("gof"),
+        "feature scaling # # #% # key-only": shown_by_the_demo("feature_scaling"),
+        "GSPure # # #% # key-only": shown_by_the_demo("gspure"),
+        "random pruning # # #% # readable": shown_by_the_demo("random_pruning"),
+        "gone at # dB of damage (feature scaling)": shown_by_the_demo("feature_scaling")[:1],
+        "no longer readable at # dB of damage (GOF)": shown_by_the_demo("gof")[:1],
+        "image of 1M Gaussians at 1600x1063 | # ms | # ms": on_both(f"views [{LARGE}]", "image (ewa)"),
+        "contributions to that view | # ms | # ms": on_both(f"views [{LARGE}]", "contributions (ray)"),
+        "200k Gaussians | # steps/s | # steps/s": on_both(f"iteration [{TRAINED}]", *PER_SECOND),
+    },
+    "config/README.md": {
+        "--key KEY`): # attacks": [attacks_of("small-1")],
+        "`gspure audit` runs the # attacks of the default": [AUDITED],
+    },
+    "benchmarks/README.md": {
+        "image, `ewa`, 100k Gaussians @960x540 | # | #": on_both(f"views [{SMALL}]", "image (ewa)"),
+        "contributions, `ray`, 100k @960x540 | # | #": on_both(f"views [{SMALL}]", "contributions (ray)"),
+        "image, `ewa`, 1M @1600x1063 | # | #": on_both(f"views [{LARGE}]", "image (ewa)"),
+        "contributions, `ray`, 1M @1600x1063 | # | #": on_both(f"views [{LARGE}]", "contributions (ray)"),
+        "per second, 100k @320x240 | # | #": on_both(f"iteration [{TRAINED_SMALL}]", *PER_SECOND),
+        "per second, 200k @640x480 | # | #": on_both(f"iteration [{TRAINED}]", *PER_SECOND),
+        "image, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image, wall"),
+        "image and gradients, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image and gradients, wall"),
+        "contributions of a view @1600x1063, ms | # | # | #": [
+            benchmark("contributions with gaussians", f"{count} Gaussians") for count in COUNTS
+        ],
+        "CPU seconds per million Gaussians | # | # | #": growth("CPU seconds per million Gaussians", *COUNTS),
+        "20 views, CPU seconds | | # | #": [
+            benchmark(title, "20 views, clusters, pruning, metrics, figures: CPU seconds") for title in PURIFIED
+        ],
+        "peak memory, GB | | # | #": [benchmark(title, "peak memory, GB") for title in PURIFIED],
+        "FMA peak, 100k, 1M | .40, .33 | #, #": [
+            benchmark(f"blending against the peak [{case}]", "blend, share of FMA, OpenCL") for case in CASES
+        ],
+        "`ray` / `ewa`, 100k, 1M | 1.15 | #, #": [
+            benchmark(f"views [{case}]", "contributions (ray) / contributions (ewa)") for case in CASES
+        ],
+        "(sort + bin) / blend, 100k, 1M | .45 | #, #": stages("(sort + bin) / blend"),
+        "project / blend, 100k, 1M | .2 | #, #": stages("project / blend"),
+        "200k @640x480 | 2.0 | #, #": training("blend backward / blend"),
+        "(loss + Adam) / backward, same cases | .6 | #, #": training("(loss + Adam) / blend backward"),
+        "iteration / frame, same cases | 2.6, 2.5 | #, #": training("iteration / frame", "iteration"),
+        "gsplat's, wall, 100k, 1M | 1.5 | #, #": gsplat("gspure / gsplat, image, wall"),
+    },
+    "docs/attacks.md": {
+        "`densify` costs # dB, `split` # dB, `distil` # dB and `remesh` # dB": down(
+            "arsenal", "damage", "densify", "split", "distil", "remesh"
+        ),
+        "by up to # (at most # of # pixels)": [
+            max(cells("free_attacks", column, "gauge")) for column in ("largest_change", "changed_pixels", "pixels")
+        ],
+        "GS-Hider's PSNR falls from # to # dB, SecureGS's from # to #, KeySS's (unproven) from # to #": [
+            cell("free_attacks", "published_psnr", scheme, attack)
+            for scheme in ("gs_hider", "secure_gs", "keyss")
+            for attack in ("unattacked", "gauge")
+        ],
+        "is # to #, and at #, the inverted message": across(
+            "free_attacks", "least_trace|largest_trace|published_trace", "gs_hider", "gauge"
+        ),
+        "message of Splats in Splats (# dB), and lowers the scene's PSNR by at most # dB": [
+            cell("free_attacks", "published_psnr", "splats_in_splats", "half_precision"),
+            max(cells("free_attacks", "damage", "half_precision")),
+        ],
+    },
+    "docs/limits.md": {
+        "4000 iterations (# to # CPU seconds)": [
+            least_or_most(cells("price", "CPU-s", "4000")) for least_or_most in (min, max)
+        ],
+        "its PSNR is # dB below the public model's for Splats in Splats, # dB for SecureGS and # dB for KeySS": [
+            -trained_longer(scheme) for scheme in ("splats_in_splats", "secure_gs", "keyss")
+        ],
+        "and # and # dB above for Marked Clones and GS-Hider": [*map(trained_longer, ("marked_clones", "gs_hider"))],
+    },
+    "docs/marks-that-survive.md": {
+        "| embedding alone | # | # | # | # |": patterns("embedding"),
+        "| `warp`, 1 % | # | # | # | # |": patterns("warp", "amplitude=0.01"),
+        "| `gspure` | # | # | # | # |": patterns("gspure"),
+        "| `distil`, 2000 steps | # | # | # | # |": patterns("distil", "2000 steps"),
+        "| `distil` on renders after JPEG 50 | # | # | # | # |": patterns("distil", "2000 steps, render=jpeg:50"),
+        "rotated by 30°, scaled by 1.1 | # | # | # | # |": patterns("distil, rigid_transform"),
+        "clip 0.02, three passes | # | # | # | # |": patterns("unmark", "clip=0.02 passes=3"),
+        "two passes, `distil` | # | # | # | # |": patterns("unmark, distil"),
+        "`unmark`, a second mark | # | # | # | # |": patterns("unmark, a second mark"),
+        "collusion) | # | # | # | # |": patterns("16 copies, mean"),
+        "| 16 copies, interleaved | # | # | # | # |": patterns("16 copies, interleave"),
+        "clip 0.007, one pass | # | # | # | # |": patterns("16 copies, interleave, clip=0.007 passes=1"),
+        "end the proof** at # dB": down("keyed_pattern", "damage", "16 copies, interleave, clip=0.006 passes=1"),
+        "clips of 0.006 and 0.007, $p$ is # and #": down(
+            "keyed_pattern", "p", *(f"16 copies, interleave, clip={clip} passes=1" for clip in ("0.006", "0.007"))
+        ),
+        "proven again (z # and #)": down(
+            "keyed_pattern",
+            "z bank",
+            *(
+                f"16 copies, interleave, clip={clip} passes=1, bank also of clip=0.005, clip=0.0075"
+                for clip in ("0.006", "0.007")
+            ),
+        ),
+        "A wrong key has at best z #": [max(across("keyed_pattern", "z rows|z clean model|z bank", "wrong key"))],
+        "(z #, damage #)": across("keyed_pattern", "z rows|damage", "crop", "fraction=0.5"),
+        "except for # after interleaving 16 copies (which costs no quality), # if `unmark` follows": down(
+            "keyed_pattern", "correct bits of 32", "16 copies, interleave", "16 copies, interleave, clip=0.007 passes=1"
+        ),
+        "and # after the crop": down("keyed_pattern", "correct bits of 32", "fraction=0.5"),
+        "Of # pairs of a key and a model": [
+            cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
+        ],
+        "# have $p \\le 0.001$ (95 %: # to #": [
+            cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
+            *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
+        ],
+        "stranger's model, has $p$ # and #,": cells("forgery", "p", "subtracted"),
+        "with renders at # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
+        "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
+        "of # of # unrelated models, # and # pass 1 %": [
+            *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
+            *cells("bits-renders", "above 0.01", "keyed_pattern", UNRELATED),
+        ],
+        "# and # pass 0.1 %, # and # $10^{-6}$": [
+            number
+            for rate in ("0.001", "1e-06")
+            for number in cells("bits-renders", f"above {rate}", "rendered_bits", "the marked model")
+        ],
+        "in 12 views takes # CPU seconds, ranking a million keys #": down(
+            "keyed_pattern-keys", "value", "CPU s: renders and cells", "CPU s: rank among 1000000 keys"
+        ),
+    },
+    "docs/numerics.md": {
+        "or order) may differ by #.": [FLIP],
+        "relative error of # in the mean, # at the 99 % quantile and # at most": [TIGHT / 5, TIGHT, 20 * TIGHT],
+    },
+    "docs/scan.md": {
+        "come from # clean files: # models of # procedural scenes, # to # rows": [
+            sum(cells("scan", "models", "clean")),
+            cell("scan", "models", "clean", "unattacked"),
+            float(len({row["scene"] for row in rows_of("scan/models") if row["family"] == "clean"})),
+            min(cells("scan/models", "rows", "clean", "unattacked")),
+            max(cells("scan/models", "rows", "clean", "unattacked")),
+        ],
+        "they flag # % by the file alone and # % with cameras": [
+            100 * sum(cells("scan", column, "clean")) / sum(cells("scan", "models", "clean"))
+            for column in ("detected", "detected with cameras")
+        ],
+        "Splats in Splats (#, and # hardened) and Marked Clones models (#)": [
+            cell("scan", "detected", family, "unattacked")
+            for family in ("splats_in_splats", "splats_in_splats_hardened", "marked_clones")
+        ],
+        "are never flagged (AUC # to #)": [
+            least_or_most(
+                cell("scan", "AUC", family, "gspure") for family in ("keyss", "marked_clones", "encrypted_bits")
+            )
+            for least_or_most in (min, max)
+        ],
+        "KeySS (# of #; AUC #)": across("scan", "detected|models|AUC", "keyss", "unattacked"),
+        "encrypted bits (# of #; AUC #)": across("scan", "detected|models|AUC", "encrypted_bits", "unattacked"),
+        "after fine-tuning, # of # and # of #": [
+            number
+            for family in ("keyss", "encrypted_bits")
+            for number in across("scan", "detected|models", family, "finetune")
+        ],
+        "none of # detected": [cell("scan", "models", "secure_gs", "unattacked")],
+        "Of # downloaded": [float(len(cells("scan/models", "rows", "found")))],
+        "one is unlike (# rows)": [cell("scan/models", "rows", "found", "unlike the calibration models")],
+        "in #, of 8-bit formats": [
+            float(sum(not row["bit_entropy"] for row in rows_of("scan/models") if row["verdict"] == "nothing found"))
+        ],
+    },
+    "docs/schemes.md": {
+        "costs it # to # dB": [min(finetuned()), max(finetuned())],
+        "from # to # dB after GSPure": [cell("owners-adaptive", OWNERS, "gspure", place=i) for i in (1, 2)],
+        "from # to # dB on the clean model": [cell("owners-adaptive", OWNERS, "clean model", place=i) for i in (1, 2)],
+        "Splats in Splats its # dB, and an unhardened one # of # dB": [
+            cell("owners-hardening", "Splats in Splats (hardened)", "gspure", place=1),
+            *(cell("owners-hardening", "Splats in Splats", attack, place=1) for attack in ("gspure", "unattacked")),
+        ],
+    },
+    "docs/statistics.md": {
+        "# of # wrong messages pass (# by candidates alone)": [
+            wrong_messages("proven", twins="8"),
+            wrong_messages("claims", twins="8"),
+            wrong_messages("proven", twins="0"),
+        ],
+        "is right in # of # extractions": [graded_alike(0.8, "readable"), float(len(rows_of("legibility")))],
+        "Of # in which they saw at least traces, # have": [float(len(SEEN)), float(sum(part < 0.4 for part in SEEN))],
+    },
+    "docs/tutorial.md": {
+        "This runs # attacks": [AUDITED],
+        "after each of # attacks": [attacks_of("small-1")],
+    },
+    "docs/training.md": {
+        "within # dB": [max(map(abs, faster("schedules-plush")))],
+        "and # to # dB more": [min(faster("schedules-fox")), max(faster("schedules-fox"))],
+    },
+}
+
+
+if __name__ == "__main__":
+    for page, texts in NUMBERS.items():
+        for text, numbers in texts.items():
+            print(f"{page}: {text}: {', '.join(f'{number:.6g}' for number in numbers)}")
