@@ -212,7 +212,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "is # to #, and at #, the inverted message": across(
             "free_attacks", "least_trace|largest_trace|published_trace", "gs_hider", "gauge"
         ),
-        "message of Splats in Splats (# dB), and lowers the scene's PSNR by at most # dB": [
+        "message of Splats in Splats (PSNR # dB), and lowers the scene's PSNR by at most # dB": [
             cell("free_attacks", "published_psnr", "splats_in_splats", "half_precision"),
             max(cells("free_attacks", "damage", "half_precision")),
         ],
@@ -235,7 +235,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "rotated by 30°, scaled by 1.1 | # | # | # | # |": patterns("distil, rigid_transform"),
         "clip 0.02, three passes | # | # | # | # |": patterns("unmark", "clip=0.02 passes=3"),
         "two passes, `distil` | # | # | # | # |": patterns("unmark, distil"),
-        "`unmark`, a second mark | # | # | # | # |": patterns("unmark, a second mark"),
+        "`unmark`, then another mark | # | # | # | # |": patterns("unmark, a second mark"),
         "collusion) | # | # | # | # |": patterns("16 copies, mean"),
         "| 16 copies, interleaved | # | # | # | # |": patterns("16 copies, interleave"),
         "clip 0.007, one pass | # | # | # | # |": patterns("16 copies, interleave, clip=0.007 passes=1"),
@@ -264,7 +264,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
-        "stranger's model, has $p$ # and #,": cells("forgery", "p", "subtracted"),
+        "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
         "with renders at # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
         "of # of # unrelated models, # and # pass 1 %": [
@@ -296,11 +296,12 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             100 * sum(cells("scan", column, "clean")) / sum(cells("scan", "models", "clean"))
             for column in ("detected", "detected with cameras")
         ],
-        "Splats in Splats (#, and # hardened) and Marked Clones models (#)": [
+        "reveals all Splats in Splats (#, and #": [
             cell("scan", "detected", family, "unattacked")
-            for family in ("splats_in_splats", "splats_in_splats_hardened", "marked_clones")
+            for family in ("splats_in_splats", "splats_in_splats_hardened")
         ],
-        "are never flagged (AUC # to #)": [
+        "models (#), also after random pruning": [cell("scan", "detected", "marked_clones", "unattacked")],
+        "are no longer flagged (AUC # to #)": [
             least_or_most(
                 cell("scan", "AUC", family, "gspure") for family in ("keyss", "marked_clones", "encrypted_bits")
             )
@@ -313,7 +314,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             for family in ("keyss", "encrypted_bits")
             for number in across("scan", "detected|models", family, "finetune")
         ],
-        "none of # detected": [cell("scan", "models", "secure_gs", "unattacked")],
+        "none of # is detected": [cell("scan", "models", "secure_gs", "unattacked")],
         "Of # downloaded": [float(len(cells("scan/models", "rows", "found")))],
         "one is unlike (# rows)": [cell("scan/models", "rows", "found", "unlike the calibration models")],
         "in #, of 8-bit formats": [
@@ -336,7 +337,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             wrong_messages("proven", twins="0"),
         ],
         "is right in # of # extractions": [graded_alike(0.8, "readable"), float(len(rows_of("legibility")))],
-        "Of # in which they saw at least traces, # have": [float(len(SEEN)), float(sum(part < 0.4 for part in SEEN))],
+        "In # of these, they saw at least traces; # of them have": [
+            float(len(SEEN)),
+            float(sum(part < 0.4 for part in SEEN)),
+        ],
     },
     "docs/tutorial.md": {
         "This runs # attacks": [AUDITED],
