@@ -12,6 +12,7 @@ from sklearn.metrics import adjusted_rand_score
 
 from gspure.arrays import save_array
 from gspure.errors import InputError
+from gspure.method import tree
 from gspure.method.clusters import SELECTIONS, select
 from gspure.method.diagnosis import diagnose
 from gspure.method.tree import read_tree, spanning_tree
@@ -40,6 +41,13 @@ def blobs(*centres: float, each: int = 100, scattered: int = 0) -> np.ndarray:
     rng = np.random.default_rng(1)
     tight = [rng.normal(centre, 0.05, (each, 3)) for centre in centres]
     return np.concatenate([*tight, rng.uniform(-3, max(centres) + 3, (scattered, 3))])
+
+
+def test_a_device_without_double_precision_has_a_tree_as_short(monkeypatch) -> None:
+    points = with_ties(0, 400)
+    lengths = spanning_tree(points)[:, 2]
+    monkeypatch.setattr(tree, "_tree_of_distinct", lambda *known: tree.hdbscan_tree(*known[:3]))
+    np.testing.assert_allclose(spanning_tree(points)[:, 2], lengths, rtol=1e-12)
 
 
 @settings(deadline=None, max_examples=40)
