@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from gspure.opencl.device import Device
 
 Tree = Float64
-
-_LEAF_SIZE: Final = 13  # hdbscan's default, 40 // 3
 
 
 def spanning_tree(features: NDArray[Any], min_samples: int = MIN_SAMPLES, *, device: Device | None = None) -> Tree:
@@ -96,39 +94,29 @@ def _tree_of_distinct(
 
 def hdbscan_tree(points: Float64, copies: Indices, min_samples: int) -> tuple[Indices, Float64, Float64]:
     """Return the tree of `gspure.opencl.spanning.minimum_spanning_tree` by hdbscan's exact dual-tree Boruvka."""
-    from hdbscan._hdbscan_boruvka import KDTreeBoruvkaAlgorithm
+    from hdbscan import HDBSCAN
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import minimum_spanning_tree
+    from scipy.spatial import cKDTree
 
-    neighbours = _Neighbours(points, copies, min_samples)
-    edges = KDTreeBoruvkaAlgorithm(
-        neighbours, neighbours.count - 1, leaf_size=_LEAF_SIZE, approx_min_span_tree=False, n_jobs=1
-    ).spanning_tree()
-    return np.sort(edges[:, :2].astype(np.intp), axis=1), edges[:, 2], neighbours.core_distances
-
-
-class _Neighbours:
-    """The nearest-neighbour query of `KDTreeBoruvkaAlgorithm`, answered by scipy's k-d tree.
-
-    scikit-learn's k-d tree, which hdbscan would pass, takes at least six times as long for the same distances.
-    """
-
-    def __init__(self, points: Float64, copies: Indices, min_samples: int) -> None:
-        from scipy.spatial import cKDTree
-
-        self.data = points
-        self.count = min(min_samples + 1, len(points))
-        tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-        self._distances, self._rows = tree.query(points, k=self.count)
-        is_core = np.cumsum(copies[self._rows], axis=1) > min_samples
-        core = is_core.argmax(axis=1)
-        self.core_distances = self._distances[np.arange(len(points)), core]
-        # hdbscan reads the last distance as the core distance, and assumes that all neighbours are within it.
-        self._distances[:, -1] = self.core_distances
-        beyond = np.arange(self.count) > core[:, None]
-        self._rows[beyond] = np.nonzero(beyond)[0]
-
-    def query(self, _points: Any, k: int, **_: bool) -> tuple[Float64, Indices]:
-        """Return distances and rows [U,k] of the nearest points, each point itself included."""
-        return self._distances[:, :k], self._rows[:, :k]
+    owners = np.repeat(np.arange(len(points)), copies)
+    every = points[owners]
+    core_distances = cKDTree(every).query(points, k=[min_samples + 1])[0][:, 0]
+    search = HDBSCAN(
+        min_samples=min_samples,
+        algorithm="boruvka_kdtree",
+        approx_min_span_tree=False,
+        gen_min_span_tree=True,
+        core_dist_n_jobs=1,
+    )
+    edges = search.fit(every).minimum_spanning_tree_.to_numpy()
+    edges = edges[np.argsort(edges[:, 2], kind="stable")]
+    ends = np.sort(owners[edges[:, :2].astype(np.intp)], axis=1)
+    _, shortest = np.unique(ends, axis=0, return_index=True)  # copies of a point may be linked by way of other points
+    shortest = shortest[ends[shortest, 0] < ends[shortest, 1]]
+    graph = coo_array((edges[shortest, 2], tuple(ends[shortest].T)), shape=(len(points), len(points)))
+    tree = minimum_spanning_tree(graph).tocoo()
+    return np.column_stack([tree.row, tree.col]).astype(np.intp), tree.data, core_distances
 
 
 def read_tree(path: Path) -> Tree:
