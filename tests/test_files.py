@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 import struct
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
 from gspure.files import file_digest
 from gspure.model import read_model
-from gspure.provenance import write_provenance
+from gspure.provenance import bind_rows, require_rows_of, write_provenance
 
 NUMBERS = {"x": (np.float64, (None,))}
 
@@ -135,6 +136,28 @@ def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(
     write_provenance(tmp_path, "render", inputs={"cameras": file}, settings={})
     record = json.loads((tmp_path / "provenance.json").read_text())
     assert record["inputs"]["cameras"]["sha256"] == content_digest != file_digest(file)
+
+
+@pytest.mark.parametrize("name", ["weights.npy", "clusters.npz", "by_provenance.npy"])
+def test_an_array_of_rows_is_refused_for_another_model_wherever_it_is_copied(tmp_path, name, capsys):
+    model, array, copy = tmp_path / "model.ply", tmp_path / name, tmp_path / "copies" / name
+    model.write_bytes(b"rows 1 2")
+    (np.save if array.suffix == ".npy" else np.savez)(array, np.arange(2))
+    copy.parent.mkdir()
+    shutil.copy(array, copy)
+    require_rows_of(model, copy)
+    assert "does not tell its model" in capsys.readouterr().err
+    if name == "by_provenance.npy":
+        write_provenance(copy.parent, "purify", inputs={"model": model}, settings={})
+    else:
+        bind_rows(model, array)
+        shutil.copy(array, copy)
+    assert np.load(copy) is not None
+    require_rows_of(model, copy)
+    assert not capsys.readouterr().err
+    model.write_bytes(b"rows 2 1")
+    with pytest.raises(InputError, match="another model"):
+        require_rows_of(model, copy)
 
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included

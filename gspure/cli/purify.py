@@ -35,11 +35,12 @@ from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
 from gspure.metrics import comparison
 from gspure.metrics.comparison import ViewMetrics
-from gspure.model import Gaussians
+from gspure.model import Gaussians, model_file
 from gspure.model.inria import PURIFIED
 from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
+from gspure.provenance import bind_rows
 from gspure.public_model import PublicModel
 from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
 from gspure.text import decimal
@@ -121,6 +122,7 @@ def run(args: Arguments) -> None:
         options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
+            bind_rows(model_file(args.model), folder / f"{name}.npy")
         metrics = _compare(folder, models, test, device)
         diagnosis = _diagnosis(purification, suspects, metrics)
         if public.rows_are_gaussians:
