@@ -73,19 +73,19 @@ def require_rows_of(model: Path, array: Path) -> None:
 
     As many rows may be other ones: editors and trainers change their order.
     """
-    path, measured = "", _bound_to(array)
+    measured = _bound_to(array)
     file = array.parent / PROVENANCE
     record = read_json(file) if file.is_file() and not measured else {}
     match record:
-        case {"command": str(command), "inputs": {"model": {"path": str(named), "sha256": str(sha256)}}}:
+        case {"command": str(command), "inputs": {"model": {"sha256": str(sha256)}}}:
             if command in _MEASURING or array.name in record.get("outputs", []):
-                path, measured = f"{named}, ", sha256
+                measured = sha256
     if not measured:
         warn(f"{array}: does not tell its model: its rows must be in the order of {model}")
     elif model.is_file() and measured != digest_as_read(model):
         expected = f"an array of the rows of {model}"
         hint = "rows may be in another order: measure this model, as by `gspure purify`"
-        raise InputError(array, "model", expected=expected, found=f"one of {path}another model", hint=hint)
+        raise InputError(array, "model", expected=expected, found="one of another model", hint=hint)
 
 
 def _bound_to(array: Path) -> str:

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 import struct
 import subprocess
@@ -18,7 +19,11 @@ from gspure import files
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
 from gspure.files import file_digest
+from gspure.images import read_image
+from gspure.metrics.comparison import ViewMetrics, read_metrics
+from gspure.metrics.csv_tables import header
 from gspure.model import read_model
+from gspure.model.gaussians import CORE
 from gspure.provenance import bind_rows, require_rows_of, write_provenance
 
 NUMBERS = {"x": (np.float64, (None,))}
@@ -136,6 +141,44 @@ def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(
     write_provenance(tmp_path, "render", inputs={"cameras": file}, settings={})
     record = json.loads((tmp_path / "provenance.json").read_text())
     assert record["inputs"]["cameras"]["sha256"] == content_digest != file_digest(file)
+
+
+TABLE = "ply\nformat ascii 1.0\nelement vertex 1\n" + "".join(f"property float {name}\n" for name in CORE)
+TABLE += "end_header\n"
+BROKEN = {  # what a file holds, and the end of its refusal
+    "cut.json": ('[{"id": 0, ', "file: expected JSON, found a syntax error in line 1, column 12"),
+    "empty.json": ("", "found an empty file"),
+    "deep.json": ("[" * 100_000, "found lists in lists, too deep"),
+    "text.npy": ("text", "found an end too early"),
+    "other.npy": ("some text, no array", "found another kind of file, or a part"),
+    "header.npy": ("\x93NUMPY\x01\x00\x02\x00{}", "found a damaged header"),
+    "text.npz": ("some text", "found another kind of file, or a part"),
+    "empty.npz": ("", "found an empty file"),
+    "word.ply": (
+        f"{TABLE}1 2 none {'1 ' * 8}\n",
+        "found 'none' in place of a number at row 0, column 3",
+    ),
+    "wide.ply": (f"{TABLE}{'1 ' * 12}\n", "found 12 values in place of 11 at row 1"),
+    "word.csv": (f"{','.join(header(ViewMetrics))}\nscene,a,truth,x,1,1\n", "row 1: expected a row of ViewMetrics, "),
+    "text.png": ("text", "found another kind of file, or a part"),
+}
+READERS = {
+    "json": files.read_json,
+    "npy": lambda file: load_array(file, dtype=np.float64, shape=(None,)),
+    "npz": lambda file: load_arrays(file, NUMBERS, "numbers"),
+    "ply": read_model,
+    "csv": read_metrics,
+    "png": read_image,
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_described_in_our_own_words(tmp_path, name):
+    content, found = BROKEN[name]
+    (tmp_path / name).write_text(content, encoding="latin-1")
+    with pytest.raises(InputError, match=re.escape(found)) as refusal:
+        READERS[name.rpartition(".")[2]](tmp_path / name)
+    assert "could not convert" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("name", ["weights.npy", "clusters.npz", "by_provenance.npy"])

@@ -74,8 +74,7 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
         choice, doubt = _by_witnesses(cloud, witnesses, worlds)
     else:
         choice = _by_views(cloud, cameras, worlds, by_nerfstudio=by_nerfstudio)
-        is_unsure = not choice and (by_nerfstudio or len(worlds) > 1)
-        doubt = "nothing shows that they fit" if is_unsure else ""
+        doubt = "nothing shows that they fit" if not choice and (by_nerfstudio or len(worlds) > 1) else ""
     if doubt:
         is_missing = by_nerfstudio and len(worlds) == 1
         hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if is_missing else ""

@@ -102,33 +102,28 @@ class AttackOptions:
 def run(args: Arguments) -> None:
     """Write the attacked model and, on request, removed rows and transform; refuse folders that others write."""
     wanted = options.typed(args, AttackOptions)
-    files = filter(None, (wanted.out, wanted.removed, wanted.transform))
-    folders = {file.parent.resolve(): file.parent for file in files}
-    with ExitStack() as stack:
-        for folder in folders.values():
-            stack.enter_context(alone_in(folder))
-        _write(args, wanted)
-
-
-def _write(args: Arguments, wanted: AttackOptions) -> None:
-    """Attack the model, and write what the arguments name."""
     require_writable(wanted.out)
     spec = _spec(wanted)
     model = model_file(wanted.model)
-    public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
-    for file in spec.measured.values():
-        require_rows_of(model, file)
-    attack_result = attacked(public, spec, _context(wanted, spec))
-    if attack_result.match and wanted.damage is not None:
-        _mention(attack_result, attack_result.match, wanted.damage)
-    attack_result.public.write(wanted.out)
-    if wanted.removed:
-        save_array(wanted.removed, attack_result.attacked.prune_mask)
-        bind_rows(model, wanted.removed)
-    if wanted.transform:
-        save_array(wanted.transform, attack_result.transform)
-    options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
-    print(attack_result.sentence)
+    files = (wanted.out, wanted.removed, wanted.transform)
+    folders = {file.parent.resolve(): file.parent for file in files if file}
+    with ExitStack() as stack:
+        for folder in folders.values():
+            stack.enter_context(alone_in(folder))
+        public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
+        for file in spec.measured.values():
+            require_rows_of(model, file)
+        attack_result = attacked(public, spec, _context(wanted, spec))
+        if attack_result.match and wanted.damage is not None:
+            _mention(attack_result, attack_result.match, wanted.damage)
+        attack_result.public.write(wanted.out)
+        if wanted.removed:
+            save_array(wanted.removed, attack_result.attacked.prune_mask)
+            bind_rows(model, wanted.removed)
+        if wanted.transform:
+            save_array(wanted.transform, attack_result.transform)
+        options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
+        print(attack_result.sentence)
 
 
 def _spec(wanted: AttackOptions) -> AttackSpec:

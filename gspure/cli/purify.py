@@ -62,6 +62,7 @@ files in DIR:
   provenance.json    command, settings and inputs
 """
 
+_SHOWN = 2  # warnings on the console
 _VISIBLE = 30.0  # dB against renders before pruning; views below it visibly lack detail; ours
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
@@ -240,11 +241,11 @@ def _lost_detail(metrics: Sequence[ViewMetrics]) -> list[str]:
 
 
 def _warn(sentences: Sequence[str], out: Path) -> None:
-    """Print the first warning, and the number of the others."""
-    for sentence in sentences[:1]:
+    """Print the first warnings, and the number of the others."""
+    for sentence in sentences[:_SHOWN]:
         warn(sentence)
-    if len(sentences) > 1:
-        warn(f"{len(sentences) - 1} more in {out / 'diagnosis.json'}")
+    if len(sentences) > _SHOWN:
+        warn(f"{len(sentences) - _SHOWN} more in {out / 'diagnosis.json'}")
 
 
 def _draw(
