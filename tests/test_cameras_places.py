@@ -69,19 +69,15 @@ def test_masks_are_not_taken_for_photographs(project):
     assert {view.image for view in read_cameras(project)} == {None}
 
 
-@pytest.mark.parametrize("place", ["masks", "mask", "sparse/masks", "mask_path"])
+@pytest.mark.parametrize("place", ["masks", "sparse/mask", "mask_path"])
 def test_masks_that_nothing_uses_are_named(project, place, capsys):
-    views = read_cameras(project)
-    assert not capsys.readouterr().err
     if place == "mask_path":
         shutil.rmtree(project / "sparse")
-        frames = [{"file_path": f"images/{view.name}.png", place: "masks/a.png"} for view in views]
-        poses = ({"transform_matrix": np.linalg.inv(view.viewmat).tolist()} for view in views)
-        frames = [frame | pose for frame, pose in zip(frames, poses, strict=True)]
+        frames = [{"file_path": "images/a.png", place: "masks/a.png", "transform_matrix": np.eye(4).tolist()}]
         write_json(project / "transforms.json", {"w": 32, "h": 24, "fl_x": 30.0, "frames": frames})
     else:
         (project / place).mkdir()
-    assert len(read_cameras(project)) == len(views)
+    read_cameras(project)
     assert capsys.readouterr().err.count("masked pixels count in training and metrics") == 1
 
 

@@ -57,14 +57,6 @@ def test_bad_rows_are_counted_and_named():
     assert np.isfinite(summary.quantiles["x"]).all()
 
 
-def test_needles_are_named(tmp_path, capsys):
-    table = blobs(20).table
-    table["scale_1"][7] = table["scale_0"][7] + np.log(20_000)
-    write_model(tmp_path / "m.ply", Gaussians(table))
-    assert main(["info", str(tmp_path / "m.ply")]) == 0
-    assert "times the second longest: row 7" in capsys.readouterr().out
-
-
 def test_text_from_the_files_cannot_control_the_terminal(tmp_path, capsys):
     write_model(tmp_path / "point_cloud" / "iteration_1" / "point_cloud.ply", blobs(3).with_comment("\x1b[2J"))
     (tmp_path / "cfg_args").write_text(r"Namespace(a='\x1b[31m\n\u202e')")
