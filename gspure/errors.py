@@ -1,6 +1,8 @@
 """The exception type for bad input: which file, which field, what was expected, what was found."""
 
+import json
 import os
+import re
 import struct
 import warnings
 import zlib
@@ -11,6 +13,31 @@ from pathlib import Path
 from typing import Final
 
 _LONGEST: Final = 500  # characters of each part of a message other than the path; ours
+
+# Words in place of Python's, by the type of an exception:
+_KINDS: Final = (
+    (UnicodeDecodeError, "no UTF-8 text"),
+    (RecursionError, "lists in lists, too deep"),
+    (zlib.error, "damaged data"),
+    ((AttributeError, IndexError, TypeError, struct.error), "another structure"),
+)
+_NUMBER: Final = r"could not convert string (?:to float: )?('.*?')(?: to \w+)?( at row \d+, column \d+)?"
+# The same, by the beginning of a message of json, numpy, zipfile or Pillow:
+_WORDS: Final = {
+    _NUMBER: r"\1 in place of a number\2",
+    r"invalid literal for int\(\) with base \d+: (.*)": r"\1 in place of a whole number",
+    r"the dtype passed requires (\d+) columns but (\d+) were found( at row \d+)": r"\2 values in place of \1\3",
+    r"zip\(\) argument \d is shorter|not enough values": "too few values",
+    r"zip\(\) argument \d is longer|too many values": "too many values",
+    r"Exceeds the limit \(\d+ digits\)": "a number of too many digits",
+    r"EOF: reading|mmap length is greater|unexpected end of data|Truncated File|image file is": "an end too early",
+    r"Array can't be memory-mapped|Object arrays cannot": "Python objects",
+    r"Header does not|Cannot parse header|\('EOF in multi": "a damaged header",
+    r"we only support format version": "another version of the format",
+    r"the magic string|This file contains pickled|File is not a zip|cannot identify": "another kind of file, or a part",
+    r"No data left in file": "an empty file",
+    r"Bad CRC-32|Bad magic number": "damaged data",
+}
 
 
 class InputError(ValueError):
@@ -80,13 +107,11 @@ def _reason(error: Exception) -> str:
             return reason
         case KeyError():
             return f"no entry {error}"
-        case UnicodeDecodeError():
-            return "no UTF-8 text"
-        case zlib.error():
-            return "damaged data"
-        case AttributeError() | IndexError() | TypeError() | struct.error():
-            return "another structure"
-    return str(error)
+        case json.JSONDecodeError():
+            return f"a syntax error in line {error.lineno}, column {error.colno}" if error.doc else "an empty file"
+    text = next((words for kinds, words in _KINDS if isinstance(error, kinds)), str(error))
+    matches = ((re.match(pattern, text), words) for pattern, words in _WORDS.items())
+    return next((match.expand(words) for match, words in matches if match), text)
 
 
 @contextmanager

@@ -1,14 +1,19 @@
 """The provenance of a folder of results: the command that wrote it, with its inputs and settings."""
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
+from zipfile import ZipFile
 
-from gspure.errors import InputError
+from gspure.errors import InputError, reading
 from gspure.files import digest_as_read, read_json, write_json
+from gspure.progress import warn
 
 PROVENANCE: Final = "provenance.json"
 
+_BOUND: Final = b"\nrows of SHA-256 "
+_DIGITS: Final = 64
 _MEASURING: Final = {"purify", "decision", "evaluate"}  # commands that fill a folder with arrays of their model's rows
 
 
@@ -49,22 +54,45 @@ def _input_record(path: Path) -> dict[str, str]:
     return record
 
 
+def bind_rows(model: Path, *arrays: Path) -> None:
+    """Append the digest of a model's file to files with arrays of its rows, .npy or .npz: copies of them keep it."""
+    if not model.is_file():  # chunks
+        return
+    line = _BOUND + digest_as_read(model).encode()
+    for file in arrays:
+        if file.suffix == ".npz":
+            with ZipFile(file, "a") as archive:
+                archive.comment = line
+        else:
+            with file.open("ab") as stream:
+                stream.write(line)
+
+
 def require_rows_of(model: Path, array: Path) -> None:
-    """Refuse an array of rows that was measured on another model, by the provenance beside it, if there is one.
+    """Refuse an array of rows that was measured on another model; warn of one that does not tell its model.
 
     As many rows may be other ones: editors and trainers change their order.
     """
+    measured = _bound_to(array)
     file = array.parent / PROVENANCE
-    record = read_json(file) if file.is_file() else {}
+    record = read_json(file) if file.is_file() and not measured else {}
     match record:
-        case {"command": str(command), "inputs": {"model": {"path": str(path), "sha256": str(measured)}}}:
-            is_of_rows = command in _MEASURING or array.name in record.get("outputs", [])
-        case _:
-            return
-    if is_of_rows and measured != digest_as_read(model):
+        case {"command": str(command), "inputs": {"model": {"sha256": str(sha256)}}}:
+            if command in _MEASURING or array.name in record.get("outputs", []):
+                measured = sha256
+    if not measured:
+        warn(f"{array}: does not tell its model: its rows must be in the order of {model}")
+    elif model.is_file() and measured != digest_as_read(model):
         expected = f"an array of the rows of {model}"
         hint = "rows may be in another order: measure this model, as by `gspure purify`"
-        raise InputError(array, "model", expected=expected, found=f"one of {path}, another model", hint=hint)
+        raise InputError(array, "model", expected=expected, found="one of another model", hint=hint)
+
+
+def _bound_to(array: Path) -> str:
+    """Return the digest that `bind_rows` appended to a file; empty without one."""
+    with reading(array, "an array of rows"), array.open("rb") as stream:
+        stream.seek(-min(array.stat().st_size, len(_BOUND) + _DIGITS), os.SEEK_END)
+        return stream.read().partition(_BOUND)[2].decode("ascii", "replace")
 
 
 def run_of(path: Path) -> str:

@@ -17,7 +17,7 @@ from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
 from gspure.workflow.decisions import decision_folders
 from gspure.workflow.planning import VANILLA, plan_of
-from gspure.workflow.sources import code_digest, files_digest
+from gspure.workflow.sources import code_digest, files_digest, note_inputs, write_inputs
 
 
 def refuse(reason):
@@ -40,6 +40,7 @@ try:
 except InputError as error:
     refuse(error)
 
+note_inputs(PLAN.users_files)  # what changes later would mix results of two contents: steps refuse it
 MODELS = [*PLAN.by_name]
 VARIANTS = [job.variant for job in PLAN.models[0].variants]
 WATERMARKED = "|".join(PLAN.schemes) or "none"
@@ -74,6 +75,7 @@ def start():
     """Write down configuration and plan, for the report, and refuse to start without the packages that jobs need."""
     write_json(Path("results") / CONFIGURATION, codec.plain(CONFIG))
     write_text(Path("results") / PLAN_FILE, codec.text(PLAN))  # keeps the order of mappings
+    write_inputs()
     try:
         for name in PLAN.schemes:
             require_packages(find_scheme(name).packages, f"scheme {name}")

@@ -8,6 +8,7 @@ import pytest
 from gspure.cameras import read_cameras, write_cameras
 from gspure.cameras.reading import default_cameras
 from gspure.errors import InputError
+from gspure.files import write_json
 from gspure.training.dataset import read_dataset
 from gspure.workflow.inputs import camera_files
 from tests.training_cases import colmap_project, ring
@@ -66,6 +67,18 @@ def test_absolute_names_from_another_machine_are_found(project):
 def test_masks_are_not_taken_for_photographs(project):
     moved(project, ["images masks"])
     assert {view.image for view in read_cameras(project)} == {None}
+
+
+@pytest.mark.parametrize("place", ["masks", "sparse/mask", "mask_path"])
+def test_masks_that_nothing_uses_are_named(project, place, capsys):
+    if place == "mask_path":
+        shutil.rmtree(project / "sparse")
+        frames = [{"file_path": "images/a.png", place: "masks/a.png", "transform_matrix": np.eye(4).tolist()}]
+        write_json(project / "transforms.json", {"w": 32, "h": 24, "fl_x": 30.0, "frames": frames})
+    else:
+        (project / place).mkdir()
+    read_cameras(project)
+    assert capsys.readouterr().err.count("masked pixels count in training and metrics") == 1
 
 
 def test_several_captures_are_named(project):

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gspure.cameras import orbit_cameras, read_cameras, write_cameras
+from gspure.cameras.camera import rigid
 from gspure.cameras.fitting import Cloud
 from gspure.cameras.normalizations import normalizations
 from gspure.cameras.worlds import in_world_of, mention_unseen, shifted
@@ -93,6 +94,17 @@ def test_a_model_of_nerfstudio_without_its_normalization_is_named(tmp_path, caps
     assert "dataparser_transforms.json, put beside it, would move them" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("scale", [0.1, 0.27, 1.7, 4.0])
+def test_a_normalization_that_happens_to_lie_beside_a_capture_moves_nothing(tmp_path, scale, capsys):
+    write_model(tmp_path / "model.ply", MODEL)
+    write_json(tmp_path / "transforms.json", transforms(ring(4)))
+    write_json(tmp_path / "dataparser_transforms.json", {"transform": np.eye(4)[:3].tolist(), "scale": scale})
+    views = read_cameras(tmp_path)
+    fitted = in_world_of(tmp_path / "model.ply", views, tmp_path)
+    assert all(np.array_equal(camera.viewmat, view.viewmat) for camera, view in zip(fitted, views, strict=True))
+    assert capsys.readouterr().err.count("nothing shows that they fit") == 1
+
+
 @pytest.fixture(scope="module")
 def photographed():
     """A model of 300 small Gaussians of all colours, views of it, and its renders in them."""
@@ -103,10 +115,11 @@ def photographed():
     return model, views, [Renderer(model).image(view) for view in views]
 
 
-WORLDS = ["", "nerfstudio", "of a COLMAP", "by cameras", "unknown", "another scene"]
+WORLDS = ["", "nerfstudio", "of a COLMAP", "by cameras", "unknown", "turned", "another scene"]
+KINDS = [*product(WORLDS, ["points", "photographs"]), ("3 of 4", "points"), ("", "points and other photographs")]
 
 
-@pytest.mark.parametrize(("world", "evidence"), [*product(WORLDS, ["points", "photographs"]), ("3 of 4", "points")])
+@pytest.mark.parametrize(("world", "evidence"), KINDS)
 def test_a_known_world_is_recognized_and_another_is_named(photographed, tmp_path, capsys, evidence, world):
     model, views, images = photographed
     points = model.means.astype(float)
@@ -114,17 +127,21 @@ def test_a_known_world_is_recognized_and_another_is_named(photographed, tmp_path
     similarity = next((transform for name, transform in known if world and world in name), np.eye(4))
     if world == "unknown":
         similarity = SIMILARITY
+    if world == "turned":
+        similarity = rigid(Rotation.from_rotvec([0.0, 0.06, 0.12]).as_matrix(), np.zeros(3))
     if world == "another scene":
         model = gaussians(means=np.random.default_rng(2).normal(size=(300, 3)) * 0.3, scales=0.04, opacities=0.9)
-    capture = colmap_project(tmp_path / "capture", views, points if evidence == "points" else points[:3], images)
+    if "other" in evidence:
+        images = images[::-1]
+    capture = colmap_project(tmp_path / "capture", views, points if "points" in evidence else points[:3], images)
     if evidence == "points":
         shutil.rmtree(capture / "images")
     write_model(tmp_path / "model.ply", moved_by(similarity, model))
     write_json(tmp_path / "dataparser_transforms.json", {"transform": np.eye(4)[:3].tolist(), "scale": 3.0})
     fitted = in_world_of(tmp_path / "model.ply", read_cameras(capture), capture)
     lines = capsys.readouterr().err
-    fits = world not in ("unknown", "another scene")
-    assert ("are these its cameras, in its world?" in lines) == (not fits)
+    fits = world not in ("unknown", "turned", "another scene")
+    assert ("are these its cameras, in its world?" in lines) == (not fits or "other" in evidence)
     assert ("views moved to the world of" in lines) == (fits and world != "")
     expected = [view.moved(similarity) for view in views] if fits else views
     for camera, view in zip(fitted, expected, strict=True):

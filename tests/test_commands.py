@@ -9,7 +9,7 @@ import pytest
 
 from gspure.cameras import read_cameras, split
 from gspure.cli import main
-from gspure.files import file_digest, read_json
+from gspure.files import alone_in, file_digest, read_json
 from gspure.images import read_image, write_image
 from gspure.metrics.comparison import read_metrics
 from gspure.metrics.legibility import READABLE
@@ -118,6 +118,9 @@ def test_attack_writes_the_mask_of_removed_rows_and_its_settings(folder, capsys)
     np.testing.assert_array_equal(np.load("removed.npy"), np.arange(30) < 15)
     assert read_model("out.ply").table.tobytes() == blobs(30).table[15:].tobytes()
     assert read_json(Path("provenance.json"))["settings"]["set"] == {"fraction": 0.5}
+    with alone_in(Path.cwd()):
+        assert gspure(words.format(0.5)) == 2
+    assert "expected no other run here" in capsys.readouterr().err
 
 
 def test_attack_searches_for_a_damage_against_photographs_only(folder, capsys):

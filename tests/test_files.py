@@ -2,6 +2,8 @@
 
 import io
 import json
+import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -17,8 +19,11 @@ from gspure import files
 from gspure.arrays import load_array, load_arrays, save_array, save_arrays
 from gspure.errors import InputError
 from gspure.files import file_digest
+from gspure.metrics.comparison import ViewMetrics, read_metrics
+from gspure.metrics.csv_tables import header
 from gspure.model import read_model
-from gspure.provenance import write_provenance
+from gspure.model.gaussians import CORE
+from gspure.provenance import bind_rows, require_rows_of, write_provenance
 
 NUMBERS = {"x": (np.float64, (None,))}
 
@@ -135,6 +140,46 @@ def test_provenance_names_the_content_that_was_read_even_if_another_replaces_it(
     write_provenance(tmp_path, "render", inputs={"cameras": file}, settings={})
     record = json.loads((tmp_path / "provenance.json").read_text())
     assert record["inputs"]["cameras"]["sha256"] == content_digest != file_digest(file)
+
+
+PLY = "ply\nformat ascii 1.0\nelement vertex 1\n" + "".join(f"property float {name}\n" for name in CORE)
+READERS = {"json": files.read_json, "ply": read_model, "csv": read_metrics}
+READERS["npy"] = lambda file: load_array(file, dtype=np.float64, shape=(None,))
+BROKEN = {  # what a file holds, and what a refusal says of it
+    "cut.json": ('[{"id": 0, ', "file: expected JSON, found a syntax error in line 1, column 12"),
+    "deep.json": ("[" * 100_000, "found lists in lists, too deep"),
+    "other.npy": ("some text, no array", "found another kind of file, or a part"),
+    "word.ply": (f"{PLY}end_header\n1 2 none {'1 ' * 8}\n", "found 'none' in place of a number at row 0, column 3"),
+    "word.csv": (f"{','.join(header(ViewMetrics))}\nscene,a,truth,x,1,1\n", "row 1: expected a row of ViewMetrics, "),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_file_is_described_in_our_own_words(tmp_path, name):
+    content, found = BROKEN[name]
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=re.escape(found)):
+        READERS[name.rpartition(".")[2]](tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["weights.npy", "clusters.npz", "by_provenance.npy"])
+def test_an_array_of_rows_is_refused_for_another_model_wherever_it_is_copied(tmp_path, name, capsys):
+    model, array = tmp_path / "model.ply", tmp_path / name
+    model.write_bytes(b"rows 1 2")
+    (np.save if array.suffix == ".npy" else np.savez)(array, np.arange(2))
+    require_rows_of(model, array)
+    assert "does not tell its model" in capsys.readouterr().err
+    if name == "by_provenance.npy":
+        write_provenance(tmp_path, "purify", inputs={"model": model}, settings={})
+    else:
+        bind_rows(model, array)
+        array = shutil.move(array, tmp_path / f"renamed{array.suffix}")
+    assert np.load(array) is not None
+    require_rows_of(model, array)
+    assert not capsys.readouterr().err
+    model.write_bytes(b"rows 2 1")
+    with pytest.raises(InputError, match="another model"):
+        require_rows_of(model, array)
 
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()))  # control characters and lone surrogates included

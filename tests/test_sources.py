@@ -4,8 +4,9 @@ import os
 
 import pytest
 
+from gspure.errors import InputError
 from gspure.workflow import sources
-from gspure.workflow.sources import code_digest, files_digest
+from gspure.workflow.sources import code_digest, files_digest, note_inputs, require_inputs, write_inputs
 
 MODULES = {
     "__init__": "from gspure.unrelated import number\n",
@@ -118,3 +119,19 @@ def test_a_file_is_read_once_unless_it_changed_just_now(tmp_path, monkeypatch):
             sources._known_digests.cache_clear()
             files_digest([file])
     assert len(reads) == 3
+
+
+def test_steps_refuse_a_file_that_changed_after_the_run_noted_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sources, "_noted", {})
+    file = tmp_path / "a.ply"
+    file.write_text("one")
+    note_inputs([file])
+    write_inputs()
+    noted = files_digest([file])
+    file.write_text("one")
+    require_inputs()
+    file.write_text("two")
+    assert files_digest([file]) == noted
+    with pytest.raises(InputError, match=r"a\.ply"):
+        require_inputs()

@@ -1,13 +1,14 @@
 """Whether views and a model share a world: tests with a capture's points, with its photographs, and with the views.
 
-A test scores similarities from the world of the views to that of the model. One fits if its score is higher than those
-of the model turned or scaled a little, so that no test needs a limit of its own for what is similar enough. To be fast,
-random points stand for the model's Gaussians, and images are thumbnails. All limits are ours, from models of five
-captures in correct and wrong worlds.
+A test scores similarities from the world of the views to that of the model. It supports one whose score is higher than
+those of the model turned or scaled a lot, and contradicts one whose score rises when the model is turned, scaled or
+shifted a little: so no test needs a limit of its own for what is similar enough. To be fast, random points stand for
+the model's Gaussians, and images are thumbnails. All limits are ours, from models of five captures in correct and wrong
+worlds.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
@@ -26,34 +27,53 @@ _POINTS: Final = 20_000  # number of random points of a model
 _VISIBLE: Final = 1 / 255  # opacity of a row that is seen
 _VIEWS: Final = 8  # largest number of views that are drawn, and
 _VIEWS_SEEN: Final = 64  # of those that may see a point
-_SIDE: Final = 32  # side of a thumbnail, in pixels
+_SIDE: Final = 48  # side of a thumbnail, in pixels
 
 _FEWEST_POINTS: Final = 30  # for a test
 _MOST_POINTS: Final = 1000
 _PRESENT: Final = 0.25  # share of the capture's points that a model must have: users cut objects out
+WHOLE: Final = 20  # least score of points that the model has not lost
 _FARTHEST: Final = 0.2  # larger distances, relative to the extent of the points, count as this
 _FEWEST_PHOTOGRAPHS: Final = 3  # for a test
 _RECOGNIZED: Final = 0.75  # least share of thumbnails that are most like their own photograph
 _EXACT: Final = 1e-6  # smaller distances count as this
-_GAIN: Final = 1.5  # the least ratio of scores for which views are moved
-_DISTINCT: Final = 1.2  # the least ratio of the score of a fit and of a changed model
-_TURN: Final = math.radians(20)  # of a changed model
+_GAIN: Final = 2.0  # the least ratio of scores for which views are moved
+_DISTINCT: Final = 1.2  # the least ratio of the score of a fit and of a model that is changed a lot
+_BETTER: Final = 1.1  # the least ratio of the score of a model that is changed a little and of no fit
+_LARGE: Final = ((20.0, 1.25, 0.1),)  # changes: degrees, factor, and share of the extent
+_SMALL: Final = ((10.0, 1.1, 0.05), (4.0, 1.04, 0.02))
 
 Score = Callable[[Float64], float]
 """From a similarity [4,4] to how well the model fits the capture moved by it, above 0."""
 
 
-def best_world(score: Score, worlds: Mapping[str, Float64], changes: Iterable[Float64] = ()) -> str | None:
-    """Return the name of the similarity that fits best, "" for the identity.
-
-    Return None if one of the `changes` [4,4] in the world of the model does not lower its score.
-    """
+def best_world(score: Score, worlds: Mapping[str, Float64]) -> str:
+    """Return the name of the similarity that fits best, "" for the identity unless another fits clearly better."""
     scores = {name: score(world) for name, world in worlds.items()}
     best = max(scores, key=lambda name: scores[name])
-    if scores[best] < _GAIN * scores[""]:
-        best = ""
-    highest = max((score(change @ worlds[best]) for change in changes), default=0.0)
-    return best if scores[best] > _DISTINCT * highest else None
+    return best if scores[best] > _GAIN * scores[""] else ""
+
+
+def supports(score: Score, world: Float64, cloud: "Cloud") -> bool:
+    """Return whether all large changes of the model lower the score of a similarity [4,4]."""
+    highest = max(score(change @ world) for change in cloud.changes(_LARGE))
+    return score(world) > _DISTINCT * highest
+
+
+def contradicts(score: Score, world: Float64, cloud: "Cloud") -> bool:
+    """Return whether a similarity [4,4] has no score, or small changes of the model, one after another, raise it."""
+    first = highest = score(world)
+    for change in cloud.changes(_SMALL):
+        changed = score(change @ world)
+        if changed > highest:
+            highest = changed
+            world = change @ world
+    return first == 0 or highest > _BETTER * first
+
+
+def fits(score: Score, world: Float64, cloud: "Cloud") -> bool:
+    """Return whether a similarity [4,4] is supported and not contradicted."""
+    return supports(score, world, cloud) and not contradicts(score, world, cloud)
 
 
 class Cloud:
@@ -74,11 +94,17 @@ class Cloud:
         self.colours = 0.5 + SH_DC * sample.sh_coeffs_of(0)[is_finite, 0] if has_colours else None
         self.background = model.background
 
-    def changes(self) -> list[Float64]:
-        """Return similarities [4,4] that turn or scale the model a little about its middle."""
+    def changes(self, sizes: Iterable[tuple[float, float, float]]) -> Iterator[Float64]:
+        """Yield similarities [4,4] that turn, scale or shift the model about its middle, of each size in turn."""
         middle = np.median(self.points, axis=0)
-        turns = [rotation(sense * _TURN * axis) for axis in np.eye(3) for sense in (1, -1)]
-        return [rigid(change, middle - change @ middle) for change in (*turns, 1.25 * np.eye(3), 0.8 * np.eye(3))]
+        low, high = np.quantile(self.points, (0.1, 0.9), axis=0)
+        for degrees, factor, share in sizes:
+            for axis in (*np.eye(3), *-np.eye(3)):
+                turn = rotation(math.radians(degrees) * axis)
+                yield rigid(turn, middle - turn @ middle)
+                yield rigid(np.eye(3), share * np.linalg.norm(high - low) * axis)
+            for scale in (factor, 1 / factor):
+                yield rigid(scale * np.eye(3), (1 - scale) * middle)
 
     def nearest(self, camera: Camera) -> Indices:
         """Return the row of the nearest point in each pixel of a thumbnail [H,W]; -1 where there is none."""
@@ -153,7 +179,8 @@ def score_by_points(cloud: Cloud, xyz: Float64) -> Score | None:
 def score_by_photographs(cloud: Cloud, cameras: Sequence[Camera]) -> Score | None:
     """Return a test: are thumbnails like the photographs of their views? None if there are few, or no colours.
 
-    The score is the mean correlation; 0 unless most thumbnails are more like their own photograph than like any other.
+    The score is the square of the mean correlation; 0 unless most thumbnails are more like their own photograph than
+    like any other.
     """
     colours = cloud.colours
     views = []
@@ -175,7 +202,8 @@ def score_by_photographs(cloud: Cloud, cameras: Sequence[Camera]) -> Score | Non
                 correlations[row] = [_correlation(drawn, image[is_shown]) for image in images]
         others = np.where(np.eye(len(views)), -np.inf, correlations).max(axis=1)
         is_recognized = np.diag(correlations) > others
-        return float(np.diag(correlations).mean()) if is_recognized.mean() >= _RECOGNIZED else 0.0
+        mean = max(float(np.diag(correlations).mean()), 0.0)
+        return mean**2 if is_recognized.mean() >= _RECOGNIZED else 0.0
 
     return score
 

@@ -12,7 +12,7 @@ Source: https://docs.nerf.studio/quickstart/data_conventions.html.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -22,13 +22,17 @@ from gspure.arrays import Float64
 from gspure.cameras.camera import Camera, rigid
 from gspure.cameras.entry import Entry
 from gspure.cameras.fitting import (
+    WHOLE,
     Cloud,
     Score,
     best_world,
+    contradicts,
+    fits,
     score_by_photographs,
     score_by_points,
     score_by_views,
     share_too_near,
+    supports,
 )
 from gspure.cameras.normalizations import normalizations
 from gspure.cameras.points import RANDOM_POINTS, points_place, stored_points
@@ -54,8 +58,8 @@ _MOST_NEAR: Final = 0.05  # largest share of a view's Gaussians before its near 
 def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Camera]:
     """Return the cameras of `source` in the world of `model`, a file or folder, with a message if they are moved.
 
-    Warn if the capture's points and photographs fit the model in no known world, if the views hardly show it, or if
-    much of it is before their near planes.
+    Warn if the capture's points or photographs do not fit the model there, if nothing tells whether a stored similarity
+    applies, if the views hardly show the model, or if much of it is before their near planes.
     """
     rows = read_model(model)
     cloud = Cloud(rows)
@@ -63,18 +67,18 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
     xyz = xyz - _offset(rows, cameras)
     cameras = around_offset(model, cameras, source)
     worlds = {"": np.eye(4), **_stored_worlds(model, source)}
-    tests = [*_tests(cloud, cameras, xyz, source)]
-    if tests:
-        worlds |= normalizations(cameras, xyz)
-        choices = (best_world(score, worlds, cloud.changes()) for score in tests)
-        choice = next((name for name in choices if name is not None), None)
-    else:
-        choice = best_world(score_by_views(cloud, cameras), worlds)
     by_nerfstudio = any(map(_NERFSTUDIO.search, rows.comments))
-    if choice is None or (by_nerfstudio and not choice and not tests):
-        hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if by_nerfstudio else ""
-        evidence = "nothing shows that they fit" if choice is not None else "its points or photographs do not fit"
-        warn(f"{source}: {evidence} {model}: are these its cameras, in its world?{hint}")
+    witnesses = _witnesses(cloud, cameras, xyz, source)
+    if witnesses:
+        worlds |= normalizations(cameras, xyz)
+        choice, doubt = _by_witnesses(cloud, witnesses, worlds)
+    else:
+        choice = _by_views(cloud, cameras, worlds, by_nerfstudio=by_nerfstudio)
+        doubt = "nothing shows that they fit" if not choice and (by_nerfstudio or len(worlds) > 1) else ""
+    if doubt:
+        is_missing = by_nerfstudio and len(worlds) == 1
+        hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if is_missing else ""
+        warn(f"{source}: {doubt} {model}: are these its cameras, in its world?{hint}")
     if choice:
         say(f"{source}: views moved to the world of {model} by {choice}")
         cameras = [camera.moved(worlds[choice]) for camera in cameras]
@@ -82,16 +86,37 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
     return [*cameras]
 
 
-def _tests(cloud: Cloud, cameras: Sequence[Camera], xyz: Float64, source: Path) -> Iterator[Score]:
-    """Yield the tests that a capture admits. Points that may be random count only if they fit."""
-    points = score_by_points(cloud, xyz)
+def _witnesses(cloud: Cloud, cameras: Sequence[Camera], xyz: Float64, source: Path) -> dict[str, Score]:
+    """Return the tests that a capture admits. Points that may be random count only if they fit."""
     place = points_place(source)
     may_be_random = place is not None and place.name in RANDOM_POINTS
-    if points and not (may_be_random and best_world(points, {"": np.eye(4)}, cloud.changes()) is None):
-        yield points
-    photographs = score_by_photographs(cloud, cameras)
-    if photographs:
-        yield photographs
+    points = score_by_points(cloud, xyz)
+    if points and may_be_random and not supports(points, np.eye(4), cloud):
+        points = None
+    tests = {"points": points, "photographs": score_by_photographs(cloud, cameras)}
+    return {name: test for name, test in tests.items() if test}
+
+
+def _by_witnesses(cloud: Cloud, witnesses: Mapping[str, Score], worlds: Mapping[str, Float64]) -> tuple[str, str]:
+    """Return the world on which the tests that support one agree, and a doubt that names the tests it does not fit."""
+    choices = {name: best_world(score, worlds) for name, score in witnesses.items()}
+    content = [name for name in witnesses if fits(witnesses[name], worlds[choices[name]], cloud)]
+    agreed = {choices[name] for name in content}
+    choice = agreed.pop() if len(agreed) == 1 else ""
+    others = [name for name in witnesses if name not in content or choices[name] != choice]
+    misfits = [name for name in others if not content or contradicts(witnesses[name], worlds[choice], cloud)]
+    if misfits == ["points"] and content and witnesses["points"](worlds[choice]) < WHOLE:
+        misfits = []  # users cut objects out
+    return choice, f"its {' and '.join(misfits)} do not fit" if misfits else ""
+
+
+def _by_views(cloud: Cloud, cameras: Sequence[Camera], worlds: Mapping[str, Float64], *, by_nerfstudio: bool) -> str:
+    """Return the world that the views alone suggest, if nerfstudio made the model or they hardly show it elsewhere."""
+    choice = best_world(score_by_views(cloud, cameras), worlds)
+    if by_nerfstudio or not choice:
+        return choice
+    moved = [camera.moved(worlds[choice]) for camera in cameras]
+    return choice if _unseen(cloud, cameras) and not _unseen(cloud, moved) else ""
 
 
 def _offset(model: Gaussians, cameras: Sequence[Camera]) -> Float64:
@@ -144,13 +169,19 @@ def _stored_worlds(model: Path, source: Path) -> dict[str, Float64]:
 
 def mention_unseen(cloud: Cloud, cameras: Sequence[Camera]) -> None:
     """Warn if the views hardly show the model, or if much of it is before their near planes."""
+    sentence = _unseen(cloud, cameras)
+    if sentence:
+        warn(f"{sentence}: are these its cameras?")
+    mention_near(cloud.points, cameras)
+
+
+def _unseen(cloud: Cloud, cameras: Sequence[Camera]) -> str:
+    """Return a sentence if the views hardly show the model, else nothing."""
     covered = cloud.share_covered(cameras)
     seen = cloud.share_seen(cameras)
     if covered < _LEAST_COVERED:
-        warn(f"about {percent(covered)} of the pixels show the model: are these its cameras?")
-    elif seen < _LEAST_SEEN:
-        warn(f"the views show about {percent(seen)} of the model: are these its cameras?")
-    mention_near(cloud.points, cameras)
+        return f"about {percent(covered)} of the pixels show the model"
+    return f"the views show about {percent(seen)} of the model" if seen < _LEAST_SEEN else ""
 
 
 def mention_near(points: Float64, cameras: Sequence[Camera]) -> None:

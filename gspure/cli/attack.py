@@ -1,6 +1,7 @@
 """``gspure attack``: one variant of a model."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,11 +18,12 @@ from gspure.cli.parser import Arguments, Parser
 from gspure.errors import InputError
 from gspure.evaluation.attacking import AttackResult, Context, attacked, learns
 from gspure.evaluation.plan import AttackSpec
+from gspure.files import alone_in
 from gspure.images import read_image
 from gspure.model import model_file, require_writable
 from gspure.opencl.device import Device
 from gspure.progress import warn
-from gspure.provenance import require_rows_of
+from gspure.provenance import bind_rows, require_rows_of
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import read_public_model
 from gspure.settings import DECIBELS, SEED, parsed_settings
@@ -98,23 +100,30 @@ class AttackOptions:
 
 
 def run(args: Arguments) -> None:
-    """Write the attacked model and, on request, removed rows and transform."""
+    """Write the attacked model and, on request, removed rows and transform; refuse folders that others write."""
     wanted = options.typed(args, AttackOptions)
     require_writable(wanted.out)
     spec = _spec(wanted)
-    public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
-    for file in spec.measured.values():
-        require_rows_of(model_file(wanted.model), file)
-    attack_result = attacked(public, spec, _context(wanted, spec))
-    if attack_result.match and wanted.damage is not None:
-        _mention(attack_result, attack_result.match, wanted.damage)
-    attack_result.public.write(wanted.out)
-    if wanted.removed:
-        save_array(wanted.removed, attack_result.attacked.prune_mask)
-    if wanted.transform:
-        save_array(wanted.transform, attack_result.transform)
-    options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
-    print(attack_result.sentence)
+    model = model_file(wanted.model)
+    files = (wanted.out, wanted.removed, wanted.transform)
+    folders = {file.parent.resolve(): file.parent for file in files if file}
+    with ExitStack() as stack:
+        for folder in folders.values():
+            stack.enter_context(alone_in(folder))
+        public = read_public_model(wanted.model, wanted.scheme).drawable(wanted.model)
+        for file in spec.measured.values():
+            require_rows_of(model, file)
+        attack_result = attacked(public, spec, _context(wanted, spec))
+        if attack_result.match and wanted.damage is not None:
+            _mention(attack_result, attack_result.match, wanted.damage)
+        attack_result.public.write(wanted.out)
+        if wanted.removed:
+            save_array(wanted.removed, attack_result.attacked.prune_mask)
+            bind_rows(model, wanted.removed)
+        if wanted.transform:
+            save_array(wanted.transform, attack_result.transform)
+        options.record_command(args, wanted.out.parent, resolved={"set": attack_result.settings})
+        print(attack_result.sentence)
 
 
 def _spec(wanted: AttackOptions) -> AttackSpec:

@@ -35,11 +35,12 @@ from gspure.method.subpixel import near_lines, subpixel_rows
 from gspure.method.weights import REDUCTIONS
 from gspure.metrics import comparison
 from gspure.metrics.comparison import ViewMetrics
-from gspure.model import Gaussians
+from gspure.model import Gaussians, model_file
 from gspure.model.inria import PURIFIED
 from gspure.model.summary import suspicious_lines, suspicious_rows
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import say, track, warn
+from gspure.provenance import bind_rows
 from gspure.public_model import PublicModel
 from gspure.settings import CLUSTER_SHARE, CLUSTER_SIZE, FACTOR, NEIGHBOURS, STEPS
 from gspure.text import decimal
@@ -61,6 +62,7 @@ files in DIR:
   provenance.json    command, settings and inputs
 """
 
+_SHOWN = 2  # warnings on the console
 _VISIBLE = 30.0  # dB against renders before pruning; views below it visibly lack detail; ours
 _SETTINGS = ("reduction", "min_samples", "min_cluster_size", "selection", "max_cluster_share", "tau_c", "tau_n")
 _RENDERS = {"unattacked": "", "pruned": "pruned", "purified": "scene"}
@@ -121,6 +123,7 @@ def run(args: Arguments) -> None:
         options.write_views(folder, cameras)
         for name in ("weights", "labels", "prune_mask"):
             save_array(folder / f"{name}.npy", getattr(purification, name))
+            bind_rows(model_file(args.model), folder / f"{name}.npy")
         metrics = _compare(folder, models, test, device)
         diagnosis = _diagnosis(purification, suspects, metrics)
         if public.rows_are_gaussians:
@@ -238,11 +241,11 @@ def _lost_detail(metrics: Sequence[ViewMetrics]) -> list[str]:
 
 
 def _warn(sentences: Sequence[str], out: Path) -> None:
-    """Print the first warning, and the number of the others."""
-    for sentence in sentences[:1]:
+    """Print the first warnings, and the number of the others."""
+    for sentence in sentences[:_SHOWN]:
         warn(sentence)
-    if len(sentences) > 1:
-        warn(f"{len(sentences) - 1} more in {out / 'diagnosis.json'}")
+    if len(sentences) > _SHOWN:
+        warn(f"{len(sentences) - _SHOWN} more in {out / 'diagnosis.json'}")
 
 
 def _draw(

@@ -13,9 +13,9 @@ from gspure.method.diagnosis import Diagnosis, diagnose
 from gspure.method.pruning import prune_mask
 from gspure.method.settings import ClusterSettings, PruningFactors
 from gspure.method.tree import coincident_points, read_tree
-from gspure.model import Gaussians, read_model
+from gspure.model import Gaussians, model_file, read_model
 from gspure.model.summary import suspicious_rows
-from gspure.provenance import write_provenance
+from gspure.provenance import bind_rows, write_provenance
 from gspure.scan.verdict import judge
 
 
@@ -43,6 +43,7 @@ def decide(
     values = load_array(thresholded, dtype=np.float32, shape=(len(labels),), least=0)
     pruned = prune_mask(labels, values, **asdict(factors))
     save_array(out.prune_mask, pruned)
+    bind_rows(model_file(model), out.clusters, out.prune_mask)
     diagnosis = diagnose(labels, values, **asdict(factors), coincident=coincident, quantity=thresholded.stem)
     write_json(out.diagnosis, diagnosis_record(diagnosis, read_model(model), pruned))
     inputs = {"model": model, "tree": tree, thresholded.stem: thresholded}

@@ -30,7 +30,7 @@ from gspure.metrics.targets import BITS, MESSAGE, MODEL_BITS, SCENE
 from gspure.model import model_file
 from gspure.opencl.device import Device, choose_device
 from gspure.progress import tell
-from gspure.provenance import write_provenance
+from gspure.provenance import bind_rows, write_provenance
 from gspure.public_model import PublicModel
 from gspure.schemes.registry import find_scheme, read_public_model
 from gspure.schemes.scheme import Key
@@ -136,6 +136,7 @@ def run_attack(
         return Refused(error.reason), None
     attack_result.public.write(place)
     save_array(job.folder / "prune_mask.npy", attack_result.attacked.prune_mask)
+    bind_rows(model_file(job.public), job.folder / "prune_mask.npy")
     settings = {"attack": spec.name, **attack_result.settings, "seed": spec.seed}
     write_provenance(place.parent, "attack", inputs={"model": job.public}, settings=settings)
     tell(attack_result.sentence)

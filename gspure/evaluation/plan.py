@@ -263,6 +263,13 @@ class Plan:
         """The schemes of marked models, in their order."""
         return dict.fromkeys(model.id.scheme for model in self.models if model.owner)
 
+    @property
+    def users_files(self) -> dict[Path, None]:
+        """All files of the user's that its steps read."""
+        files = [file for model in self.models for file in (*model.users_files, *model.camera_files)]
+        files += [file for model in self.models for job in model.jobs for file in job.users_files]
+        return dict.fromkeys(files)
+
 
 def read_plan(results: Path) -> Plan:
     """Return the plan of a folder of results, or raise `InputError`."""

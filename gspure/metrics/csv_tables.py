@@ -46,7 +46,11 @@ def read_table(path: Path, kind: type[RowType]) -> list[RowType]:
             if len(row) != len(first):
                 raise InputError(path, "row", expected=f"{len(first)} cells", found=f"{len(row)}")
         by_column = [dict(zip(first, cells, strict=True)) for cells in rows]
-        return [_read(kind, (cells.get(name, "") for name in columns)) for cells in by_column]
+    read_rows = []
+    for number, cells in enumerate(by_column, start=1):
+        with reading(path, f"a row of {kind.__name__}", f"row {number}"):
+            read_rows.append(_read(kind, (cells.get(name, "") for name in columns)))
+    return read_rows
 
 
 def header(kind: type) -> list[str]:

@@ -17,9 +17,10 @@ from gspure.text import UNKNOWN, decimal, percent, signed, significant
 
 _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
-    "identical); in parentheses, the change from the unattacked model. TPR: true positive rate over the "
-    "views at this false positive rate. †: the attack changed nothing that this extraction reads."
+    "identical); in parentheses, the change from the unattacked model. †: the attack changed nothing that this "
+    "extraction reads."
 )
+_TPR: Final = " TPR: true positive rate over the views at this false positive rate."
 _BESIDE: Final = (
     "In dB. Paper: mean over the nine scenes of its Table 1, with the Score recomputed from its PSNR. Ours: mean over "
     "our scenes, at our strengths."
@@ -45,7 +46,8 @@ def model_table(outcomes: Sequence[Outcome]) -> Table:
     columns[Column("pruned")] = [Cell(percent(o.pruned_share)) for o in measured]
     cells = zip(*columns.values(), strict=True)
     rows = [TableRow(line, "control" if o.is_control else "") for o, line in zip(measured, cells, strict=True)]
-    return Table("Metrics of every variant", [*columns], rows, _MODEL)
+    note = _MODEL + _TPR if any(o.detections for o in measured) else _MODEL
+    return Table("Metrics of every variant", [*columns], rows, note)
 
 
 def _metric_columns(measured: Sequence[Outcome]) -> dict[Column, list[Cell]]:

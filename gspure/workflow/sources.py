@@ -17,11 +17,38 @@ from gspure.plugins import installed
 
 _PACKAGE: Final = Path(__file__).parents[1]
 _DIGESTS: Final = Path(".snakemake") / "gspure-digests.json"  # state and digest of the user's files, by name
+_INPUTS: Final = Path(".snakemake") / "gspure-inputs.json"  # the same of all files of this run, when it began
 _SETTLED: Final = 2_000_000_000  # nanoseconds after which a further change gives a file another time; ours
+
+_noted: dict[str, Any] = {}  # state and digest of the files that `note_inputs` noted in this process
+
+
+def note_inputs(files: Iterable[str | Path]) -> None:
+    """Let `files_digest` name the content that files have now until this process ends."""
+    _noted.update(_entries(files))
+
+
+def write_inputs() -> None:
+    """Write down the noted files, for `require_inputs`."""
+    write_json(_INPUTS, _noted)
+
+
+def require_inputs() -> None:
+    """Refuse files that changed after the run noted them: its results would be of several contents."""
+    noted = read_json(_INPUTS) if _INPUTS.is_file() else {}
+    for name, (state, content) in noted.items():
+        file = Path(name)
+        if [*file_state(file.stat())] != state and file_digest(file) != content:
+            raise InputError(name, "file", expected="that with which this run began", found="another")
 
 
 def files_digest(files: Iterable[str | Path]) -> str:
-    """Return a digest of the names and contents of the files that exist.
+    """Return a digest of the names and contents of the files that exist, noted or as they are now."""
+    return digest(*(f"{name} {content}" for name, (_, content) in _entries(files)))
+
+
+def _entries(files: Iterable[str | Path]) -> list[tuple[str, Any]]:
+    """Return the names of the files that exist, with their state and digest.
 
     A file is read once: later runs know its digest by its size, times and inode.
     """
@@ -36,7 +63,7 @@ def files_digest(files: Iterable[str | Path]) -> str:
         settled = {name: entry for name, entry in known.items() if now - entry[0][2] > _SETTLED}
         with suppress(OSError):
             write_json(_DIGESTS, settled)
-    return digest(*(f"{name} {known[name][1]}" for name in names))
+    return [(name, _noted.get(name) or known[name]) for name in names]
 
 
 @cache

@@ -4,7 +4,9 @@ from pathlib import Path
 
 from gspure.arrays import save_array
 from gspure.cameras.splits import read_split
+from gspure.model import model_file
 from gspure.opencl.device import choose_device
+from gspure.provenance import bind_rows
 from gspure.schemes.registry import read_public_model
 from gspure.surface.distances import depth_distances, mesh_distances
 from gspure.surface.meshing import extract_mesh, opaque, smoothed
@@ -23,6 +25,7 @@ def measure(model: Path, cameras: Path, surface: Path, scheme: str | None) -> No
     else:
         distances = depth_distances(public, views, device)
     save_array(surface, distances)
+    bind_rows(model_file(model), surface)
 
 
 run(measure)
