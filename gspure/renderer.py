@@ -24,6 +24,7 @@ from gspure.opencl.opacity_field import PointRays
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward, require_conservation
 from gspure.opencl.storage import positions_of, store, upload_attributes, upload_sh_coeffs
 
+_WHITE = (1.0, 1.0, 1.0)
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
 
@@ -118,6 +119,7 @@ class Renderer:
         self._entry_budget = entry_budget
         self._engine = Engine((device or choose_device()).cl_device, style)
         self._storage = store(self._engine, filtered(model))
+        self._last: Rendered | None = None
 
     @_exclusive
     def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
@@ -127,7 +129,11 @@ class Renderer:
 
         Raise `InputError` if the model holds no colour (no ``f_dc`` columns).
         """
-        return self._render(camera, *self._channels(None), background).image()
+        traversal, channels = self._channels(None)
+        last = self._last
+        if last is not None and last.is_on_black(camera, traversal) and tuple(background) == _WHITE:
+            return last.image_on_white()
+        return self._render(camera, traversal, channels, background).image()
 
     @_exclusive
     def feature_map(self, camera: Camera, features: Float32, background: Sequence[float] | None = None) -> Float32:
@@ -154,6 +160,7 @@ class Renderer:
         return touched
 
     def _point_rays(self, camera: Camera) -> PointRays:
+        self._last = None  # its buffers are used again
         return PointRays(self._engine, self._storage, camera, self._entry_budget)
 
     def _centre_contributions(self, camera: Camera) -> NDArray[np.void]:

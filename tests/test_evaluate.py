@@ -104,6 +104,14 @@ def test_an_attack_leaves_its_model_mask_images_tables_and_verdict() -> None:
     assert read(Job, whole["settings"], "provenance") == planned
 
 
+def test_the_change_of_the_scene_is_the_same_from_renders_that_another_job_left() -> None:
+    planned = attack_job("pruned", "random_pruning", attack={"fraction": 0.5})
+    rendered = run(planned).evidence
+    assert rendered.scene is not None
+    assert rendered.scene.coverage_lost > 0
+    assert run(replace(planned, inputs=(planned.views.unattacked,))).evidence == rendered
+
+
 def test_the_unattacked_model_is_the_public_one_and_nothing_is_left_of_an_earlier_run() -> None:
     planned = attack_job("again", "unattacked", targets=(SCENE, MESSAGE, ADAPTIVE))
     write_image(planned.folder / "renders" / "earlier" / "view_0.png", cases.green())

@@ -122,6 +122,15 @@ def test_nothing_in_sight_leaves_the_background(device, style, energy):
     assert renderer.contributions(view).dtype == CONTRIBUTION
 
 
+def test_an_image_on_white_after_one_on_black_is_the_one_rendered_anew(device, style, energy):
+    model, view, white = blobs(17, 4), camera(33, 31), (1.0, 1.0, 1.0)
+    renderer = Renderer(model, device, energy=energy, style=style)
+    anew = renderer.image(view, white)
+    on_black = renderer.image(view)
+    assert_same_bits([renderer.image(view, white)], [anew])
+    assert (anew > on_black).any()
+
+
 @pytest.mark.parametrize("columns", UNDRAWN, ids=" ".join)
 def test_a_row_that_cannot_be_drawn_changes_nothing(device, style, energy, columns):
     model, view = blobs(17, 4), camera(33, 31)

@@ -5,7 +5,7 @@ from math import isfinite, nan
 
 import numpy as np
 
-from gspure.arrays import Float32, load_array
+from gspure.arrays import Float32, load_array, save_array
 from gspure.attacks.strength import scene_renders
 from gspure.cameras import Camera
 from gspure.cameras.photographs import photograph
@@ -96,9 +96,27 @@ def twin_traces(
     return traces
 
 
+def scene_before(job: Job, public: PublicModel, views: Sequence[Camera], after: Shown) -> Shown:
+    """Return what a `public` model shows before a job's attack, `after` which it shows something else.
+
+    The job without an attack writes it beside its renders, for the jobs that compare theirs with these.
+    """
+    renders = job.views.unattacked
+    covered_file = renders / "covered.npy"
+    if job.folder / "renders" == renders:
+        save_array(covered_file, np.concatenate([mask.ravel() for mask in after.covered]))
+        return after
+    if renders not in job.inputs:
+        return scene_renders(public, views, choose_device())
+    images = [read_image(renders / SCENE / f"{view.name}.png") for view in views]
+    sizes = [image[..., 0].size for image in images]
+    covered = np.split(load_array(covered_file, dtype=np.bool_, shape=(sum(sizes),)), np.cumsum(sizes)[:-1])
+    return Shown(images, [mask.reshape(image.shape[:2]) for mask, image in zip(covered, images, strict=True)])
+
+
 def scene_change(job: Job, public: PublicModel, views: Sequence[Camera], after: Shown) -> SceneChange:
     """Return what an attack did to the scene of a `public` model, and `after` which it shows something else."""
-    before = scene_renders(public, views, choose_device())
+    before = scene_before(job, public, views, after)
     drop = nan
     if SCENE in job.views.photographed:
         drop = damage(read_photographs(views, public.model.background), before, after)

@@ -213,11 +213,17 @@ def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | No
     shown = views[::step]
     public = model.public
     render_pruned = public.with_model(public.model[model.pruned]).scene(device, _WHITE)
+    colours = (model.colourings["cluster"].colours / 255).astype(np.float32)
+    uploaded = None
     rows = []
     for view in shown:
         width = min(view.width, _WIDEST)
         camera = view.resized(width, max(round(view.height * width / view.width), 1))
-        clusters = _render_clusters(model, camera, device)
+        gaussians, owners = public.gaussians(camera)
+        if gaussians is not uploaded:
+            uploaded = gaussians
+            faint = Renderer(_with_faint_noise(gaussians, model.labels[owners] == NOISE_LABEL), device)
+        clusters = faint.feature_map(camera, colours[owners], _WHITE)
         rows.append([Tile(public.scene(device)(camera)), Tile(clusters), Tile(render_pruned(camera))])
     write_tiles(path, _SPLATS, rows)
     return (
@@ -226,15 +232,8 @@ def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | No
     )
 
 
-def _render_clusters(model: Purified, camera: Camera, device: Device | None) -> Float32:
-    """Return a render of the Gaussians in the colours of their clusters.
-
-    It is made from a copy without spherical harmonics, which are most of a model.
-    """
-    gaussians, rows = model.public.gaussians(camera)
-    colours = (model.colourings["cluster"].colours / 255).astype(np.float32)[rows]
+def _with_faint_noise(gaussians: Gaussians, is_noise: Bools) -> Gaussians:
+    """Return the Gaussians, noise [N] faint, without spherical harmonics, which are most of a model."""
     logits = gaussians.table["opacity"]
-    is_noise = model.labels[rows] == NOISE_LABEL
     faint = np.where(is_noise, np.minimum(logits, _FAINT), logits).astype(np.float32)
-    shapes = Gaussians(repack_fields(gaussians.table[[*CORE]])).with_columns({"opacity": faint})
-    return Renderer(shapes, device).feature_map(camera, colours, _WHITE)
+    return Gaussians(repack_fields(gaussians.table[[*CORE]])).with_columns({"opacity": faint})

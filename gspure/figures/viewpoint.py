@@ -19,6 +19,7 @@ _FIELD_OF_VIEW = np.radians(35.0)
 _ELEVATION = np.radians(25.0)
 _AZIMUTH = np.radians(30.0)
 _CELLS = 100  # across the picture, in the grid of foremost points
+_MOST = 100_000  # points that decide a viewpoint
 _AGREEMENT = 0.25  # directions agree if the length of their mean is more than this share of their mean length
 
 
@@ -28,6 +29,7 @@ def world_axes(means: NDArray[np.floating], cameras: Sequence[Camera]) -> Float6
     Up is the mean up direction of the cameras; if they do not agree, it is guessed. The front is the side with most
     cameras; without a preferred side or cameras, it is -z, or -y if z is up.
     """
+    means = _sample(means)
     points = np.asarray(_without_floaters(means), np.float64)
     flat_side = guessed_up(points, np.ones(len(points))).direction
     up = _agreed(-np.array([camera.viewmat[1, :3] for camera in cameras]).reshape(-1, 3), flat_side)
@@ -67,7 +69,7 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     x = np.cross(up, towards_eye)
     x /= np.linalg.norm(x)
     R = np.stack([x, -np.cross(towards_eye, x), -towards_eye])  # rows: image right, image down, forward
-    local = _without_floaters(means) @ R.T
+    local = _without_floaters(_sample(means)) @ R.T
 
     # A point is inside the image where |x - x0| <= t (z - z0), and likewise in y; t is the half extent at z - z0 = 1.
     t = np.tan(_FIELD_OF_VIEW / 2)
@@ -86,6 +88,11 @@ def overview(means: NDArray[np.floating], axes: Float64) -> Camera:
     rows = round(focal * max(height, width * _FLATTEST))
     cx, cy = np.array([500, rows / 2]) - focal * (low + high) / 2
     return Camera("overview", 1000, rows, intrinsics(focal, focal, cx, cy), rigid(R, -eye))
+
+
+def _sample(means: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return as many points as a viewpoint depends on, evenly spread over the rows."""
+    return means[:: len(means) // _MOST + 1]
 
 
 def _without_floaters(means: NDArray[np.floating]) -> NDArray[np.floating]:

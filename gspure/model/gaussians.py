@@ -260,15 +260,21 @@ class Gaussians(Described):
 
         `sh_coeffs` [K,S,3] have S = 1, 4, 9 or 16.
         """
-        columns: dict[str, Values] = dict(zip("xyz", np.asarray(means).T, strict=True))
-        columns |= {name: np.zeros(len(means)) for name in NORMALS}
-        columns |= _colour_columns(np.asarray(sh_coeffs))
-        columns["opacity"] = opacity_logits
-        columns |= {f"scale_{i}": log_scales[:, i] for i in range(3)}
-        columns |= {f"rot_{i}": np.asarray(quats)[:, i] for i in range(4)}
-        table = np.empty(len(means), dtype=[(name, "<f4") for name in columns])
-        for name, column in columns.items():
-            table[name] = column
+        sh_coeffs = np.asarray(sh_coeffs)
+        rest = 3 * (sh_coeffs.shape[1] - 1)
+        rest_names = [f"f_rest_{i}" for i in range(rest)]
+        names = ["x", "y", "z", *NORMALS, *COLOUR, *rest_names, "opacity", *SCALES, *ROTATION]
+        table = np.zeros(len(means), dtype=[(name, "<f4") for name in names])
+        stored = table.view("<f4").reshape(len(means), len(names))
+        for start in range(0, len(means), _BLOCK_ROWS):
+            rows = slice(start, start + _BLOCK_ROWS)
+            colours = sh_coeffs[rows]
+            stored[rows, :3] = means[rows]
+            stored[rows, 6:9] = colours[:, 0]
+            stored[rows, 9:-8] = colours[:, 1:].transpose(0, 2, 1).reshape(len(colours), rest)
+            stored[rows, -8] = opacity_logits[rows]
+            stored[rows, -7:-4] = log_scales[rows]
+            stored[rows, -4:] = quats[rows]
         return Gaussians(table)
 
 

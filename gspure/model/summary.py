@@ -124,12 +124,19 @@ def _bits(means: Float32) -> NDArray[np.void]:
     return (means + np.float32(0)).view("V12").ravel()  # -0 becomes 0
 
 
+def extent_of(means: Float64, bulk: tuple[float, float] = BULK) -> float:
+    """Return the extent of finite centres [K,3]."""
+    if not len(means):
+        return 0.0
+    low, high = np.quantile(means, bulk, axis=0)
+    return float(np.linalg.norm(high - low))
+
+
 def extent_and_distances(means: Float64, bulk: tuple[float, float] = BULK) -> tuple[float, Float64]:
     """Return the extent of finite centres [K,3], and their distances [K] from the median as multiples of it."""
+    extent = extent_of(means, bulk)
     if not len(means):
-        return 0.0, np.zeros(0)
-    low, high = np.quantile(means, bulk, axis=0)
-    extent = float(np.linalg.norm(high - low))
+        return extent, np.zeros(0)
     return extent, np.linalg.norm(means - np.median(means, axis=0), axis=1) / (extent or np.inf)
 
 
@@ -140,7 +147,7 @@ def doubts(model: Gaussians) -> list[str]:
         return []
     means = model.means[rows]
     log_scales = model.log_scales[rows]
-    extent, _ = extent_and_distances(means.astype(np.float64))
+    extent = extent_of(means.astype(np.float64))
     size = float(np.exp(min(float(np.median(log_scales.max(axis=1))), 80)))
     lines = []
     activated = _activated(log_scales, model.table["opacity"][rows], size, extent)

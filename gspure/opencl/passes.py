@@ -8,11 +8,12 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from gspure.arrays import Float32
+from gspure.cameras.camera import Camera
 from gspure.constants import ALPHA_MAX
 from gspure.errors import InputError
 from gspure.opencl.binning import Bounds, TileLists, bands, bin_tiles, bound_entries
 from gspure.opencl.blending import Canvas, blend_band, prepare_canvas, sum_slots
-from gspure.opencl.frame import Frame
+from gspure.opencl.frame import Frame, Traversal
 from gspure.opencl.gradients import DeviceGradients, blend_band_backward, project_backward
 from gspure.opencl.ordering import sort_by_depth
 from gspure.opencl.projection import Projected, project
@@ -35,6 +36,7 @@ class Rendered:
     bands: list[range]
     lists: TileLists
     canvas: Canvas
+    background: Float32
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -45,6 +47,16 @@ class Rendered:
         """Read the image [H,W,C]."""
         return self.frame.engine.read(self.canvas.image, self.shape, np.float32)
 
+    def is_on_black(self, camera: Camera, traversal: Traversal) -> bool:
+        """Return whether this is a frame of a camera and a traversal on black."""
+        frame = self.frame
+        return frame.camera is camera and frame.traversal == traversal and not self.background.any()
+
+    def image_on_white(self) -> Float32:
+        """Read an image on black as it is on white: the background's share, times one, is the last that is added."""
+        transmittance = self.frame.engine.read(self.canvas.transmittance, self.shape[:2], np.float32)
+        return np.asarray(self.image() + transmittance[..., None])
+
 
 def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: int = ENTRY_BUDGET) -> Rendered:
     """Render a frame, with at most `entry_budget` tile entries at a time.
@@ -53,6 +65,7 @@ def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: in
     """
     if len(background) != max(frame.traversal.channels, 1):
         raise ValueError(f"background has {len(background)} values for {frame.traversal.channels} channels")
+    colour = np.asarray(background, np.float32)
     projected = project(frame)
     order = sort_by_depth(frame.engine, frame.storage, projected.depth_keys)
     canvas = prepare_canvas(frame)
@@ -60,10 +73,10 @@ def forward(frame: Frame, background: Sequence[float] = (0.0,), entry_budget: in
     split = bands(frame, projected, bounds, entry_budget)
     for band in split:
         lists = bin_tiles(frame, projected, bounds, band)
-        blend_band(frame, projected, lists, np.asarray(background, np.float32), canvas)
+        blend_band(frame, projected, lists, colour, canvas)
         if frame.traversal.contributions:
             sum_slots(frame, lists, canvas)
-    return Rendered(frame, projected, bounds, split, lists, canvas)
+    return Rendered(frame, projected, bounds, split, lists, canvas, colour)
 
 
 def backward(rendered: Rendered, image_gradient: cl.Buffer) -> DeviceGradients:

@@ -10,7 +10,7 @@ from gspure.arrays import Float64, Indices
 from gspure.model.frames import nearest
 from gspure.model.gaussians import ROTATION, SCALES, Gaussians, finite
 from gspure.model.rotations import moved
-from gspure.model.summary import extent_and_distances
+from gspure.model.summary import extent_of
 from gspure.public_model import PublicModel
 from gspure.scenes.alignment import Similarity
 
@@ -39,7 +39,7 @@ def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
 
     if not len(original):
         return np.full(len(means), -1, np.intp)
-    extent, _ = extent_and_distances(original.astype(np.float64))
+    extent = extent_of(original.astype(np.float64))
     distances, places = KDTree(original).query(means)
     return np.where(distances <= NEAR * extent, places, -1)
 

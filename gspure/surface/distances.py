@@ -40,7 +40,12 @@ def depth_distances(public: PublicModel, cameras: Sequence[Camera], device: Devi
         surface = renderer.depth(camera)[lines, columns]
         with np.errstate(divide="ignore", invalid="ignore"):  # Gaussians without rotation or size
             distances = np.abs(positions[:, 2] - surface) / deviations[visible]
-        np.minimum.at(nearest, rows[visible], np.fmin(distances, INVISIBLE))
+        seen = rows[visible]
+        distances = np.fmin(distances, INVISIBLE).astype(np.float32)
+        if public.rows_are_gaussians:  # each row once
+            nearest[seen] = np.minimum(nearest[seen], distances)
+        else:
+            np.minimum.at(nearest, seen, distances)
     return nearest
 
 
