@@ -76,6 +76,11 @@ class FastSchedule(Schedule):
         return max(LEAST_POINTS, round(self._stage(iteration).budget * most))
 
     @property
+    def full_size_from(self) -> float:
+        """The share of the run after which photographs have their full size."""
+        return self.stages[-2].until
+
+    @property
     def longest(self) -> int:
         """The most iterations of a run that may be `prolonged`."""
         return round(self.iterations * PROLONGED**self.prolongations)
@@ -88,7 +93,7 @@ class FastSchedule(Schedule):
         """
         done = len(losses)
         window = self.iterations // 10
-        is_decided_now = done == round(self.stages[-2].until * self.iterations)
+        is_decided_now = done == round(self.full_size_from * self.iterations)
         if not (self.prolongations and is_decided_now and window):
             return self
         before = np.mean(losses[-2 * window : -window])
@@ -103,10 +108,10 @@ class FastSchedule(Schedule):
         return next(stage for stage in self.stages if iteration <= stage.until * self.iterations)
 
 
-def schedule_of(name: str, iterations: int, prolongations: int = 0) -> Schedule:
-    """Return one of the `SCHEDULES`, for a run of this length; the fast one may prolong it so many times."""
+def schedule_of(name: str, iterations: int, prolongations: int = 0, stages: tuple[Stage, ...] = STAGES) -> Schedule:
+    """Return one of the `SCHEDULES`, for a run of this length; the fast one has stages, and may prolong the run."""
     if name not in SCHEDULES:
         raise InputError("training", "schedule", expected=" or ".join(SCHEDULES), found=repr(name))
     if name == "fast":
-        return replace(FastSchedule.scaled(iterations), prolongations=prolongations)
+        return replace(FastSchedule.scaled(iterations), stages=stages, prolongations=prolongations)
     return Schedule.scaled(iterations)

@@ -111,6 +111,11 @@ class Schedule:
         return most
 
     @property
+    def full_size_from(self) -> float:
+        """The share of the run after which photographs have their full size."""
+        return 0.0
+
+    @property
     def longest(self) -> int:
         """The most iterations of a run that may be `prolonged`."""
         return self.iterations
