@@ -16,7 +16,7 @@ from gspure.training.trainer import densified
 ENDS: Final = (3, 7, 10, 11)
 """Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
 
-STAGES: Final = (Stage(0.2, 4, 0.5), Stage(0.5, 2, 0.8), Stage(1.0, 1, 1.0))
+STAGES: Final = (Stage(0.2, 4, 0.5), Stage(0.55, 2, 0.8), Stage(1.0, 1, 1.0))
 """Of GS-Hider's fast schedule: long ones of small photographs, since its decoders cost most, and by the pixel. Ours."""
 
 CACHED: Final = 1500  # number of rows that fit a CPU's cache, with their moments and gradients
