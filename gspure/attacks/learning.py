@@ -128,8 +128,8 @@ def distil(
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md). The `schedule` of the `iterations` steps is ``vanilla`` or ``fast``. `render` is an attack on these
-    renders, and its strength after a colon: ``jpeg:50``.
+    (docs/limits.md). The `schedule` of the `iterations` steps is ``vanilla`` or ``fast``. `render` is an attack on
+    these renders, and its strength after a colon: ``jpeg:50``.
 
     Source: ours.
     """
