@@ -10,11 +10,14 @@ from gspure.cameras.camera import Camera
 from gspure.opencl.adam import adam_step
 from gspure.opencl.trainable import DensificationStatistics, Parameters, TrainState
 from gspure.schemes.scheme import Run
-from gspure.training.schedule import Schedule
+from gspure.training.fast import Stage, schedule_of
 from gspure.training.trainer import densified
 
 ENDS: Final = (3, 7, 10, 11)
 """Ends of the columns of means, quaternions, log-scales and the opacity logit in a row; channels follow."""
+
+STAGES: Final = (Stage(0.2, 4, 0.5), Stage(0.55, 2, 0.8), Stage(1.0, 1, 1.0))
+"""Of GS-Hider's fast schedule: long ones of small photographs, since its decoders cost most, and by the pixel. Ours."""
 
 CACHED: Final = 1500  # number of rows that fit a CPU's cache, with their moments and gradients
 
@@ -23,7 +26,7 @@ class TrainedRows:
     """The rows of a run; their `values` [K,11 + C] are raw parameters, with C channels."""
 
     def __init__(self, begin: Parameters, run: Run, rng: np.random.Generator) -> None:
-        self.schedule = Schedule.scaled(run.iterations)
+        self.schedule = schedule_of(run.schedule, run.iterations, stages=STAGES)
         self._run = run
         self._rng = rng
         self._replace(TrainState.fresh(begin))

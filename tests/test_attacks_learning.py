@@ -67,7 +67,7 @@ def test_a_distilled_model_depends_on_what_the_views_show_alone() -> None:
     assert attacked.model.sh_degree == 3
 
 
-def test_distil_by_the_fast_schedule_is_prolonged_by_its_losses_alone() -> None:
+def test_distil_by_the_fast_schedule_is_deterministic_and_no_vanilla_run() -> None:
     attacked, again, vanilla = (
         attacked_by("distil", iterations=20, schedule=schedule) for schedule in ("fast", "fast", "vanilla")
     )

@@ -10,6 +10,7 @@ from gspure.metrics.image_metrics import psnr
 from gspure.metrics.proof import trace
 from gspure.metrics.targets import is_picture
 from gspure.model import Gaussians, write_model
+from gspure.opencl.losses import Photographs
 from gspure.public_model import PublicModel
 from gspure.renderer import CONTRIBUTION
 from gspure.schemes.hidden_weight import low_rows
@@ -49,6 +50,26 @@ def test_a_message_is_learned_at_poses_of_its_own(name, own_pair_folder):
     elsewhere, of_scene = held_out(pair.scene)[0]
     assert trace([view(elsewhere)], [photograph]) < 0.2
     assert trace([public.scene()(elsewhere)], [of_scene]) > 0.3
+
+
+@pytest.mark.parametrize(("name", "most"), [("gs_hider", "max_gaussians"), ("secure_gs", "max_anchors")])
+def test_networks_learn_small_photographs_first_by_the_fast_schedule(name, most, own_pair_folder, monkeypatch):
+    pytest.importorskip("torch")
+    pair = read_pair(own_pair_folder)
+    compare = Photographs.compare
+    widths = []
+
+    def recorded(photographs, number, image):
+        widths.append(image.shape[1])
+        return compare(photographs, number, image)
+
+    monkeypatch.setattr(Photographs, "compare", recorded)
+    public, key = hide(find_scheme(name), pair, schedule="fast", iterations=200, **{most: 800})
+    assert widths == sorted(widths)
+    assert {*widths} == {12, 24, 48}
+    for view, capture in ((public.scene(), pair.scene), (key.message(public, "message"), pair.message)):
+        camera, photograph = held_out(capture)[0]
+        assert trace([view(camera)], [photograph]) > 0.3
 
 
 @pytest.mark.parametrize(

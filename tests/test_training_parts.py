@@ -1,7 +1,5 @@
 """What training reads and refuses; its schedule, initial Gaussians, checkpoints, densification and resets."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -171,16 +169,6 @@ def test_small_photographs_keep_their_light_and_field_of_view():
     np.testing.assert_allclose(means[1].mean(axis=(0, 1)), images[1].mean(axis=(0, 1)), rtol=1e-4)
     corners = [np.linalg.solve(view.K, [view.width, view.height, 1]) for view in (views[1], smaller[1])]
     np.testing.assert_allclose(*corners)
-
-
-def test_a_run_is_prolonged_only_while_its_loss_falls_fast():
-    schedule = replace(schedule_of("fast", 1000), prolongations=1)
-    decided = max(i for i in range(1, 1001) if schedule.reduction(i) > 1)
-    slow, fast = ([step**-exponent for step in range(1, decided + 1)] for exponent in (0.1, 0.5))
-    assert schedule.prolonged(slow) == schedule == schedule.prolonged(fast[:-1])
-    longer = schedule.prolonged(fast)
-    assert (longer.iterations, longer.longest) == (1500, 1500)
-    assert longer.prolonged([(i + 1) ** -0.5 for i in range(decided * 3 // 2)]) == longer  # no more than allowed
 
 
 @settings(max_examples=50, deadline=None)

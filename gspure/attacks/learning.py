@@ -23,7 +23,6 @@ from gspure.training.trainer import beginning, train
 
 ITERATIONS: Final = 200  # training steps of an existing model; ours
 DISTILLATION: Final = 1500  # training steps of a new model; ours
-PROLONGATIONS: Final = 3  # of a distillation by the fast schedule, at most; ours
 RATE_FACTOR: Final = 10.0  # factor on the learning rates of `reestimate`, whose colours start at zero; ours
 UNCHANGED: Final = "unchanged"  # renders to learn
 
@@ -129,8 +128,8 @@ def distil(
     """Train a new vanilla 3DGS model on the renders of any model, from points that the renders agree on.
 
     The result depends on the model only through its renders, its background and its number of Gaussians
-    (docs/limits.md). `schedule` is ``vanilla`` or ``fast``, which takes more than `iterations` steps while the loss
-    falls fast. `render` is an attack on these renders, and its strength after a colon: ``jpeg:50``.
+    (docs/limits.md). The `schedule` of the `iterations` steps is ``vanilla`` or ``fast``. `render` is an attack on
+    these renders, and its strength after a colon: ``jpeg:50``.
 
     Source: ours.
     """
@@ -148,7 +147,7 @@ def distil(
         cameras,
         images,
         start,
-        schedule=schedule_of(schedule, iterations, PROLONGATIONS),
+        schedule=schedule_of(schedule, iterations),
         extent=scene_extent,
         max_gaussians=per_row * len(model),
         device=teacher.device,

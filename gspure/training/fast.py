@@ -4,11 +4,8 @@ Small photographs show coarse structure at a fraction of the cost, and need few 
 2025); the number of Gaussians grows within a budget (Taming 3DGS, Mallick et al. 2024). All numbers are ours.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, NamedTuple, Self
-
-import numpy as np
 
 from gspure.errors import InputError
 from gspure.opencl.adam import LearningRates
@@ -32,8 +29,6 @@ STAGES: Final = (Stage(0.1, 4, 0.4), Stage(0.35, 2, 0.8), Stage(1.0, 1, 1.0))
 GROWS: Final = 0.5  # share of the run with densification, into the stage of full size
 DEGREES: Final = (0.2, 0.4, 0.5)  # shares of the run after which the degree of harmonics rises: late, since cheap
 LARGEST_FACTOR: Final = 5.0  # of learning rates, relative to 3DGS's
-PROLONGED: Final = 1.5  # times as many iterations in a prolonged run
-LEAST_EXPONENT: Final = 0.2  # of a loss that falls with iterations as a power: 1.5 times as many give 0.7 dB
 
 
 @dataclass(frozen=True)
@@ -44,7 +39,6 @@ class FastSchedule(Schedule):
     needs_surfaces: ClassVar[bool] = True
 
     stages: tuple[Stage, ...] = STAGES
-    prolongations: int = 0  # at most
 
     @classmethod
     def scaled(cls, iterations: int) -> Self:
@@ -76,37 +70,18 @@ class FastSchedule(Schedule):
         return max(LEAST_POINTS, round(self._stage(iteration).budget * most))
 
     @property
-    def longest(self) -> int:
-        """The most iterations of a run that may be `prolonged`."""
-        return round(self.iterations * PROLONGED**self.prolongations)
-
-    def prolonged(self, losses: Sequence[float]) -> Self:
-        """Return the schedule for the rest of a run with these losses so far: this one, or a longer one.
-
-        It is longer if the loss falls fast at the end of the last stage before photographs of full size. The rate is
-        the exponent of a power law between the means of the last two tenths of the run.
-        """
-        done = len(losses)
-        window = self.iterations // 10
-        is_decided_now = done == round(self.stages[-2].until * self.iterations)
-        if not (self.prolongations and is_decided_now and window):
-            return self
-        before = np.mean(losses[-2 * window : -window])
-        recent = np.mean(losses[-window:])
-        exponent = np.log(before / recent) / np.log((done - window / 2) / (done - 3 * window / 2))
-        if exponent < LEAST_EXPONENT:
-            return self
-        longer = self.scaled(round(PROLONGED * self.iterations))
-        return replace(longer, stages=self.stages, prolongations=self.prolongations - 1)
+    def full_size_from(self) -> float:
+        """The share of the run after which photographs have their full size."""
+        return self.stages[-2].until
 
     def _stage(self, iteration: int) -> Stage:
         return next(stage for stage in self.stages if iteration <= stage.until * self.iterations)
 
 
-def schedule_of(name: str, iterations: int, prolongations: int = 0) -> Schedule:
-    """Return one of the `SCHEDULES`, for a run of this length; the fast one may prolong it so many times."""
+def schedule_of(name: str, iterations: int, stages: tuple[Stage, ...] = STAGES) -> Schedule:
+    """Return one of the `SCHEDULES`, for a run of this length; the fast one has stages."""
     if name not in SCHEDULES:
         raise InputError("training", "schedule", expected=" or ".join(SCHEDULES), found=repr(name))
     if name == "fast":
-        return replace(FastSchedule.scaled(iterations), prolongations=prolongations)
+        return replace(FastSchedule.scaled(iterations), stages=stages)
     return Schedule.scaled(iterations)

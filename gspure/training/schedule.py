@@ -7,7 +7,7 @@ are collected.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Final, Self
 
@@ -111,13 +111,9 @@ class Schedule:
         return most
 
     @property
-    def longest(self) -> int:
-        """The most iterations of a run that may be `prolonged`."""
-        return self.iterations
-
-    def prolonged(self, losses: Sequence[float]) -> Self:  # noqa: ARG002
-        """Return the schedule for the rest of a run with these losses so far: this one, or a longer one."""
-        return self
+    def full_size_from(self) -> float:
+        """The share of the run after which photographs have their full size."""
+        return 0.0
 
     def rests(self, iteration: int) -> bool:
         """Tell whether no statistics are being collected, so that the model's state is the state of the run."""

@@ -111,7 +111,7 @@ def train(
     device: Device | None,
     background: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> Gaussians:
-    """Return a 3DGS model trained on images of views, for as long as the schedule prolongs the run."""
+    """Return a 3DGS model trained on images of views."""
     model = TrainableModel(begin.state, device=device)
     trainer = Trainer(
         model,
@@ -123,10 +123,8 @@ def train(
         background=background,
         max_gaussians=max_gaussians,
     )
-    losses: list[float] = []
-    for loss in watched(trainer, schedule.longest, lambda: f"{model.count} Gaussians"):
-        losses.append(loss)
-        trainer.schedule = trainer.schedule.prolonged(losses)
+    for _ in watched(trainer, schedule.iterations, lambda: f"{model.count} Gaussians"):
+        pass
     return as_gaussians(model.state().parameters)
 
 

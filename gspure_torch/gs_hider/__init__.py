@@ -8,7 +8,7 @@ from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, Scheme
-from gspure.settings import Amount, MaxGaussians, Range, Steps
+from gspure.settings import SCHEDULES, Amount, MaxGaussians, Range, Steps
 from gspure.training.trainer import watched
 from gspure_torch import PYTORCH
 from gspure_torch.gs_hider.key import DecoderKey
@@ -26,18 +26,20 @@ def embed(
     max_gaussians: MaxGaussians = 30_000,
     constant_rate: Annotated[int, Range(0, 1)] = 0,
     hardened: Amount = 0.0,
+    schedule: str = SCHEDULES[0],
 ) -> tuple[FeatureModel, DecoderKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the weight of the message's loss (the scene's is 1); `max_gaussians` bounds growth. With a
     `constant_rate` of 1, as in the authors' code, the decoders' learning rate does not fall at the end. `hardened`
-    trains the message also without the rows that ``plain_weight`` removes with this tau; 0 trains as in the paper.
-    Needs PyTorch.
+    trains the message also without the rows that ``plain_weight`` removes with this tau; 0 trains as in the paper, as
+    does the vanilla `schedule`. Needs PyTorch.
     """
     begin = pair.initial_gaussians(max_gaussians, seed)
     from gspure_torch.gs_hider.training import Training
 
-    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device or choose_device(), hardened)
+    device = device or choose_device()
+    settings = Run(pair, iterations, message_weight, max_gaussians, seed, device, hardened, schedule)
     run = Training(settings, begin, falls=not constant_rate)
     for _ in watched(run, iterations, lambda: f"{len(run.rows)} Gaussians"):
         pass

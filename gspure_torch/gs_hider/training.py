@@ -21,12 +21,12 @@ from gspure.renderer import Renderer
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.pair import Capture
 from gspure.schemes.scheme import Run
+from gspure.training.dataset import reduced
 from gspure_torch.gs_hider.decoder import Decoder, differentiated, untrained
 from gspure_torch.gs_hider.model import CHANNELS, COLUMNS, FeatureModel
 from gspure_torch.pytorch import single_threaded, torch
 from gspure_torch.rows import ENDS, TrainedRows
 
-FEATURES_RATE: Final = 2.5e-3  # the authors': that of 3DGS's base colours
 DECODER_RATE: Final = 1e-3  # the authors', constant over 50 000 iterations; Adam's other settings are its defaults
 
 _ALL: Final = slice(None)
@@ -41,9 +41,10 @@ class Branch(NamedTuple):
     views: Sequence[Camera]
 
     @staticmethod
-    def of_capture(decoder: Decoder, capture: Capture, weight: float, device: Device) -> Branch:
-        """Return the branch of a decoder that learns from a capture."""
-        return Branch(decoder, Photographs(capture.images, device), weight, capture.views)
+    def of_capture(decoder: Decoder, capture: Capture, weight: float, device: Device, reduction: int = 1) -> Branch:
+        """Return the branch of a decoder that learns from a capture, its sides divided by `reduction`."""
+        views, images = reduced(capture.views, capture.images, reduction)
+        return Branch(decoder, Photographs(images, device), weight, views)
 
 
 class Training:
@@ -65,6 +66,7 @@ class Training:
             message = Branch.of_capture(message_decoder, run.pair.message, run.message_weight, run.device)
             self.branches.append(message)
         weights = [tensor for branch in self.branches for tensor in branch.decoder.parameters()]
+        self._reduction = 1  # of the branches' photographs
         self._optimizer = torch.optim.Adam(weights, DECODER_RATE)
         self._hardening = Hardening(run, self.rows.schedule.densify_every)
 
@@ -72,10 +74,22 @@ class Training:
         batches = self._run.pair.batches(self._rng)
         with single_threaded(), ThreadPoolExecutor(len(self.branches)) as threads:
             for iteration in range(1, self._run.iterations + 1):
+                self._show(self.rows.schedule.reduction(iteration))
                 yield self._step(iteration, next(batches), threads)
                 if self.rows.schedule.densifies(iteration):
                     self.rows.densify(iteration)
                 self._hardening.follow(iteration, lambda: FeatureModel(self.model(), None))
+
+    def _show(self, reduction: int) -> None:
+        """Let the branches learn from photographs whose sides are divided by `reduction`."""
+        if reduction == self._reduction:
+            return
+        self._reduction = reduction
+        captures = (self._run.pair.scene, self._run.pair.message)
+        self.branches = [
+            Branch.of_capture(branch.decoder, capture, branch.weight, self._run.device, reduction)
+            for branch, capture in zip(self.branches, captures, strict=False)
+        ]
 
     def model(self, kept: Any = _ALL) -> Gaussians:
         """Return the current Gaussians, or the rows `kept` of them, as a table with the columns of their file."""
@@ -108,7 +122,7 @@ class Training:
         self._optimizer.step()
         rates = self.rows.schedule.rates(iteration, self._run.pair.extent)
         columns = [slice(start, end) for start, end in pairwise((0, *ENDS, None))]
-        by_columns = (rates.means, rates.quats, rates.scales, rates.opacities, FEATURES_RATE)
+        by_columns = (rates.means, rates.quats, rates.scales, rates.opacities, rates.sh_dc)
         for part, rate in zip(columns, by_columns, strict=True):
             self.rows.step(iteration, gradient, rate, part)
         return loss

@@ -16,7 +16,7 @@ from gspure.metrics.targets import ADAPTIVE, MESSAGE
 from gspure.opencl.device import Device, choose_device
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Run, Scheme
-from gspure.settings import Amount, Range, Steps
+from gspure.settings import SCHEDULES, Amount, Range, Steps
 from gspure.training.trainer import watched
 from gspure_torch import PYTORCH
 from gspure_torch.reference import Reference
@@ -42,12 +42,14 @@ def embed(
     max_anchors: Annotated[int, Range(LEAST_ANCHORS, 10_000_000)] = 4000,
     density: Annotated[float, Range(1.0, 1e6)] = 2.0,
     hardened: Amount = 0.0,
+    schedule: str = SCHEDULES[0],
 ) -> tuple[AnchorModel, HiddenKey | None]:
     """Hide the pair's message in its scene; a message weight of 0 gives the scene's clean model, and no key.
 
     `message_weight` is the weight of the message's loss (the scene's is 1). `density` is r_down of the region-aware
     density optimization (`gspure_torch.secure_gs.growing`); 1 switches it off. `hardened` trains the message also
-    without the anchors that ``plain_weight`` removes with this tau; 0 trains as in the paper. Needs PyTorch.
+    without the anchors that ``plain_weight`` removes with this tau; 0 trains as in the paper, as does the vanilla
+    `schedule`. Needs PyTorch.
     """
     from gspure_torch.secure_gs.training import Training
 
@@ -56,7 +58,8 @@ def embed(
     public_networks = fresh(PUBLIC, FEAT_DIM, GAUSSIANS_PER_ANCHOR, rng)
     private_networks = fresh(PRIVATE, FEAT_DIM, GAUSSIANS_PER_ANCHOR, rng)
     branches = [public_networks, private_networks] if message_weight else [public_networks]
-    settings = Run(pair, iterations, message_weight, max_anchors, seed, device or choose_device(), hardened)
+    device = device or choose_device()
+    settings = Run(pair, iterations, message_weight, max_anchors, seed, device, hardened, schedule)
     run = Training(settings, anchors, voxel, branches, density)
     for _ in watched(run, iterations, lambda: f"{len(run.learner.anchors.positions)} anchors"):
         pass

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Bools, Float32, Indices
+from gspure.training.fast import Stage
 from gspure.training.schedule import ITERATIONS, LEAST_EVERY
 from gspure_torch.secure_gs.anchors import SCALINGS, Anchors, Neural
 
@@ -27,12 +28,19 @@ ADJUST_FROM: Final = 1_500
 ADJUST_UNTIL: Final = 15_000
 ADJUST_EVERY: Final = 100
 
+STAGES: Final = (Stage(0.25, 4, 1.0), Stage(0.6, 2, 1.0), Stage(1.0, 1, 1.0))
+"""Of the fast schedule: longer ones than those of Gaussians, as networks cost as much for small photographs. Ours."""
+
 
 @dataclass(frozen=True)
 class AnchorSchedule:
-    """Scaffold-GS's schedule, scaled to `iterations`. They count from 1; events follow the optimizer step."""
+    """Scaffold-GS's schedule, scaled to `iterations`. They count from 1; events follow the optimizer step.
+
+    Rates fall after the share `falls_from` of the run.
+    """
 
     iterations: int
+    falls_from: float = 0.0
 
     @property
     def adjust_every(self) -> int:
@@ -41,7 +49,7 @@ class AnchorSchedule:
 
     def rates(self, iteration: int, extent: float) -> dict[str, float]:
         """Return the learning rates of one iteration by parameter; `extent` is the scene's, in world units."""
-        share = iteration / self.iterations
+        share = max(0.0, (iteration / self.iterations - self.falls_from) / (1 - self.falls_from))
         rates = {name: first * (last / first) ** share for name, (first, last) in NETWORK_RATES.items()}
         first, last = OFFSETS_RATES
         offsets = extent * first * (last / first) ** share

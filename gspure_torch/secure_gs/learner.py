@@ -24,11 +24,10 @@ LEARNED: Final = ("offsets", "features", "log_scalings")  # trained attributes o
 class Learner:
     """Shared anchors, and each branch's networks and photographs, by training view; the first branch is the scene's."""
 
-    def __init__(
-        self, anchors: Anchors, branches: Sequence[Networks], photographs: Sequence[Sequence[Float32]], device: Device
-    ) -> None:
+    def __init__(self, anchors: Anchors, branches: Sequence[Networks], device: Device) -> None:
         self._render = TorchRenderer(device)
-        self._photographs = [Photographs(images, device) for images in photographs]
+        self._device = device
+        self._photographs: list[Photographs] = []
         self._positions = on_device(anchors.positions)
         self._learned = {name: _leaf(getattr(anchors, name)) for name in LEARNED}
         self._branches = [_leaves(networks) for networks in branches]
@@ -36,6 +35,10 @@ class Learner:
         for networks in self._branches:
             groups += [{"params": [*network.values()], "name": name} for name, network in networks.items()]
         self._optimizer = torch.optim.Adam(groups, eps=ADAM_EPSILON, fused=True)
+
+    def show(self, photographs: Sequence[Sequence[Float32]]) -> None:
+        """Let each branch learn from these photographs."""
+        self._photographs = [Photographs(images, self._device) for images in photographs]
 
     @property
     def anchors(self) -> Anchors:

@@ -152,7 +152,8 @@ class AnchorModel(PublicModel):
 
         fixed = dict.fromkeys((*LEARNED, *networks), 0.0)
         with single_threaded():
-            learner = Learner(self.anchors, [networks], [lesson.images], lesson.device or choose_device())
+            learner = Learner(self.anchors, [networks], lesson.device or choose_device())
+            learner.show([lesson.images])
             for view, factor in lesson.schedule():
                 scales = np.exp(learner.anchors.log_scalings[:, :3])
                 rows = visible_rows(lesson.views[view], self.model.means, self.model.quats, scales)

@@ -6,14 +6,18 @@ from typing import Final
 import numpy as np
 
 from gspure.arrays import Bools, Float32
+from gspure.cameras.camera import Camera
 from gspure.errors import InputError
 from gspure.schemes.hidden_weight import Hardening
 from gspure.schemes.scheme import Run
+from gspure.training.dataset import reduced
+from gspure.training.fast import schedule_of
 from gspure_torch.pytorch import single_threaded
 from gspure_torch.rows import screen_norms
 from gspure_torch.secure_gs.anchors import Anchors, Networks, visible_rows
 from gspure_torch.secure_gs.growing import (
     GRADIENT_THRESHOLD,
+    STAGES,
     AnchorSchedule,
     AnchorStatistics,
     Candidates,
@@ -42,8 +46,11 @@ class Training:
         self._captures = [run.pair.scene]
         if len(branches) > 1:
             self._captures.append(run.pair.message)
-        self.learner = Learner(anchors, branches, [capture.images for capture in self._captures], run.device)
-        self._schedule = AnchorSchedule(run.iterations)
+        self.learner = Learner(anchors, branches, run.device)
+        self._sizes = schedule_of(run.schedule, run.iterations, stages=STAGES)
+        self._schedule = AnchorSchedule(run.iterations, self._sizes.full_size_from)
+        self._views: list[Sequence[Camera]] = []
+        self._reduction = 0
         self._hardening = Hardening(run, self._schedule.adjust_every)
         self._statistics = [AnchorStatistics(len(anchors.positions), anchors.k) for _ in branches]
         self._rng = np.random.default_rng(run.seed)
@@ -56,18 +63,28 @@ class Training:
         batches = self._run.pair.batches(self._rng)
         with single_threaded():
             for iteration in range(1, self._run.iterations + 1):
+                self._show(self._sizes.reduction(iteration))
                 yield self._iterate(iteration, next(batches))
                 self._hardening.follow(iteration, self.public)
+
+    def _show(self, reduction: int) -> None:
+        """Show the learner photographs whose sides are divided by `reduction`."""
+        if reduction == self._reduction:
+            return
+        self._reduction = reduction
+        shown = [reduced(capture.views, capture.images, reduction) for capture in self._captures]
+        self._views = [views for views, _ in shown]
+        self.learner.show([images for _, images in shown])
 
     def _iterate(self, iteration: int, batch: tuple[int, int]) -> float:
         anchors = self.learner.anchors
         low = self._hardening.left_out(iteration)
         upright = np.broadcast_to(np.array([1, 0, 0, 0]), (len(anchors.positions), 4))
         total = 0.0
-        for branch, (statistics, capture) in enumerate(zip(self._statistics, self._captures, strict=True)):
+        for branch, (statistics, views) in enumerate(zip(self._statistics, self._views, strict=True)):
             view = batch[branch]
             weight = self._run.message_weight if branch else 1.0
-            camera = capture.views[view]
+            camera = views[view]
             rows = visible_rows(camera, anchors.positions, upright, np.exp(anchors.log_scalings[:, :3]))
             if branch and low is not None:
                 rows = rows[~low[rows]]
