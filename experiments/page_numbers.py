@@ -100,7 +100,7 @@ def wrong_messages(column: str, twins: str) -> float:
 
 def shown_by_the_demo(variant: str) -> list[float]:
     """Return a row of the demo's verdict: damage, PSNR, legible blocks in percent, p-value."""
-    published = [row for row in rows_of("radius/results") if row["owner"] == "published"]
+    published = [row for row in rows_of("demo/results") if row["owner"] == "published"]
     (row,) = [row for row in published if (row["scheme"], row["variant"]) == ("splats_in_splats", variant)]
     return [
         float(row["damage"]),
@@ -154,11 +154,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
     "README.md": {
         "`audit` runs # attacks (# with a key)": [AUDITED, attacks_of("small-1")],
         "GOF # # #% # traces": shown_by_the_demo("gof"),
-        "feature scaling # # #% # key-only": shown_by_the_demo("feature_scaling"),
+        "feature scaling # # #% # gone": shown_by_the_demo("feature_scaling"),
         "GSPure # # #% # key-only": shown_by_the_demo("gspure"),
         "random pruning # # #% # readable": shown_by_the_demo("random_pruning"),
         "gone at # dB of damage (feature scaling)": shown_by_the_demo("feature_scaling")[:1],
-        "no longer readable at # dB of damage (GOF)": shown_by_the_demo("gof")[:1],
         "image of 1M Gaussians at 1600x1063 | # ms | # ms": on_both(f"views [{LARGE}]", "image (ewa)"),
         "contributions to that view | # ms | # ms": on_both(f"views [{LARGE}]", "contributions (ray)"),
         "200k Gaussians | # steps/s | # steps/s": on_both(f"iteration [{TRAINED}]", *PER_SECOND),
