@@ -1,16 +1,17 @@
-"""gspure's trainer with the schedule of 30,000 steps that INRIA's has, ended early, for a comparison at equal steps.
+"""gspure's trainer with its own schedule, and with the first steps of INRIA's 30,000: rows of tables/programs.csv.
 
-``python -m experiments.inria_schedule CAPTURE STEPS`` prints the PSNR of held-out views. CAPTURE is a COLMAP project,
-on which the same number of steps of INRIA's trainer is, in its folder::
-
-    gspure cuda-free -- python train.py -s CAPTURE -m OUT --eval --iterations STEPS --test_iterations STEPS
+``python -m experiments.inria_schedule CAPTURE`` trains as many steps on a COLMAP project as `experiments.programs` lets
+INRIA's trainer take on it.
 """
 
 import sys
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 
+from experiments.programs import ITERATIONS as STEPS
+from experiments.programs import Outcome, record
 from gspure.metrics.image_metrics import psnr
 from gspure.opencl.adam import LearningRates
 from gspure.renderer import Renderer
@@ -30,10 +31,10 @@ class EndedEarly(Schedule):
         return Schedule.scaled(ITERATIONS).rates(iteration, extent)
 
 
-def main(source: Path, steps: int) -> None:
-    """Train, and print the held-out PSNR."""
+def first_of_inrias(steps: int) -> Schedule:
+    """Return the first steps of INRIA's schedule."""
     full = Schedule.scaled(ITERATIONS)
-    schedule = EndedEarly(
+    return EndedEarly(
         iterations=steps,
         sh_every=full.sh_every,
         densify_from=full.densify_from,
@@ -41,14 +42,26 @@ def main(source: Path, steps: int) -> None:
         densify_every=full.densify_every,
         reset_every=full.reset_every,
     )
+
+
+def main(source: Path) -> None:
+    """Train by both schedules."""
     data = read_dataset(source, "native")
     images, truth = (read_photographs(views) for views in (data.train, data.test))
-    begin = beginning(gaussians_at(data.xyz, data.rgb), seed=0)
-    model = train(data.train, images, begin, schedule=schedule, extent=data.extent, max_gaussians=NO_BOUND, device=None)
-    renderer = Renderer(model)
-    levels = [psnr(renderer.image(view).clip(0, 1), photo) for view, photo in zip(data.test, truth, strict=True)]
-    print(f"{np.mean(levels):.2f} dB in {len(levels)} held-out views, {len(model)} Gaussians")
+    schedules = {"own": Schedule.scaled(STEPS), "INRIA's": first_of_inrias(STEPS)}
+    for name, schedule in schedules.items():
+        started = process_time()
+        begin = beginning(gaussians_at(data.xyz, data.rgb), seed=0)
+        model = train(
+            data.train, images, begin, schedule=schedule, extent=data.extent, max_gaussians=NO_BOUND, device=None
+        )
+        seconds = process_time() - started
+        renderer = Renderer(model)
+        levels = [psnr(renderer.image(view).clip(0, 1), photo) for view, photo in zip(data.test, truth, strict=True)]
+        record(
+            Outcome(source.name, f"gspure, {name} schedule", "", "", f"{np.mean(levels):.1f}", f"{seconds:.0f}", "ran")
+        )
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    main(Path(sys.argv[1]).resolve())

@@ -152,7 +152,7 @@ SEEN = [float(row["legibility"]) for row in rows_of("legibility") if row["viewer
 
 NUMBERS: dict[str, dict[str, list[float]]] = {
     "README.md": {
-        "`audit` runs # attacks (# with a key)": [AUDITED, attacks_of("small-1")],
+        "`audit` runs # [attacks](docs/attacks.md) (# with a key)": [AUDITED, attacks_of("small-1")],
         "GOF # # #% # traces": shown_by_the_demo("gof"),
         "feature scaling # # #% # gone": shown_by_the_demo("feature_scaling"),
         "GSPure # # #% # key-only": shown_by_the_demo("gspure"),

@@ -1,10 +1,11 @@
-"""Run public programs that were written for CUDA, from the user's checkouts of them, and print the list of the page.
+"""Run public programs that were written for CUDA, from the user's checkouts of them: tables/programs.csv.
 
-``python -m experiments.programs CHECKOUTS PAIR OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they
-are, on the scene of a pair (``gspure pair room vault --width 208 --height 156 --out PAIR``). What they write goes to
-OUT.
+``python -m experiments.programs CHECKOUTS SCENE OUT`` runs those of `PROGRAMS` whose folder is in CHECKOUTS, as they
+are, on the scene of a pair (``gspure pair room vault --width 208 --height 156 --out room``) or on a COLMAP project.
+What they write goes to OUT; rows of other programs and scenes stay in the table.
 """
 
+import csv
 import re
 import resource
 import shlex
@@ -13,6 +14,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -21,9 +23,12 @@ from gspure.cameras import read_cameras
 from gspure.cameras.colmap import write_colmap
 from gspure.cameras.points import stored_points
 from gspure.errors import InputError
+from gspure.files import write_text
 from gspure.images import read_image
+from gspure.metrics.csv_tables import csv_text
 from gspure_torch.cuda_free.dialects import DIALECTS, find_wrapper, read_dialect
 
+TABLE = Path(__file__).resolve().parent / "tables" / "programs.csv"
 ITERATIONS = 700
 FEATURES = 16
 WATER = Path("/userhome/StegaGS/data/water")  # from which GS-Hider reads
@@ -41,6 +46,29 @@ class Program:
     def folder(self) -> str:
         """The name of its folder."""
         return self.repository.partition("/")[2]
+
+
+class Outcome(NamedTuple):
+    """How a program ended, or a trainer of ours: a row of the table."""
+
+    scene: str
+    program: str
+    commit: str
+    dialect: str
+    psnr: str  # of held-out views, dB
+    cpu_seconds: str
+    end: str
+
+
+def record(outcome: Outcome) -> None:
+    """Print an outcome, and put it into the table, in place of an older one."""
+    print(*outcome, flush=True)
+    rows = {outcome[:2]: outcome}
+    if TABLE.is_file():
+        with TABLE.open(newline="", encoding="utf-8") as file:
+            known = [Outcome(**row) for row in csv.DictReader(file)]
+        rows = {row[:2]: row for row in known} | rows
+    write_text(TABLE, csv_text(Outcome._fields, [rows[key] for key in sorted(rows)]))
 
 
 EVALUATED = f"--eval --iterations {ITERATIONS} --test_iterations {ITERATIONS} --save_iterations {ITERATIONS}"
@@ -91,8 +119,8 @@ def dialect_of(program: Program, folder: Path) -> str:
     return names[0] if names else ", ".join(dialect.outputs)
 
 
-def outcome(program: Program, folder: Path, data: Path, out: Path) -> str:
-    """Run a program, and return its line of the page."""
+def outcome(program: Program, folder: Path, data: Path, out: Path) -> Outcome:
+    """Run a program, and return how it ended."""
     words = shlex.split(program.command.format(data=data, out=out / program.folder))
     option = ["--dialect", program.dialect] if program.dialect else []
     command = [sys.executable, "-m", "gspure", "cuda-free", *option, "--", "python", *words]
@@ -103,25 +131,24 @@ def outcome(program: Program, folder: Path, data: Path, out: Path) -> str:
     (out / f"{program.folder}.log").write_text(done.stdout + done.stderr)
     git = ["git", "-C", str(folder), "rev-parse", "--short=8", "HEAD"]
     commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
-    levels = re.findall(r"Evaluating test: .*?PSNR ([\d.]+)", done.stdout)
-    dialect = dialect_of(program, folder)
-    errors = re.findall(r"^\w*Error: .*", done.stderr, re.MULTILINE)
-    end = f"stops: `{errors[-1]}`" if errors else "stops"
+    names = (data.name, program.repository, commit, dialect_of(program, folder))
     if done.returncode == 0:
-        end = f"{float(levels[-1]):.1f} dB, {seconds:.0f} CPU s"
-    elif dialect.startswith("refused"):
-        end = ""
-    return f"- {program.repository} {commit}, {dialect}: {end}"
+        levels = re.findall(r"Evaluating test: .*?PSNR ([\d.]+)", done.stdout)
+        return Outcome(*names, f"{float(levels[-1]):.1f}", f"{seconds:.0f}", "ran")
+    errors = re.findall(r"^\w*Error: .*", done.stderr, re.MULTILINE)
+    return Outcome(*names, "", "", errors[-1] if errors else "refused")
 
 
-def main(checkouts: Path, pair: Path, out: Path) -> None:
-    """Print the lines of the page."""
-    capture = out / pair.name
-    if not capture.exists():
-        capture_of(pair, capture)
+def main(checkouts: Path, scene: Path, out: Path) -> None:
+    """Write the table."""
+    capture = scene
+    if not (scene / "sparse").is_dir():
+        capture = out / scene.name
+        if not capture.exists():
+            capture_of(scene, capture)
     for program in PROGRAMS:
         if (checkouts / program.folder).is_dir():
-            print(outcome(program, checkouts / program.folder, capture, out), flush=True)
+            record(outcome(program, checkouts / program.folder, capture, out))
 
 
 if __name__ == "__main__":
