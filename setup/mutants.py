@@ -54,6 +54,7 @@ _PLANS = ("test_plan.py", "test_configuration.py")
 JOBS = {
     "gspure.codec": ("test_codec.py", "test_configuration.py"),
     "gspure.evaluation.collecting": ("test_outcomes.py",),
+    "gspure.evaluation.forging": ("test_forging.py",),
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.evidence": ("test_radius.py", "test_evaluate.py"),
     "gspure.evaluation.outcomes": ("test_outcomes.py", *_RESULTS),

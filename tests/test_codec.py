@@ -249,7 +249,7 @@ def test_columns_follow_from_the_types_and_unknown_numbers_are_empty(tmp_path: P
 def test_a_corrupt_table_is_refused_in_one_line(tmp_path: Path, line: str) -> None:
     rest = "," * 2 * len(METRICS) if line.count(",") > 1 else ""
     (tmp_path / "r.csv").write_text(f"{COLUMNS}\n{line}{rest}\n" if line else "")
-    with pytest.raises(InputError, match=r"r\.csv: (file|header|row): expected") as caught:
+    with pytest.raises(InputError, match=r"r\.csv: (file|header|row( 1)?): expected") as caught:
         read_table(tmp_path / "r.csv", Sample)
     assert "\n" not in str(caught.value)
 

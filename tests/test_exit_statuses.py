@@ -14,8 +14,7 @@ from tests.outcome_cases import write_model
 
 TABLE = dict(re.findall(r"^\| (.+) \| (\d+) \|$", (ROOT / "docs" / "troubleshooting.md").read_text(), re.MULTILINE))
 FAILED = "jobs failed; the verdict covers the others"
-WRONG = "wrong option, such as `--fail-under` without `--key`"
-FULL = "full disk or closed standard output"
+WRONG = "wrong option, configuration or file; no OpenCL device; full disk; closed standard output"
 CLOSED = "pipe closed, as by `head`"
 SITUATIONS = [
     ("`audit` ended, even if the message is gone", "gspure audit mine.yaml", ""),
@@ -25,20 +24,20 @@ SITUATIONS = [
     (FAILED, "touch results/report.html; PAGE=none gspure audit mine.yaml | (! grep .)", "ended with status 1"),
     (WRONG, "gspure audit model.ply --fail-under 1", "--key: expected one beside --fail-under"),
     (WRONG, "sed -i 1q results/tables/results.csv; gspure audit mine.yaml --fail-under 1", "expected a message"),
-    ("missing or bad file", "gspure info missing.ply", "missing.ply: no such file"),
-    ("missing or bad file", "gspure info cameras.json", "cameras.json: file: expected "),
-    ("unknown configuration setting", f"PYTHONPATH={ROOT} gspure audit metod.yaml", "metod: expected method?"),
+    (WRONG, "gspure info missing.ply", "missing.ply: no such file"),
+    (WRONG, "gspure info cameras.json", "cameras.json: file: expected "),
+    (WRONG, f"PYTHONPATH={ROOT} gspure audit metod.yaml", "metod: expected method?"),
     (
-        "no OpenCL device",
+        WRONG,
         "OCL_ICD_VENDORS=/none gspure purify model.ply --cameras orbit --out o",
         "see `gspure doctor`",
     ),
     (
-        FULL,
+        WRONG,
         "gspure attack random_pruning --model model.ply --out o.ply > /dev/full; s=$?; test -f o.ply && exit $s",
         "No space left",
     ),
-    (FULL, "gspure info model.ply >&-", "standard output is closed"),
+    (WRONG, "gspure info model.ply >&-", "standard output is closed"),
     (CLOSED, "gspure demo --dry-run --verbose | head --lines 1", ""),
     ("Ctrl-C", "gspure demo", "interrupted"),
     ("SIGTERM (SIGHUP: 129)", "gspure demo", "interrupted"),
