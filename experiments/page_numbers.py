@@ -147,6 +147,7 @@ COUNTS = ("50,000", "1,000,000", "6,000,000")
 PURIFIED = ("purify [1M]", "purify [6M]")
 OWNERS = "GS-Hider, own poses"
 UNRELATED = "30 unrelated models"
+INRIAS = "liruilong940607/gaussian-splatting"
 AUDITED = float(len(DEFAULT_VARIANTS) - 1)
 SEEN = [float(row["legibility"]) for row in rows_of("legibility") if row["viewer_1"] != "nothing"]
 
@@ -217,6 +218,17 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "message of Splats in Splats (PSNR # dB), and lowers the scene's PSNR by at most # dB": [
             cell("free_attacks", "published_psnr", "splats_in_splats", "half_precision"),
             max(cells("free_attacks", "damage", "half_precision")),
+        ],
+    },
+    "docs/cuda-free.md": {
+        "ConcealGS 3c3c3d7c, inria-2023: # dB, # CPU s": across("programs", "psnr|cpu_seconds", "zxk1212/ConcealGS"),
+        "gsplat-1.4: # dB, # CPU s": across("programs", "psnr|cpu_seconds", "room", INRIAS),
+        "6c570d6e, feature-3dgs: # dB, # CPU s": across("programs", "psnr|cpu_seconds", "ShijieZhou-UCLA/feature-3dgs"),
+        "iterations, reaches # dB in # CPU s": across("programs", "psnr|cpu_seconds", "room", "gspure, own schedule"),
+        "(in the fork with gsplat) reaches # dB": [cell("programs", "psnr", "room", INRIAS)],
+        "room and # dB on 84 photographs": [cell("programs", "psnr", "plush", INRIAS)],
+        "(../experiments/inria_schedule.py) # and #": [
+            cell("programs", "psnr", scene, "gspure, INRIA's schedule") for scene in ("room", "plush")
         ],
     },
     "docs/limits.md": {
