@@ -1,13 +1,14 @@
 """CPU time of a step of a trainer in the style of 3DGS, against a step of gspure's own trainer, measured in turns.
 
-``gspure cuda-free -- python -m benchmarks.cuda_free [ROUNDS]`` prints both, and their parts. The trainer takes its
-optimizer from PyTorch, and its loss from fused-ssim, which gspure replaces, too.
+``gspure cuda-free -- python -m benchmarks.cuda_free [ROUNDS]`` writes the ratios to cuda_free.csv. The trainer takes
+its optimizer from PyTorch, and its loss from fused-ssim, which gspure replaces, too.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,15 @@ from benchmarks.room import camera, room
 from benchmarks.stages import Stages
 from benchmarks.timing import Times, one_round
 from gspure.cameras.camera import Camera
+from gspure.files import write_text
+from gspure.metrics.csv_tables import csv_text
 from gspure.model import Gaussians
 from gspure.opencl.frame import Traversal
 from gspure.opencl.passes import backward, forward
 
 CASES = {"30k @208x156": (30_000, 208, 156), "200k @640x480": (200_000, 640, 480)}
+TABLE = Path(__file__).with_name("cuda_free.csv")
+COLUMNS = ("case", "step", "step, with gspure's passes", "rasterizer")
 RATES = {"xyz": 1.6e-4, "f_dc": 2.5e-3, "f_rest": 1.25e-4, "opacity": 0.05, "scaling": 5e-3, "rotation": 1e-3}
 NAMES = ("means", "quats", "scales", "opacities", "sh_coeffs")
 
@@ -135,18 +140,23 @@ def measured(count: int, width: int, height: int, rounds: int) -> dict[str, Time
     return times
 
 
-def report(case: str, times: Mapping[str, Times]) -> None:
-    """Print times and ratios; *least* is that of the steps if the rasterizer took no longer than our own passes."""
+def ratios(case: str, times: Mapping[str, Times]) -> list[str]:
+    """Print times, and return median ratios of CPU time: of the steps, of the steps with our passes, of the passes."""
     for name, values in times.items():
         print(f"{case}  {name:16} {1e3 * np.median(values.cpu):7.1f} CPU-ms")
     own = np.array(times["own step"].cpu)
     program = np.array(times["program step"].cpu)
     excess = np.subtract(times["program passes"].cpu, times["own passes"].cpu)
-    ratios = {"steps": program / own, "least": (program - excess) / own}
-    ratios["passes"] = np.divide(times["program passes"].cpu, times["own passes"].cpu)
-    print(case, *(f"{name} {np.median(values):.2f}" for name, values in ratios.items()), sep="  ")
+    passes = np.divide(times["program passes"].cpu, times["own passes"].cpu)
+    return [f"{np.median(values):.2f}" for values in (program / own, (program - excess) / own, passes)]
+
+
+def main(rounds: int) -> None:
+    """Write the table."""
+    rows = [[case, *ratios(case, measured(*size, rounds))] for case, size in CASES.items()]
+    write_text(TABLE, csv_text(COLUMNS, rows))
+    print(TABLE.read_text())
 
 
 if __name__ == "__main__":
-    for case, sizes in CASES.items():
-        report(case, measured(*sizes, rounds=int(sys.argv[1]) if len(sys.argv) > 1 else 21))
+    main(rounds=int(sys.argv[1]) if len(sys.argv) > 1 else 21)

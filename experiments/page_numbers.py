@@ -23,9 +23,11 @@ NUMBER = re.compile(r"-?\d[\d,]*(?:\.\d+)?(?:e[+-]\d+)?")
 
 @cache
 def rows_of(table: str) -> list[dict[str, str]]:
-    """Return the rows of a table of experiments/tables/ or, named by a path, of experiments/results/."""
-    folder = "results" if "/" in table else "tables"
-    with (ROOT / "experiments" / folder / f"{table}.csv").open(newline="", encoding="utf-8") as file:
+    """Return the rows of a table of experiments/tables/ or, named by a path, of experiments/results/ or benchmarks/."""
+    places = [ROOT / "experiments" / "results" / table, ROOT / table] if "/" in table else []
+    places.append(ROOT / "experiments" / "tables" / table)
+    path = next(place.with_suffix(".csv") for place in places if place.with_suffix(".csv").is_file())
+    with path.open(newline="", encoding="utf-8") as file:
         return [*csv.DictReader(file)]
 
 
@@ -146,6 +148,7 @@ def growth(figure: str, *counts: str) -> list[float]:
 COUNTS = ("50,000", "1,000,000", "6,000,000")
 PURIFIED = ("purify [1M]", "purify [6M]")
 OWNERS = "GS-Hider, own poses"
+PROGRAMS = "benchmarks/cuda_free"
 UNRELATED = "30 unrelated models"
 INRIAS = "liruilong940607/gaussian-splatting"
 AUDITED = float(len(DEFAULT_VARIANTS) - 1)
@@ -196,6 +199,9 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "(loss + Adam) / backward, same cases | .6 | #, #": training("(loss + Adam) / blend backward"),
         "iteration / frame, same cases | 2.6, 2.5 | #, #": training("iteration / frame", "iteration"),
         "gsplat's, wall, 100k, 1M | 1.5 | #, #": gsplat("gspure / gsplat, image, wall"),
+        "| steps | 1.6, 1.3 | # | # |": cells(PROGRAMS, "step"),
+        "than gspure's passes | | # | # |": cells(PROGRAMS, "step, with gspure's passes"),
+        "| rasterizer / gspure's passes | | # | # |": cells(PROGRAMS, "rasterizer"),
     },
     "docs/attacks.md": {
         "`densify` costs # dB, `split` # dB, `distil` # dB and `remesh` # dB": down(
@@ -226,6 +232,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "6c570d6e, feature-3dgs: # dB, # CPU s": across("programs", "psnr|cpu_seconds", "ShijieZhou-UCLA/feature-3dgs"),
         "iterations, reaches # dB in # CPU s": across("programs", "psnr|cpu_seconds", "room", "gspure, own schedule"),
         "(in the fork with gsplat) reaches # dB": [cell("programs", "psnr", "room", INRIAS)],
+        "takes [# to # times]": sorted(cells(PROGRAMS, "step")),
         "room and # dB on 84 photographs": [cell("programs", "psnr", "plush", INRIAS)],
         "(../experiments/inria_schedule.py) # and #": [
             cell("programs", "psnr", scene, "gspure, INRIA's schedule") for scene in ("room", "plush")
@@ -267,7 +274,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ),
         "A wrong key has at best z #": [max(across("keyed_pattern", "z rows|z clean model|z bank", "wrong key"))],
         "(z #, damage #)": across("keyed_pattern", "z rows|damage", "crop", "fraction=0.5"),
-        "except for # after interleaving 16 copies (which costs no quality), # if `unmark` follows": down(
+        "except for # after interleaving 16 copies, # if `unmark` follows": down(
             "keyed_pattern", "correct bits of 32", "16 copies, interleave", "16 copies, interleave, clip=0.007 passes=1"
         ),
         "and # after the crop": down("keyed_pattern", "correct bits of 32", "fraction=0.5"),
