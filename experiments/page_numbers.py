@@ -260,10 +260,15 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "collusion) | # | # | # | # |": patterns("16 copies, mean"),
         "| 16 copies, interleaved | # | # | # | # |": patterns("16 copies, interleave"),
         "clip 0.007, one pass | # | # | # | # |": patterns("16 copies, interleave, clip=0.007 passes=1"),
-        "end the proof** at # dB": down("keyed_pattern", "damage", "16 copies, interleave, clip=0.006 passes=1"),
-        "clips of 0.006 and 0.007, $p$ is # and #": down(
-            "keyed_pattern", "p", *(f"16 copies, interleave, clip={clip} passes=1" for clip in ("0.006", "0.007"))
-        ),
+        "clips of 0.006 and 0.007 (#, # dB), $p$ is # and #": [
+            number
+            for column in ("damage", "p")
+            for number in down(
+                "keyed_pattern",
+                column,
+                *(f"16 copies, interleave, clip={clip} passes=1" for clip in ("0.006", "0.007")),
+            )
+        ],
         "proven again (z # and #)": down(
             "keyed_pattern",
             "z bank",
@@ -281,12 +286,14 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "Of # pairs of a key and a model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
-        "# have $p \\le 0.001$ (95 %: # to #": [
+        "# have $p \\le 0.001$ (95 %, if independent: # to #": [
             cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
         "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
-        "with renders at # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
+        "damage-and-fidelity) # and # dB": cells(
+            "forgery", "fidelity dB", "keyed_pattern", "copied mark"
+        ),
         "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
         "of # of # unrelated models, # and # pass 1 %": [
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
