@@ -291,9 +291,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
         "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
-        "damage-and-fidelity) # and # dB": cells(
-            "forgery", "fidelity dB", "keyed_pattern", "copied mark"
-        ),
+        "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
         "of # of # unrelated models, # and # pass 1 %": [
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
@@ -345,7 +343,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "none of # is detected": [cell("scan", "models", "secure_gs", "unattacked")],
         "Of # downloaded": [float(len(cells("scan/models", "rows", "found")))],
         "one is unlike (# rows)": [cell("scan/models", "rows", "found", "unlike the calibration models")],
-        "in #, of 8-bit formats": [
+        "in #, 8-bit colours": [
             float(sum(not row["bit_entropy"] for row in rows_of("scan/models") if row["verdict"] == "nothing found"))
         ],
     },
