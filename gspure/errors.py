@@ -108,7 +108,7 @@ def _reason(error: Exception) -> str:
         case KeyError():
             return f"no entry {error}"
         case json.JSONDecodeError():
-            return f"a syntax error in line {error.lineno}, column {error.colno}" if error.doc else "an empty file"
+            return f"a syntax error on line {error.lineno}, column {error.colno}" if error.doc else "an empty file"
     text = next((words for kinds, words in _KINDS if isinstance(error, kinds)), str(error))
     matches = ((re.match(pattern, text), words) for pattern, words in _WORDS.items())
     return next((match.expand(words) for match, words in matches if match), text)

@@ -69,7 +69,7 @@ def bind_rows(model: Path, *arrays: Path) -> None:
 
 
 def require_rows_of(model: Path, array: Path) -> None:
-    """Refuse an array of rows that was measured on another model; warn of one that does not tell its model.
+    """Refuse an array of rows that was measured on another model; warn of one that does not name its model.
 
     As many rows may be other ones: editors and trainers change their order.
     """
@@ -81,10 +81,10 @@ def require_rows_of(model: Path, array: Path) -> None:
             if command in _MEASURING or array.name in record.get("outputs", []):
                 measured = sha256
     if not measured:
-        warn(f"{array}: does not tell its model: its rows must be in the order of {model}")
+        warn(f"{array}: does not name its model, so the order of its rows is unchecked: it must be that of {model}")
     elif model.is_file() and measured != digest_as_read(model):
-        expected = f"an array of the rows of {model}"
-        hint = "rows may be in another order: measure this model, as by `gspure purify`"
+        expected = f"an array that was measured on {model}"
+        hint = "rows may be in another order: measure this model again, for example by `gspure purify`"
         raise InputError(array, "model", expected=expected, found="one of another model", hint=hint)
 
 

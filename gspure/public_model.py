@@ -20,15 +20,13 @@ from gspure.opencl.adam import LearningRates
 from gspure.opencl.device import Device
 from gspure.opencl.trainable import Parameters, TrainableModel, TrainState
 from gspure.progress import track
-from gspure.renderer import CONTRIBUTION, Renderer
+from gspure.renderer import BLACK, CONTRIBUTION, Renderer
 
 Rows = Indices
 RenderView = Callable[[Camera], Float32]
 """From a camera to its image [H,W,3], not clipped."""
 
 Background = Sequence[float]
-BLACK: Final = (0.0, 0.0, 0.0)
-WHITE: Final = (1.0, 1.0, 1.0)
 
 ATTRIBUTES: Final = ("colour", "base_colour", "opacity", "scale", "rotation", "position")
 """Attributes that attacks can request; ``base_colour`` is the view-independent part of the colour."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial, wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,8 @@ from gspure.opencl.opacity_field import PointRays
 from gspure.opencl.passes import ENTRY_BUDGET, Rendered, backward, forward, require_conservation
 from gspure.opencl.storage import positions_of, store, upload_attributes, upload_sh_coeffs
 
-_WHITE = (1.0, 1.0, 1.0)
+BLACK: Final = (0.0, 0.0, 0.0)
+WHITE: Final = (1.0, 1.0, 1.0)
 CONTRIBUTION = np.dtype([("index", "<u4"), ("sum", "<f4"), ("max", "<f4"), ("pixels", "<u4")])
 """A touched Gaussian of a view: its row, the sum and maximum of alpha T over pixels, the number of pixels."""
 
@@ -122,7 +123,7 @@ class Renderer:
         self._last: Rendered | None = None
 
     @_exclusive
-    def image(self, camera: Camera, background: Sequence[float] = (0.0, 0.0, 0.0)) -> Float32:
+    def image(self, camera: Camera, background: Sequence[float] = BLACK) -> Float32:
         """Return the colour image [H,W,3]: non-negative, not clipped above.
 
         The background is black by default; commands use `Gaussians.background` of the model.
@@ -130,8 +131,8 @@ class Renderer:
         Raise `InputError` if the model holds no colour (no ``f_dc`` columns).
         """
         traversal, channels = self._channels(None)
-        last = self._last
-        if last is not None and last.is_on_black(camera, traversal) and tuple(background) == _WHITE:
+        last = self._last  # `gspure.attacks.strength` renders each view on black and on white, for what a model covers
+        if last is not None and last.is_on_black(camera, traversal) and tuple(background) == WHITE:
             return last.image_on_white()
         return self._render(camera, traversal, channels, background).image()
 

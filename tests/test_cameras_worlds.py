@@ -102,7 +102,7 @@ def test_a_normalization_that_happens_to_lie_beside_a_capture_moves_nothing(tmp_
     views = read_cameras(tmp_path)
     fitted = in_world_of(tmp_path / "model.ply", views, tmp_path)
     assert all(np.array_equal(camera.viewmat, view.viewmat) for camera, view in zip(fitted, views, strict=True))
-    assert capsys.readouterr().err.count("nothing shows that they fit") == 1
+    assert capsys.readouterr().err.count("nothing shows that its cameras fit") == 1
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_a_known_world_is_recognized_and_another_is_named(photographed, tmp_path
     fitted = in_world_of(tmp_path / "model.ply", read_cameras(capture), capture)
     lines = capsys.readouterr().err
     fits = world not in ("unknown", "turned", "another scene")
-    assert ("are these its cameras, in its world?" in lines) == (not fits or "other" in evidence)
+    assert ("are these the cameras of the model, in its world?" in lines) == (not fits or "other" in evidence)
     assert ("views moved to the world of" in lines) == (fits and world != "")
     expected = [view.moved(similarity) for view in views] if fits else views
     for camera, view in zip(fitted, expected, strict=True):
@@ -198,7 +198,7 @@ def test_views_of_a_model_are_not_doubted(count, thickness, scale, capsys):
     means = np.random.default_rng(1).normal(size=(count, 3)) * [1, 1, thickness]
     model = gaussians(means=means, scales=scale, opacities=0.5)
     mention_unseen(Cloud(model), orbit_cameras(model))
-    assert "are these its cameras" not in capsys.readouterr().err
+    assert "are these the cameras" not in capsys.readouterr().err
 
 
 def test_views_that_hardly_show_the_model_are_named(capsys):

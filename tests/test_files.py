@@ -146,11 +146,11 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 1\n" + "".join(f"property float {na
 READERS = {"json": files.read_json, "ply": read_model, "csv": read_metrics}
 READERS["npy"] = lambda file: load_array(file, dtype=np.float64, shape=(None,))
 BROKEN = {  # what a file holds, and what a refusal says of it
-    "cut.json": ('[{"id": 0, ', "file: expected JSON, found a syntax error in line 1, column 12"),
+    "cut.json": ('[{"id": 0, ', "file: expected JSON, found a syntax error on line 1, column 12"),
     "deep.json": ("[" * 100_000, "found lists in lists, too deep"),
     "other.npy": ("some text, no array", "found another kind of file, or a part"),
     "word.ply": (f"{PLY}end_header\n1 2 none {'1 ' * 8}\n", "found 'none' in place of a number at row 0, column 3"),
-    "word.csv": (f"{','.join(header(ViewMetrics))}\nscene,a,truth,x,1,1\n", "row 1: expected a row of ViewMetrics, "),
+    "word.csv": (f"{','.join(header(ViewMetrics))}\nscene,a,truth,x,1,1\n", "row 1: expected one of this table, "),
 }
 
 
@@ -168,7 +168,7 @@ def test_an_array_of_rows_is_refused_for_another_model_wherever_it_is_copied(tmp
     model.write_bytes(b"rows 1 2")
     (np.save if array.suffix == ".npy" else np.savez)(array, np.arange(2))
     require_rows_of(model, array)
-    assert "does not tell its model" in capsys.readouterr().err
+    assert "does not name its model" in capsys.readouterr().err
     if name == "by_provenance.npy":
         write_provenance(tmp_path, "purify", inputs={"model": model}, settings={})
     else:

@@ -49,7 +49,7 @@ def test_the_command_says_what_a_commitment_refuses_and_needs_a_message_with_can
     assert main([*words, "--out", str(tmp_path / "own")]) == 0
     words = ["forge", str(tmp_path / "own" / "key" / "clean.ply"), "--marked", str(tmp_path / "own")]
     assert main([*words, "--out", str(tmp_path / "claims.csv")]) == 0
-    assert "refuses: fitted key, searched key\n" in capsys.readouterr().out
+    assert "rule out: fitted key, searched key\n" in capsys.readouterr().out
     assert len((tmp_path / "claims.csv").read_text().splitlines()) == 5
     record = read_json(tmp_path / "own" / "key" / "provenance.json")
     record["inputs"]["pair"]["path"] = str(tmp_path)

@@ -11,7 +11,8 @@ from gspure.attacks import find_attack
 from gspure.constants import Energy
 from gspure.metrics.targets import MESSAGE
 from gspure.model import Gaussians
-from gspure.public_model import WHITE, PublicModel
+from gspure.public_model import PublicModel
+from gspure.renderer import WHITE
 from gspure.schemes.matching import registered
 from gspure_torch.gs_hider.model import COLUMNS, SCENE_DECODER, DecoderFile, FeatureModel
 from gspure_torch.keyss.key import NetworkKey

@@ -16,7 +16,8 @@ from gspure.errors import InputError
 from gspure.images import read_back
 from gspure.metrics.damage import Shown, covered, damage
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE, psnr
-from gspure.public_model import BLACK, WHITE, PublicModel
+from gspure.public_model import PublicModel
+from gspure.renderer import BLACK, WHITE
 
 if TYPE_CHECKING:
     from gspure.opencl.device import Device

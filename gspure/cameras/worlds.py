@@ -74,11 +74,11 @@ def in_world_of(model: Path, cameras: Sequence[Camera], source: Path) -> list[Ca
         choice, doubt = _by_witnesses(cloud, witnesses, worlds)
     else:
         choice = _by_views(cloud, cameras, worlds, by_nerfstudio=by_nerfstudio)
-        doubt = "nothing shows that they fit" if not choice and (by_nerfstudio or len(worlds) > 1) else ""
+        doubt = "nothing shows that its cameras fit" if not choice and (by_nerfstudio or len(worlds) > 1) else ""
     if doubt:
         is_missing = by_nerfstudio and len(worlds) == 1
         hint = f" nerfstudio's {NORMALIZED}, put beside it, would move them" if is_missing else ""
-        warn(f"{source}: {doubt} {model}: are these its cameras, in its world?{hint}")
+        warn(f"{source}: {doubt} {model}; are these the cameras of the model, in its world?{hint}")
     if choice:
         say(f"{source}: views moved to the world of {model} by {choice}")
         cameras = [camera.moved(worlds[choice]) for camera in cameras]

@@ -24,13 +24,13 @@ def detector_checks(name: str, command: str, renders: Path, model: Path) -> Iter
 
 def _read(command: str, renders: Path, model: Path) -> tuple[Path, list[Reading]]:
     """Return what a detector reads, and from what."""
-    try:
-        return renders, _readings(command, renders)
-    except InputError as refusal:
+    refusals = []
+    for source in (renders, model):
         try:
-            return model, _readings(command, model)
-        except InputError:
-            raise refusal from None
+            return source, _readings(command, source)
+        except InputError as refusal:
+            refusals.append(refusal)
+    raise refusals[0]
 
 
 def _readings(command: str, source: Path) -> list[Reading]:

@@ -26,9 +26,9 @@ EXAMPLES = """\
   gspure check-plugin rendered_bits      # after `pip install --editable .` in the folder of your package
   gspure check-plugin faint_pruning
 
-Trains a scheme three times on a small ray-traced pair, applies an attack to a small model, or gives its renders to a
-detector. "ok": the rule of docs/extending.md is kept; "FAILED": it is not; "note": a finding about the mark. Exit
-status 1 if a check failed.
+Trains a scheme three times on a small ray-traced pair, applies an attack to a small model, or gives a detector a small
+model and its renders. "ok": the rule of docs/extending.md is kept; "FAILED": it is not; "note": a finding that breaks
+no rule. Exit status 1 if a check failed.
 """
 
 VIEWS: Final = 12

@@ -9,7 +9,7 @@ from gspure.files import alone_in
 from gspure.workflow.auditing import snakefile
 
 EXAMPLES = """\
-  gspure demo              # results/report.html, in a minute or two on two idle CPU cores
+  gspure demo              # results/report.html, in a few minutes on two CPU cores
 """
 
 

@@ -24,29 +24,30 @@ from gspure.workflow.pairs import candidates_of_message
 TRIES = Range(19, 1_000_000)  # fewer pictures of a judge prove nothing
 
 EXAMPLES = """\
-  gspure forge clean/public --marked marked                        # both by `gspure embed keyss pair`; one with
-                                                                   # --initialization scene --set message_weight=0
+  gspure forge clean/public --marked marked      # both by `gspure embed keyss pair`; clean: --set message_weight=0
   gspure forge clean/public --marked marked --steps 1000 --out forgery.csv
 
-Needs bits, or a message that was ray-traced. MODEL must be in the world of the forger's pair. Prints claims, and writes
-neither keys nor models:
+Needs a scheme of bits, or a message that `gspure pair` ray-traced. MODEL must be in the world of the forger's pair.
+Prints claims, and writes neither keys nor models:
 
-own        the forger's key on his own model, for comparison
-fitted     a key made for MODEL: it learned the message there, or its message is the bits that it reads there
-copied     the forger's mark, copied onto MODEL without its key
-searched   the best of some random keys, or the one of some pictures that the forger's key shows best
+own model          the forger's key on the forger's own model, for comparison
+fitted key         a key made for MODEL, which learned to show the message in it, or whose bits are what it reads in it
+copied mark        the forger's mark, copied onto MODEL without a key
+searched key       the best of N random keys
+searched message   the one of N pictures that the forger's key shows best in MODEL
 
-p is what a judge finds who asks for no commitment and has no clean models (docs/statistics.md). Keys that are younger
-than MODEL have no commitment.json from before it; a copied mark shows an older key.
+tries: steps, keys or pictures; read: the share of the picture that is legible, or of correct bits; p: the probability
+of such a reading by chance, for a judge without clean models or a commitment (docs/statistics.md); fidelity: against
+MODEL, ∞ if its file is unchanged. A commitment.json from before MODEL rules out keys made after it, not copies.
 """
 
 
 def add_arguments(parser: Parser) -> None:
     parser.reads("model", "MODEL", "the stranger's model, which holds no mark: a file, or its folder")
-    parser.reads("--marked", "DIR", "what `gspure embed` wrote for the forger, with the folders public and key")
+    parser.reads("--marked", "DIR", "the forger's own marked model: what `gspure embed` wrote")
     parser.text("--scheme", "NAME", "the watermarking scheme (default: that of the key)")
     parser.number("--steps", "N", "steps of training of a key that learns", STEPS, FIT_STEPS)
-    parser.number("--tries", "N", "keys or messages that the forger tries, and pictures of the judge", TRIES, 199)
+    parser.number("--tries", "N", "keys or pictures that the forger tries, and candidates of the judge", TRIES, 199)
     parser.writes("--out", "CSV", "also write the claims to this table", required=False)
     options.add_device(parser)
 
@@ -94,4 +95,4 @@ def lines(claims: Sequence[Claim]) -> Iterator[str]:
         numbers = f"{percent(claim.read / 100, 0):>7}{p_value(claim.p):>9}{decimal(claim.fidelity, 1):>13}"
         yield f"{claim.forgery:<18}{claim.tries:>8}{numbers}"
     late = [claim.forgery for claim in claims if claim.is_late]
-    yield f"p: as published; a commitment from before this model refuses: {', '.join(late)}"
+    yield f"p: for a judge who asks for no commitment; one from before MODEL would rule out: {', '.join(late)}"

@@ -24,7 +24,7 @@ from gspure.model.gaussians import CORE
 from gspure.opencl.device import Device
 from gspure.progress import warn
 from gspure.public_model import PublicModel
-from gspure.renderer import Renderer
+from gspure.renderer import WHITE, Renderer
 from gspure.text import percent
 
 PLATES: Final = ("purification", "separation")  # figures of a model with a message: the layouts of Fig. 1 and Fig. 6
@@ -40,7 +40,6 @@ _BLOCKS: Final = 16  # blocks across a picture; a name stands in the block with 
 _SPLATS: Final = ("model", "clusters", "pruned rows")
 _WIDEST: Final = 640  # pixels of a view of splats
 _FAINT: Final = -2.0  # logit of the highest opacity of noise
-_WHITE: Final = (1.0, 1.0, 1.0)
 _RANKS: Final = (
     "Rank: the order by τ_c times the mean weight of the cluster or, outside clusters, τ_n times the weight. GSPure "
     "prunes the lowest ranks."
@@ -157,7 +156,7 @@ def _draw_purification(model: Purified, extracted: Extract, view: Camera, device
     ranks = model.colourings["rank"]
     pictures = [
         before,
-        levels(public.scene(device, _WHITE)(camera)),
+        levels(public.scene(device, WHITE)(camera)),
         portraits(model.means, [ranks.colours], camera)[0],
         after,
     ]
@@ -212,7 +211,7 @@ def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | No
     step = -(-len(views) // 2)
     shown = views[::step]
     public = model.public
-    render_pruned = public.with_model(public.model[model.pruned]).scene(device, _WHITE)
+    render_pruned = public.with_model(public.model[model.pruned]).scene(device, WHITE)
     colours = (model.colourings["cluster"].colours / 255).astype(np.float32)
     uploaded = None
     rows = []
@@ -223,7 +222,7 @@ def _draw_splats(model: Purified, cameras: Sequence[Camera], device: Device | No
         if gaussians is not uploaded:
             uploaded = gaussians
             faint = Renderer(_with_faint_noise(gaussians, model.labels[owners] == NOISE_LABEL), device)
-        clusters = faint.feature_map(camera, colours[owners], _WHITE)
+        clusters = faint.feature_map(camera, colours[owners], WHITE)
         rows.append([Tile(public.scene(device)(camera)), Tile(clusters), Tile(render_pruned(camera))])
     write_tiles(path, _SPLATS, rows)
     return (

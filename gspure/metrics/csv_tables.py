@@ -48,7 +48,7 @@ def read_table(path: Path, kind: type[RowType]) -> list[RowType]:
         by_column = [dict(zip(first, cells, strict=True)) for cells in rows]
     read_rows = []
     for number, cells in enumerate(by_column, start=1):
-        with reading(path, f"a row of {kind.__name__}", f"row {number}"):
+        with reading(path, "one of this table", f"row {number}"):
             read_rows.append(_read(kind, (cells.get(name, "") for name in columns)))
     return read_rows
 

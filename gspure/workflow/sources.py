@@ -39,7 +39,7 @@ def require_inputs() -> None:
     for name, (state, content) in noted.items():
         file = Path(name)
         if [*file_state(file.stat())] != state and file_digest(file) != content:
-            raise InputError(name, "file", expected="that with which this run began", found="another")
+            raise InputError(name, "file", expected="its content when this run began", found="another: run it again")
 
 
 def files_digest(files: Iterable[str | Path]) -> str:

@@ -35,8 +35,8 @@ from gspure.model.gaussians import CORE, NORMALS, logit, sigmoid
 from gspure.opencl.adam import adam_step
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
-from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView
-from gspure.renderer import Renderer
+from gspure.public_model import Background, Columns, Lesson, PublicModel, RenderView
+from gspure.renderer import BLACK, Renderer
 
 if TYPE_CHECKING:
     from gspure_torch.gs_hider.decoder import Decoder

@@ -11,7 +11,8 @@ from gspure.cameras.camera import Camera
 from gspure.constants import ADAM_EPSILON
 from gspure.opencl.device import Device
 from gspure.opencl.losses import Photographs
-from gspure.public_model import BLACK, Background
+from gspure.public_model import Background
+from gspure.renderer import BLACK
 from gspure_torch.bridge import TorchRenderer
 from gspure_torch.pytorch import on_device, on_host, torch
 from gspure_torch.secure_gs.anchors import Anchors, Networks, Neural, neural

@@ -23,8 +23,8 @@ from gspure.files import digest
 from gspure.model import Gaussians, model_file, read_model
 from gspure.model.finite import require_computed
 from gspure.opencl.device import Device, choose_device
-from gspure.public_model import BLACK, Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
-from gspure.renderer import Renderer
+from gspure.public_model import Background, Columns, Lesson, PublicModel, RenderView, Rows, merge_by_row
+from gspure.renderer import BLACK, Renderer
 from gspure_torch.secure_gs.anchors import (
     PARAMETERS,
     PUBLIC,
