@@ -61,38 +61,44 @@ def picture_evidence(
     candidates = None
     if job.owner.candidates:
         candidates = load_array(job.owner.candidates, dtype=np.uint8, shape=(None, None, None, None, 3))
-    evidence = {}
+    shown = {}
+    messages = {}
     for target in filter(is_picture, exhibit.rendered):
-        if target not in pairs:
-            continue
-        extractions = [read_image(pair.image) for pair in pairs[target]]
-        size = (extractions[0].shape[1], extractions[0].shape[0])
-        messages = [read_image(pair.reference, size) for pair in pairs[target]]
-        is_fitted = target == ADAPTIVE and job.owner.photographs is not None
-        # A key learns anew from each twin, which takes as long as the attacks: clean models judge those that learn.
-        twins = [] if is_fitted else twin_traces(job, exhibit, key, target, views[MESSAGE], messages)
-        evidence[target] = evidence_of(extractions, messages, candidates, twins, is_fitted=is_fitted)
-    return evidence
+        if target in pairs:
+            shown[target] = [read_image(pair.image) for pair in pairs[target]]
+            size = (shown[target][0].shape[1], shown[target][0].shape[0])
+            messages[target] = [read_image(pair.reference, size) for pair in pairs[target]]
+    # A key learns anew from each twin, which takes as long as the attacks: clean models judge those that learn.
+    fitted = {ADAPTIVE} if job.owner.photographs else set()
+    judged = {target: truth for target, truth in messages.items() if target not in fitted}
+    twins = twin_traces(job, exhibit, key, views[MESSAGE], judged)
+    return {
+        target: evidence_of(
+            extractions, messages[target], candidates, twins.get(target, ()), is_fitted=target in fitted
+        )
+        for target, extractions in shown.items()
+    }
 
 
 def twin_traces(
-    job: Job, exhibit: Exhibit, key: Key, target: str, views: Sequence[Camera], messages: Sequence[Float32]
-) -> list[float]:
-    """Return the traces of the message in models like this one, whose carriers of the message are drawn again."""
+    job: Job, exhibit: Exhibit, key: Key, views: Sequence[Camera], messages: Mapping[str, Sequence[Float32]]
+) -> dict[str, list[float]]:
+    """Return the traces of each target's message in models like this one, whose carriers of it are drawn again."""
     if job.owner is None or not isinstance(job.case, AttackSpec):
-        return []
+        return {}
     scheme = find_scheme(job.owner.scheme)
-    transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
     chosen = compared_views(len(views))
-    moved = [views[view].moved(transform) for view in chosen]
-    truth = [messages[view] for view in chosen]
-    traces = []
-    for seed in range(job.owner.twins):
+    traces: dict[str, list[float]] = {target: [] for target in messages}
+    for seed in range(job.owner.twins if messages else 0):
         twin = scheme.redrawn(exhibit.public, np.random.default_rng(seed))
         if twin is None:
-            return []
-        shown = extraction(job, twin.drawn(exhibit.source), key, target, moved)
-        traces.append(trace([read_back(image) for image in shown], truth))
+            break
+        drawn = twin.drawn(exhibit.source)
+        for target, truth in messages.items():
+            transform = np.eye(4) if target == ADAPTIVE else exhibit.transform
+            moved = [views[view].moved(transform) for view in chosen]
+            images = [read_back(image) for image in extraction(job, drawn, key, target, moved)]
+            traces[target].append(trace(images, [truth[view] for view in chosen]))
     return traces
 
 

@@ -1,12 +1,15 @@
 """Matching of the rows of an attacked model with those of the published one."""
 
-from collections.abc import Iterator
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from functools import wraps
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gspure.arrays import Float64, Indices
+from gspure.files import digest
 from gspure.model.frames import nearest
 from gspure.model.gaussians import ROTATION, SCALES, Gaussians, finite
 from gspure.model.rotations import moved
@@ -31,8 +34,28 @@ LANDMARKS: Final = 100  # number of rows of unusual shape from which a registrat
 STEPS: Final = 20  # steps of a registration; ours
 MIXED: Final = 0.1  # largest share of the differences of features that a mix leaves unexplained; ours
 STILL: Final = Similarity(1.0, np.eye(3), np.zeros(3))  # no motion
+REMEMBERED: Final = 8  # number of results
 
 
+def _remembered(match: Callable[..., Places]) -> Callable[..., Places]:
+    """Return a function of arrays that remembers its last results: twins of a model all have its geometry."""
+    results: OrderedDict[str, Places] = OrderedDict()
+
+    @wraps(match)
+    def remembering(*arrays: NDArray[Any]) -> Places:
+        contents = digest(*arrays)
+        if contents not in results:
+            results[contents] = match(*arrays)
+            results[contents].setflags(write=False)
+        results.move_to_end(contents)
+        while len(results) > REMEMBERED:
+            results.popitem(last=False)
+        return results[contents]
+
+    return remembering
+
+
+@_remembered
 def exact_matches(original: NDArray[Any], means: NDArray[Any]) -> Places:
     """Return the index of each centre [K,3] in `original` [N,3], or -1. A far row does not widen the tolerance."""
     from scipy.spatial import KDTree
@@ -100,23 +123,29 @@ def adaptive_matches(original: Gaussians, model: Gaussians, motion: Similarity =
 
     A row of the model may have changed slightly.
     """
+    points = motion.points(model.means.astype(np.float64))
+    return _likeliest_matches(original.means, _scales(original), points, _scales(model) + np.log(motion.scale))
+
+
+@_remembered
+def _likeliest_matches(
+    original: NDArray[Any], original_scales: NDArray[Any], points: NDArray[Any], scales: NDArray[Any]
+) -> Places:
+    """Return the index of each point [K,3] in `original` [N,3], or -1, by distances and ascending log-scales."""
     from scipy.spatial import KDTree
 
-    unmatched = np.full(len(model), -1, np.intp)
+    unmatched = np.full(len(points), -1, np.intp)
     if len(original) < 2:
         return unmatched
-    tree = KDTree(original.means)
-    spacing = float(np.median(tree.query(original.means, k=2)[0][:, 1]))
-    points = motion.points(model.means.astype(np.float64))
+    tree = KDTree(original)
+    spacing = float(np.median(tree.query(original, k=2)[0][:, 1]))
     distances, places = tree.query(points, k=range(1, min(NEIGHBOURS, len(original)) + 1))
-    original_scales = _scales(original)
-    scales = _scales(model) + np.log(motion.scale)
     products = distances * np.abs(scales[:, None] - original_scales[places]).max(axis=2)
-    likeliest = np.arange(len(model)), products.argmin(axis=1)
+    likeliest = np.arange(len(points)), products.argmin(axis=1)
     candidates = np.flatnonzero(products[likeliest] <= ALIKE * spacing)
     nearest = candidates[np.argsort(distances[likeliest][candidates], kind="stable")]
     matched, first = np.unique(places[likeliest][nearest], return_index=True)
-    if len(matched) < MOST * min(len(original), len(model)):
+    if len(matched) < MOST * min(len(original), len(points)):
         return unmatched
     matches = unmatched.copy()
     matches[nearest[first]] = matched
