@@ -154,23 +154,33 @@ def controls(trial: Trial) -> Iterator[tuple[str, PublicModel, KeyedPatternKey]]
 
 def attack_rows(trial: Trial) -> Iterator[list[str]]:
     """Yield the rows of the table of attacks."""
-    test = trial.pair.scene.dataset.test
-    photographs = read_photographs(test)
-    embedding = scene_damage(PublicModel(trial.key.clean), test, photographs)(trial.public)
-    yield row("embedding", "", embedding, trial.key, trial.public)
+    yield embedding_row(trial)
     for name, public, key in controls(trial):
         yield row(name, "", float("nan"), key, public)
-    damage_of = scene_damage(trial.public, test, photographs)
+    for results in (simple, colluding, combined):
+        yield from judged(trial, results(trial))
+
+
+def embedding_row(trial: Trial) -> list[str]:
+    """Return the row of the marked model, whose damage is that by embedding."""
+    test = trial.pair.scene.dataset.test
+    damage = scene_damage(PublicModel(trial.key.clean), test, read_photographs(test))(trial.public)
+    return row("embedding", "", damage, trial.key, trial.public)
+
+
+def judged(trial: Trial, results: Iterator[Result]) -> Iterator[list[str]]:
+    """Yield a row for each result, and for those of colluders who erase a mark one more, with a finer bank."""
     key = trial.key
     finer = FinerKey(key.secret, key.bits, key.clean, key.views)
     clips = ", ".join(f"clip={clip}" for clip, _ in FINER)
-    for results in (simple, colluding, combined):
-        for name, strength, attacked in results(trial):
-            public = PublicModel(attacked.model)
-            damage = damage_of(public, attacked.transform)
-            yield row(name, strength, damage, key, public)
-            if name == ANSWERED:
-                yield row(name, f"{strength}, bank also of {clips}", damage, finer, public)
+    test = trial.pair.scene.dataset.test
+    damage_of = scene_damage(trial.public, test, read_photographs(test))
+    for name, strength, attacked in results:
+        public = PublicModel(attacked.model)
+        damage = damage_of(public, attacked.transform)
+        yield row(name, strength, damage, key, public)
+        if name == ANSWERED:
+            yield row(name, f"{strength}, bank also of {clips}", damage, finer, public)
 
 
 def row(name: str, strength: str, damage: float, key: KeyedPatternKey, public: PublicModel) -> list[str]:
