@@ -39,7 +39,7 @@ _OF_PICTURES: Final[Mapping[str, str]] = {
     READABLE: f"≥ {percent(legibility.READABLE, 0)} legible",
     TRACES: f"≥ {percent(legibility.TRACES, 0)} legible",
     PROVEN: "less, but not by chance",
-    KEY_ONLY: "gone (redrawn twins, without the message, show as much)",
+    KEY_ONLY: "gone (models without the message show as much)",
 }
 _OF_MARKS: Final[Mapping[str, str]] = {READABLE: "all of it", PROVEN: "a part, but not by chance"}
 

@@ -22,6 +22,7 @@ from gspure.model import Gaussians
 from gspure.opencl.device import Device, choose_device
 from gspure.public_model import PublicModel
 from gspure.renderer import Renderer
+from gspure.schemes.keyed_pattern import copied
 from gspure.schemes.pair import Pair
 from gspure.schemes.scheme import Key, Scheme
 from gspure.settings import Amount, MaxGaussians, Range, Steps
@@ -155,4 +156,4 @@ def read_key(folder: Path) -> Key:
     return BitsKey.read(folder)
 
 
-SCHEME = Scheme("rendered_bits", embed, PublicModel.read, read_key, {BITS: RENDERED}, packages=PYTORCH)
+SCHEME = Scheme("rendered_bits", embed, PublicModel.read, read_key, {BITS: RENDERED}, packages=PYTORCH, copy=copied)
