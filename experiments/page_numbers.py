@@ -279,8 +279,12 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ),
         "A wrong key has at best z #": [max(across("keyed_pattern", "z rows|z clean model|z bank", "wrong key"))],
         "(z #, damage #)": across("keyed_pattern", "z rows|damage", "crop", "fraction=0.5"),
-        "except for # after interleaving 16 copies, # if `unmark` follows": down(
-            "keyed_pattern", "correct bits of 32", "16 copies, interleave", "16 copies, interleave, clip=0.007 passes=1"
+        "except for # after interleaving 16 copies, # or # if `unmark` follows": down(
+            "keyed_pattern",
+            "correct bits of 32",
+            "16 copies, interleave",
+            "16 copies, interleave, clip=0.006 passes=1",
+            "16 copies, interleave, clip=0.007 passes=1",
         ),
         "and # after the crop": down("keyed_pattern", "correct bits of 32", "fraction=0.5"),
         "Of # pairs of a key and a model": [
