@@ -301,7 +301,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
             *cells("bits-renders", "above 0.01", "keyed_pattern", UNRELATED),
         ],
-        "# and # pass 0.1 %, # and # $10^{-6}$": [
+        "# and # pass 0.1 %, # and # pass $10^{-6}$": [
             number
             for rate in ("0.001", "1e-06")
             for number in cells("bits-renders", f"above {rate}", "rendered_bits", "the marked model")
