@@ -31,7 +31,7 @@ RESULTS: Final = HERE / "results" / "reference"
 TABLES: Final = HERE / "tables"
 OWNERS: Final = (PUBLISHED, ADAPTS)
 CELLS: Final = ("part", "scheme", "scene", "seed", "owner", "radius", "killer", "missing", "CPU hours")
-COMPARED: Final = ("part", "scheme", "protocol", "scenes", "difference dB", "p", "p by Holm")
+COMPARED: Final = ("part", "scheme", "protocol", "scenes", "difference, low, high (dB)", "p", "p by Holm")
 
 
 def run(name: str, configuration: Mapping[str, Any], folder: Path, photographs: Path) -> list[Result]:
@@ -97,18 +97,19 @@ def ends(rows: Sequence[Result], attack: str) -> dict[tuple[str, int], float]:
 def compared(plan: Mapping[str, Any], results: Mapping[str, Sequence[Result]]) -> Iterator[list[str]]:
     """Yield the planned comparisons, over the scenes in which both attacks end the message."""
     ours, other = plan["attacks"]
-    found = []
+    by_comparison = []
     for one in plan["of"]:
         chosen = [row for row in results.get(one["part"], ()) if row.condition.scheme == one["scheme"]]
         chosen = [row for row in chosen if row.condition.protocol == one["protocol"]]
-        scenes = by_scene(differences(ends(chosen, ours), ends(chosen, other)))
-        found.append((one, scenes))
-    corrected = iter(holm([paired_test(scenes) for _, scenes in found if scenes]))
-    for one, scenes in found:
-        cells_of = [one["part"], one["scheme"], one["protocol"], str(len(scenes))]
+        by_comparison.append(by_scene(differences(ends(chosen, ours), ends(chosen, other))))
+    p = [paired_test(scenes) if scenes else 1.0 for scenes in by_comparison]
+    for one, scenes, single, corrected in zip(plan["of"], by_comparison, p, holm(p), strict=True):
+        numbers = ["", "", ""]
         if scenes:
-            cells_of += [str(mean_interval(scenes)), p_value(paired_test(scenes)), p_value(float(next(corrected)))]
-        yield [*cells_of, "", "", ""][: len(COMPARED)]
+            mean = mean_interval(scenes)
+            levels = ", ".join(decimal(level, 2) for level in (mean.mean, mean.low, mean.high))
+            numbers = [levels, p_value(single), p_value(float(corrected))]
+        yield [one["part"], one["scheme"], one["protocol"], str(len(scenes)), *numbers]
 
 
 def main(out: Path, photographs: Path, *names: str) -> None:
