@@ -2,7 +2,8 @@
 
 ``python -m experiments.schedules DATA RESOLUTION STEPS HALF EQUAL SEED...`` prints, for each seed, a row for STEPS
 vanilla steps, and for HALF and EQUAL fast ones, which should take half of the time, and all of it.
-The committed tables are of the plush figure of captures.yaml (240px 2000 1650 3000 0 1 2) and of Instant NGP's fox
+The committed tables are of the plush figure of captures.yaml (240px 2000 1650 3000 0 1 2 3 4 5 6 7 8, the last three
+without the longer run) and of Instant NGP's fox
 (320px 2000 1250 2300 0 1 2).
 """
 
