@@ -101,7 +101,8 @@ class KeyedPatternKey(Key):
         """Return what renders show in the cells of the clean model, against each of the references."""
         places = [self.views.index(view) for view in views]
         references = [reference[places] for reference in self.references]
-        residuals = [whitened(colour_mapped(images, reference) - reference) for reference in references]
+        mapped = colour_mapped(images, references)
+        residuals = [whitened(image - reference) for image, reference in zip(mapped, references, strict=True)]
         return informed(self.clean, self.grid, views, residuals)
 
     def decoded(self, findings: Findings) -> Bools:

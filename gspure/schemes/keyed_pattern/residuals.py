@@ -127,20 +127,31 @@ def renders(model: Gaussians, views: Sequence[Camera], device: Device | None = N
     return np.stack([renderer.image(view).clip(0, 1) for view in views])
 
 
-def colour_mapped(images: Float32, reference: Float32) -> Float32:
-    """Return images after the quadratic map of each channel that brings most of their pixels to a reference."""
-    mapped = np.empty_like(images)
+def colour_mapped(images: Float32, references: Sequence[Float32]) -> list[Float32]:
+    """Return images after the quadratic map of each channel that brings most of their pixels to each reference."""
+    mapped = [np.empty_like(images) for _ in references]
     for channel in range(3):
         x = images[..., channel].ravel().astype(np.float64)
-        y = reference[..., channel].ravel()
         powers = np.stack([np.ones_like(x), x, x * x], axis=1)
-        weights = np.ones_like(x)
-        for _ in range(REWEIGHTINGS):
-            weighted = powers * weights[:, None]
-            coefficients = np.linalg.solve(weighted.T @ powers + 1e-9 * np.eye(3), weighted.T @ y)
-            weights = 1 / (1 + np.square((y - powers @ coefficients) / TOLERANCE))
-        mapped[..., channel] = (powers @ coefficients).reshape(images.shape[:-1])
+        for reference, result in zip(references, mapped, strict=True):
+            result[..., channel] = _fitted(powers, reference[..., channel].ravel()).reshape(images.shape[:-1])
     return mapped
+
+
+def _fitted(powers: Float64, y: Float32) -> Float64:
+    """Return the polynomial of the `powers` [N,3] that comes close to most of the numbers y [N]."""
+    weights = np.ones(len(y))
+    weighted = np.empty_like(powers)
+    for _ in range(REWEIGHTINGS):
+        np.multiply(powers, weights[:, None], out=weighted)
+        coefficients = np.linalg.solve(weighted.T @ powers + 1e-9 * np.eye(3), weighted.T @ y)
+        np.matmul(powers, coefficients, out=weights)  # in place: fresh memory would cost half of the time
+        np.subtract(y, weights, out=weights)
+        weights /= TOLERANCE
+        np.square(weights, out=weights)
+        weights += 1
+        np.divide(1, weights, out=weights)
+    return np.asarray(powers @ coefficients)
 
 
 def whitened(residuals: Float32) -> Float32:
