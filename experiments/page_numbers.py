@@ -297,6 +297,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ],
         "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
+        "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
         "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
         "of # of # unrelated models, # and # pass 1 %": [
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
