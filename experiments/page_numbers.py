@@ -298,12 +298,12 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
-        "all of # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
-        "of # of # unrelated models, # and # pass 1 %": [
+        "all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
+        "of # from # unrelated models, # and # are below 1 %": [
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
             *cells("bits-renders", "above 0.01", "keyed_pattern", UNRELATED),
         ],
-        "# and # pass 0.1 %, # and # pass $10^{-6}$": [
+        "# and # are below 0.1 %, # and # below $10^{-6}$": [
             number
             for rate in ("0.001", "1e-06")
             for number in cells("bits-renders", f"above {rate}", "rendered_bits", "the marked model")
