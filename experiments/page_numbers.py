@@ -354,6 +354,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ],
     },
     "docs/schemes.md": {
+        "message has # dB after the first": [cell("authors", "message dB", "authors")],
+        "and # to # dB after the same steps": sorted(cells("authors", "message dB", "gspure", "first 3000 of 30000")),
+        "scaled to 3000 steps, gives # dB": [cell("authors", "message dB", "scaled to 3000")],
+        "(# without resets": [cell("authors", "message dB", "scaled to 3000, no resets")],
         "costs it # to # dB": [min(finetuned()), max(finetuned())],
         "from # to # dB after GSPure": [cell("owners-adaptive", OWNERS, "gspure", place=i) for i in (1, 2)],
         "from # to # dB on the clean model": [cell("owners-adaptive", OWNERS, "clean model", place=i) for i in (1, 2)],
