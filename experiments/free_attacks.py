@@ -3,9 +3,11 @@
 ``python -m experiments.free_attacks RESULTS...`` writes tables/free_attacks.csv: for each model and attack the largest
 change of a pixel in the held-out views, the number of pixels that change by more than `INVISIBLE`, the damage, dB, and
 what an owner reads, as published and after adapting. z compares the trace with candidates alone; the word counts clean
-models, too. For `gauge`, also the least and the largest trace as published over several seeds.
+models, too. For `gauge`, also the least and the largest trace as published over several seeds. Rows of other scenes
+stay in the table.
 """
 
+import csv
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -103,8 +105,14 @@ def table(results: Path) -> Iterator[Sequence[str]]:
 
 
 def main() -> None:
+    """Put the rows of some results into the table, in place of older ones of the same models and attacks."""
     columns = [*COLUMNS, *(f"{owner}_{name}" for owner in OWNERS for name in READING), "least_trace", "largest_trace"]
-    write_text(TABLE, csv_text(columns, [row for results in sys.argv[1:] for row in table(Path(results))]))
+    with TABLE.open(newline="", encoding="utf-8") as file:
+        rows: dict[tuple[str, ...], Sequence[str]] = {tuple(row[:3]): row for row in [*csv.reader(file)][1:]}
+    for results in sys.argv[1:]:
+        rows |= {tuple(row[:3]): row for row in table(Path(results))}
+    in_order = sorted(rows, key=lambda cells: cells[:2])
+    write_text(TABLE, csv_text(columns, [rows[cells] for cells in in_order]))
 
 
 if __name__ == "__main__":

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 from gspure.evaluation import paper
 from gspure.evaluation.identity import Condition
-from gspure.evaluation.radius import Radius, radius_text
-from gspure.evaluation.results import PUBLISHED, Result, known_cells, read_results
+from gspure.evaluation.radius import Radius, model_radii, radius_text
+from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, known_cells, read_results
 from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
@@ -62,6 +62,7 @@ def page() -> str:
         **paper_facts([*large, *networks]),
         **large_facts(large),
         **capture_facts(),
+        **authors_facts(),
     }
     return string.Template(TEMPLATE.read_text(encoding="utf-8")).substitute(facts)
 
@@ -260,6 +261,21 @@ def capture_facts() -> dict[str, str]:
         facts[f"before_{scheme}_scene"] = row["scene: public model"]
         facts[f"before_{scheme}_message"] = row["message: right key"]
     return facts
+
+
+def authors_facts() -> dict[str, str]:
+    """Return what GSPure takes from a model of the authors' GS-Hider, and its radius for the owner who adapts."""
+    rows = read_results(RESULTS / "authors" / "results.csv")
+    before, after = (
+        next(row for row in rows if row.variant == variant and row.extraction == MESSAGE)
+        for variant in (UNATTACKED, GSPURE)
+    )
+    (radius,) = (one for one in model_radii(rows) if (one.kind, one.owner) == ("message", ADAPTS))
+    return {
+        "authors_message": decimal(before.message_values[paper.PSNR] - after.message_values[paper.PSNR]),
+        "authors_scene": decimal(before.scene_values[paper.PSNR] - after.scene_values[paper.PSNR]),
+        "authors_radius": f"{radius_text(radius.radius, exceeds=radius.exceeds)} ({display_name(radius.killer)})",
+    }
 
 
 def _table(name: str) -> list[dict[str, str]]:
