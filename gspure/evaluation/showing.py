@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -95,7 +94,6 @@ def extraction(job: Job, public: PublicModel, key: Key, target: str, views: list
     return key.images(public, target, views, choose_device())
 
 
-@lru_cache(maxsize=1)  # a job has one
 def published_rows(published: Path, scheme: str) -> Gaussians:
     """Return the rows of the published model."""
     return read_public_model(published, scheme).drawn(published).model

@@ -1,6 +1,5 @@
 """Matching of the rows of an attacked model with those of the published one."""
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from functools import wraps
 from typing import Any, Final, TypeVar
@@ -39,18 +38,19 @@ REMEMBERED: Final = 8  # number of results
 
 def _remembered(match: Callable[..., Places]) -> Callable[..., Places]:
     """Return a function of arrays that remembers its last results: twins of a model all have its geometry."""
-    results: OrderedDict[str, Places] = OrderedDict()
+    results: dict[str, Places] = {}
 
     @wraps(match)
     def remembering(*arrays: NDArray[Any]) -> Places:
         contents = digest(*arrays)
-        if contents not in results:
-            results[contents] = match(*arrays)
-            results[contents].setflags(write=False)
-        results.move_to_end(contents)
-        while len(results) > REMEMBERED:
-            results.popitem(last=False)
-        return results[contents]
+        places = results.get(contents)
+        if places is None:
+            places = match(*arrays)
+            places.setflags(write=False)
+            results[contents] = places
+            if len(results) > REMEMBERED:
+                results.pop(next(iter(results)), None)
+        return places
 
     return remembering
 

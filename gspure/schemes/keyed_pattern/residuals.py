@@ -145,7 +145,7 @@ def _fitted(powers: Float64, y: Float32) -> Float64:
     for _ in range(REWEIGHTINGS):
         np.multiply(powers, weights[:, None], out=weighted)
         coefficients = np.linalg.solve(weighted.T @ powers + 1e-9 * np.eye(3), weighted.T @ y)
-        np.matmul(powers, coefficients, out=weights)  # in place: fresh memory would cost half of the time
+        np.matmul(powers, coefficients, out=weights)  # in place, without fresh memory
         np.subtract(y, weights, out=weights)
         weights /= TOLERANCE
         np.square(weights, out=weights)
