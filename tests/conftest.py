@@ -30,7 +30,15 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient")
 
 register()
 
-SLOWEST = ("test_workflow", "test_site", "test_device", "test_adapter", "test_browser", "test_schemes")
+SLOWEST = (
+    "test_workflow",
+    "test_site",
+    "test_device",
+    "test_adapter",
+    "test_browser",
+    "test_schemes",
+    "test_reference_run",
+)
 
 # Read when PoCL and PyTorch are loaded. Of several test processes, each has its own cache of kernels, and one thread.
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
