@@ -1,4 +1,4 @@
-"""The reference run: one configuration, `reference.yaml`, of audits of many scenes and schemes.
+"""The reference run: one configuration, reference/configuration.yaml, of audits of many scenes and schemes.
 
 ``python -m experiments.reference OUT PHOTOGRAPHS [PART ...]`` runs each part in OUT/PART; a killed run continues. It
 writes what it measured to results/reference/PART.csv, all cells of scenes, schemes and owners to
@@ -26,7 +26,7 @@ from gspure.metrics.statistics import by_scene, differences, holm, mean_interval
 from gspure.text import decimal, p_value
 
 HERE: Final = Path(__file__).parent
-CONFIGURATION: Final = HERE / "reference.yaml"
+CONFIGURATION: Final = HERE / "reference" / "configuration.yaml"
 RESULTS: Final = HERE / "results" / "reference"
 TABLES: Final = HERE / "tables"
 OWNERS: Final = (PUBLISHED, ADAPTS)
