@@ -34,8 +34,8 @@ CELLS: Final = ("part", "scheme", "scene", "seed", "owner", "radius", "killer", 
 COMPARED: Final = ("part", "scheme", "protocol", "scenes", "difference, low, high (dB)", "p", "p by Holm")
 
 
-def run(name: str, configuration: Mapping[str, Any], folder: Path, photographs: Path) -> list[Result]:
-    """Run a part in its folder, or what is left of it, and return its results."""
+def run(name: str, configuration: Mapping[str, Any], folder: Path, photographs: Path) -> None:
+    """Run a part in its folder, or what is left of it."""
     folder.mkdir(parents=True, exist_ok=True)
     photos = folder / "photos"
     if photographs.is_dir() and not photos.exists():
@@ -44,6 +44,10 @@ def run(name: str, configuration: Mapping[str, Any], folder: Path, photographs: 
     command = [sys.executable, "-m", "gspure", "audit", f"{name}.yaml"]
     paths = os.pathsep.join([str(HERE.parent), os.environ.get("PYTHONPATH", "")])
     subprocess.run(command, cwd=folder, env=os.environ | {"PYTHONPATH": paths}, check=False)  # failures are cells
+
+
+def measured(folder: Path) -> list[Result]:
+    """Return the results of a part, so far."""
     table = folder / "results" / "tables" / "results.csv"
     return read_results(table) if table.is_file() else []
 
@@ -113,12 +117,16 @@ def compared(plan: Mapping[str, Any], results: Mapping[str, Sequence[Result]]) -
 
 
 def main(out: Path, photographs: Path, *names: str) -> None:
-    """Run parts, by default all, and write what they measured."""
+    """Run parts, by default all, and write what all parts measured so far."""
     plan = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8"))
     results = {}
     lines: list[list[str]] = []
     for name in names or plan["parts"]:
-        results[name] = run(name, plan["parts"][name], out / name, photographs)
+        run(name, plan["parts"][name], out / name, photographs)
+    for name in plan["parts"]:
+        results[name] = measured(out / name)
+        if not results[name]:
+            continue
         write_results(RESULTS / f"{name}.csv", results[name])
         lines += cells(name, out / name, results[name])
     write_text(TABLES / "reference-cells.csv", csv_text(CELLS, lines))
