@@ -16,13 +16,14 @@ from typing import Any, Final
 
 import yaml
 
+from experiments.paired_tests import holm, paired_test
 from gspure.evaluation.radius import ModelRadius, model_radii, radius_text
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, read_results, write_results
 from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.csv_tables import csv_text
 from gspure.metrics.names import UNATTACKED
-from gspure.metrics.statistics import by_scene, differences, holm, mean_interval, paired_test
+from gspure.metrics.statistics import by_scene, differences, mean_interval
 from gspure.text import decimal, p_value
 
 HERE: Final = Path(__file__).parent

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gspure.evaluation import paper
+from experiments import printed
+from experiments.paired_tests import holm, paired_test
+from experiments.paper_check import beside_table
 from gspure.evaluation.identity import Condition
 from gspure.evaluation.radius import Radius, model_radii, radius_text
 from gspure.evaluation.results import ADAPTS, PUBLISHED, Result, known_cells, read_results
@@ -14,11 +16,10 @@ from gspure.files import write_text
 from gspure.grouping import grouped
 from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
 from gspure.metrics.names import GSPURE, UNATTACKED, display_name, variant_at, variant_title
-from gspure.metrics.statistics import Interval, by_scene, differences, holm, known_interval, mean_interval, paired_test
+from gspure.metrics.statistics import Interval, by_scene, differences, known_interval, mean_interval
 from gspure.metrics.targets import MESSAGE, is_picture
 from gspure.report.audit import ConditionAudit, audits
 from gspure.report.table import Cell, Column, Table, TableRow, interval
-from gspure.report.tables import beside_table
 from gspure.text import UNKNOWN, decimal, p_value, significant
 
 HERE: Final = Path(__file__).parent
@@ -162,7 +163,7 @@ def _message_drops(rows: Sequence[Result], entry: str, damage: float) -> dict[tu
 def _levels(rows: Sequence[Result], variant: str) -> dict[tuple[str, int], float]:
     """Return the PSNR of the published message in one variant, dB, by scene and seed."""
     published = [row for row in rows if row.variant == variant and row.extraction == MESSAGE]
-    return {(row.scene, row.seed): row.message_values[paper.PSNR] for row in published if row.message_values}
+    return {(row.scene, row.seed): row.message_values[printed.PSNR] for row in published if row.message_values}
 
 
 def over_gof(compared: Sequence[Compared]) -> str:
@@ -188,7 +189,7 @@ def compared_table(compared: Sequence[Compared]) -> str:
 
 def paper_facts(rows: Sequence[Result]) -> dict[str, str]:
     """Return GSPure's drops of the message at shared poses, in the paper and here."""
-    ours = [row for row in paper.beside(paper.read_rows(), rows) if row.variant == GSPURE]
+    ours = [row for row in printed.beside(printed.read_rows(), rows) if row.variant == GSPURE]
     shared = {row.condition.scheme: row for row in ours if row.condition.protocol == "shared"}
     splats = shared["splats_in_splats"]
     hider = shared["gs_hider"]
@@ -204,7 +205,7 @@ def paper_facts(rows: Sequence[Result]) -> dict[str, str]:
 
 def paper_table(rows: Sequence[Result]) -> str:
     """Return the attacks of the paper's Table 1 that we ran, beside its numbers."""
-    beside = paper.beside(paper.read_rows(), rows)
+    beside = printed.beside(printed.read_rows(), rows)
     return beside_table([row for row in beside if row.scenes and row.variant != "gof"]).markdown()
 
 
@@ -272,8 +273,8 @@ def authors_facts() -> dict[str, str]:
     )
     (radius,) = (one for one in model_radii(rows) if (one.kind, one.owner) == ("message", ADAPTS))
     return {
-        "authors_message": decimal(before.message_values[paper.PSNR] - after.message_values[paper.PSNR]),
-        "authors_scene": decimal(before.scene_values[paper.PSNR] - after.scene_values[paper.PSNR]),
+        "authors_message": decimal(before.message_values[printed.PSNR] - after.message_values[printed.PSNR]),
+        "authors_scene": decimal(before.scene_values[printed.PSNR] - after.scene_values[printed.PSNR]),
         "authors_radius": f"{radius_text(radius.radius, exceeds=radius.exceeds)} ({display_name(radius.killer)})",
     }
 

@@ -58,7 +58,6 @@ JOBS = {
     "gspure.evaluation.identity": ("test_outcomes.py", "test_plan.py"),
     "gspure.evaluation.evidence": ("test_radius.py", "test_evaluate.py"),
     "gspure.evaluation.outcomes": ("test_outcomes.py", *_RESULTS),
-    "gspure.evaluation.paper": ("test_paper.py", "test_outcomes.py"),
     "gspure.evaluation.plan": (*_PLANS, "test_codec.py", "test_evaluate.py"),
     "gspure.evaluation.attack_record": ("test_evaluate.py", "test_outcomes.py"),
     "gspure.workflow.auditing": (

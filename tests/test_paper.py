@@ -9,10 +9,9 @@ import re
 import numpy as np
 import pytest
 
-from gspure.cli import main
-from gspure.evaluation.judging import judged
-from gspure.evaluation.outcomes import with_references
-from gspure.evaluation.paper import (
+from experiments import paper_check
+from experiments.paper_check import beside_table
+from experiments.printed import (
     ATTACKS,
     TARGETS,
     Check,
@@ -25,7 +24,8 @@ from gspure.evaluation.paper import (
     score,
     score_interval,
 )
-from gspure.evaluation.results import write_results
+from gspure.evaluation.judging import judged
+from gspure.evaluation.outcomes import with_references
 from tests.outcome_cases import attacked
 
 PRINTED = read_rows()
@@ -64,7 +64,7 @@ def test_a_claim_of_less_than_a_bound_does_not_hold_at_the_bound() -> None:
     assert [Check(claim, recomputed).holds for recomputed in (0.5, 1.0)] == [True, False]
 
 
-def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
+def test_our_results_stand_beside_table_1_by_condition():
     drops = {("planted", ""): 9.0, ("gs_hider", "own"): 12.0, ("gs_hider", "shared"): 3.0}
     outcomes = []
     for (scheme, protocol), drop in drops.items():
@@ -73,20 +73,21 @@ def test_our_results_stand_beside_table_1_by_condition(tmp_path, capsys):
                 where = {"scheme": scheme, "protocol": protocol}
                 outcomes.append(attacked(variant, of_scene, of_message, scene, seed, **where))
     ours = judged(with_references(outcomes), {})
-    write_results(tmp_path / "results.csv", ours)
-    assert main(["paper-check", "--results", str(tmp_path / "results.csv")]) == 0
     rows = {(r.condition.scheme, r.condition.protocol, r.variant): r for r in beside(PRINTED, ours)}
     assert len(rows) == 4 * len(ATTACKS)
     measured = [(r.scenes, r.scene_drop, r.message_drop, r.score) for r in rows.values() if r.scenes]
     assert measured == [(2, 1.0, 12.0, 11.0), (2, 1.0, 3.0, 2.0)]
-    assert "| GSPure " in capsys.readouterr().out
+    assert "| GSPure " in beside_table([*rows.values()]).markdown()
 
 
-def test_the_command_prints_every_number_and_writes_a_row_for_each(tmp_path, capsys):
-    assert main(["paper-check", "--out", str(tmp_path / "paper.csv")]) == 0
+def test_the_check_prints_every_number_and_its_table_is_the_committed_one(tmp_path, capsys, monkeypatch):
+    recorded = paper_check.TABLE.read_text()
+    monkeypatch.setattr(paper_check, "TABLE", tmp_path / "paper_check.csv")
+    paper_check.main([])
+    assert paper_check.TABLE.read_text() == recorded
     printed = capsys.readouterr().out
     assert re.search(r"15\.21 \| +14\.87 \[", printed)
-    rows = list(csv.DictReader((tmp_path / "paper.csv").read_text().splitlines()))
+    rows = list(csv.DictReader(recorded.splitlines()))
     assert len(rows) == len(CHECKS)
     failed = [row for row in rows if row["holds"] == "False"]
     assert f"{len(failed)} of {len(rows)} numbers do not follow" in printed

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gspure.metrics.statistics import holm, mean_interval, paired_test
+from experiments.paired_tests import holm, paired_test
+from gspure.metrics.statistics import mean_interval
 
 
 @pytest.mark.parametrize(("scenes", "seeds", "share"), [(6, 1, 0.933), (6, 3, 0.969), (9, 1, 0.944), (9, 3, 0.973)])

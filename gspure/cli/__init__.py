@@ -40,7 +40,6 @@ COMMANDS = {
     "compare": "put two audits beside each other: before and after a change of a scheme",
     "submit": "write the radii of a run of a suite as one record for the leaderboard",
     "check-plugin": "check that a scheme, an attack or a detector keeps the rules for plug-ins",
-    "paper-check": "recompute the paper's tables, and list inconsistent numbers",
     "cuda-free": "run a program that was written for CUDA, such as the trainer of 3DGS, without CUDA",
     "completion": "print a script for tab completion in a shell",
 }

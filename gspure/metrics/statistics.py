@@ -1,4 +1,4 @@
-r"""Numbers by scene and seed: bootstrap intervals of their means, and paired tests.
+r"""Numbers by scene and seed, and bootstrap intervals of their means.
 
 Views of a scene and seeds of one embedding are not independent, so the scene is the unit everywhere.
 
@@ -12,10 +12,6 @@ which for normal data is close to Student's interval.
 The smallest and the largest of :math:`n` independent scenes enclose the median of all scenes with probability
 :math:`1 - 2^{1-n}`, whatever the distribution. With fewer than six scenes, the interval is this range, and this
 probability its level.
-
-The null hypothesis of the paired test is that two attacks are exchangeable: the difference in each scene then has
-either sign with equal probability (Fisher 1935; Efron and Tibshirani 1993, §15). Seeds of a scene change their sign
-together.
 """
 
 import math
@@ -31,9 +27,7 @@ from gspure.grouping import grouped
 LEVEL: Final = 0.95  # nominal coverage of an interval
 ROUNDING: Final = 1e-9  # relative error of sums and differences, far below what images of 8 bits distinguish
 RESAMPLES: Final = 10_000  # the tails of six scenes then hold some 20 resamples
-DRAWS: Final = 2**16  # combinations of signs: up to 16 scenes all of them, for more scenes as many random ones
 SEED: Final = 0
-DIGITS: Final = 10  # significant digits compared of the largest difference: further ones may be rounding error
 
 Cells = Mapping[tuple[str, int], float]  # a number for every (scene, seed)
 Groups = list[Float64]
@@ -126,40 +120,3 @@ def _tails(scenes: int) -> tuple[float, float]:
 
     tail = float(ndtr(-np.sqrt(scenes / (scenes - 1)) * stdtrit(scenes - 1, (1 + LEVEL) / 2)))
     return tail, 1 - tail
-
-
-def paired_test(differences: Sequence[ArrayLike]) -> float:
-    """Return the p-value of a sign-flip test: whether the differences of the seeds of every scene are centred at 0.
-
-    It is two-sided: the share of random signs of scenes whose mean is at least as far from 0. It is exact up to 16
-    scenes. For more it is estimated; the observed signs count as one of the draws, so it is never 0 (Phipson and Smyth
-    2010).
-    """
-    from scipy.stats import permutation_test
-
-    means = means_of(in_order(differences))
-    if len(means) == 1 or not means.any():  # scipy requires two means; one is as far from 0 with either sign
-        return 1.0
-    # Whole numbers of DIGITS decimal digits have exact sums, so means that tie on a decimal grid tie here, too.
-    exponent = max(math.floor(math.log10(np.abs(means).max())), -200)
-    whole = np.rint(means * 10.0 ** (DIGITS - 1 - exponent))
-    rng = np.random.default_rng(SEED)
-    settings = {"permutation_type": "samples", "n_resamples": DRAWS, "random_state": rng}
-    test = permutation_test((whole,), np.mean, vectorized=True, batch=4096, **settings)
-    return float(test.pvalue)
-
-
-def holm(p: ArrayLike) -> Float64:
-    r"""Return p-values [m], in the order of `p`, corrected for a family of tests.
-
-    .. math:: \tilde p_{(i)} = \max_{j \le i} \min\left(1, (m - j + 1)\, p_{(j)}\right)
-
-    (Holm 1979.) The significance level bounds the probability of any false rejection, however the tests depend on each
-    other.
-    """
-    values = np.asarray(p, np.float64)
-    order = np.argsort(values, kind="stable")
-    steps = values[order] * np.arange(len(values), 0, -1)
-    adjusted = np.empty_like(values)
-    adjusted[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
-    return adjusted

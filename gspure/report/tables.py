@@ -1,4 +1,4 @@
-"""The tables of models: every variant with its metrics; and means over scenes beside the paper's."""
+"""The tables of models: every variant with its metrics."""
 
 from collections.abc import Sequence
 from math import isfinite, nan
@@ -6,14 +6,12 @@ from typing import Final
 
 from gspure.evaluation.collecting import REMOVED
 from gspure.evaluation.outcomes import Outcome, by_model, ordered, titles_with_damage
-from gspure.evaluation.paper import Beside
-from gspure.grouping import grouped
 from gspure.metrics.detection import Detection
 from gspure.metrics.image_metrics import METRICS
 from gspure.metrics.names import UNATTACKED, display_name
 from gspure.metrics.targets import MESSAGE, SCENE
 from gspure.report.table import Cell, Column, Table, TableRow, markdown_document
-from gspure.text import UNKNOWN, decimal, percent, signed, significant
+from gspure.text import UNKNOWN, percent, signed, significant
 
 _MODEL: Final = (
     "PSNR in dB, mean over views, against photographs or, without these, renders of the unattacked model (∞: "
@@ -21,10 +19,6 @@ _MODEL: Final = (
     "extraction reads."
 )
 _TPR: Final = " TPR: true positive rate over the views at this false positive rate."
-_BESIDE: Final = (
-    "In dB. Paper: mean over the nine scenes of its Table 1, with the Score recomputed from its PSNR. Ours: mean over "
-    "our scenes, at our strengths."
-)
 
 
 def results_markdown(outcomes: Sequence[Outcome]) -> str:
@@ -95,24 +89,6 @@ def _reading(detection: Detection | None) -> Cell:
         return Cell()
     level = percent(detection.level / 100) if detection.bits else significant(detection.level)
     return Cell(level, f"(± {significant(detection.spread, 2)})")
-
-
-def beside_table(rows: Sequence[Beside]) -> Table:
-    """Return the attacks of the paper's Table 1 beside ours."""
-    quantities = ("scene drop", "message drop", "Score")
-    columns = [Column("condition"), Column("attack", text=True), Column("our scenes")]
-    columns += [Column(source, name) for name in quantities for source in ("paper", "ours")]
-    table_rows = []
-    for condition, alike in grouped(rows, lambda row: row.condition).items():
-        for i, row in enumerate(alike):
-            cells = [Cell("" if i else condition.title), Cell(display_name(row.variant))]
-            cells.append(Cell(str(row.scenes or UNKNOWN)))
-            paper = (row.paper_scene_drop, row.paper_message_drop, row.paper_score)
-            ours = (row.scene_drop, row.message_drop, row.score)
-            for printed, measured in zip(paper, ours, strict=True):
-                cells += [Cell(decimal(printed)), Cell(decimal(measured))]
-            table_rows.append(TableRow(cells, begins=i == 0))
-    return Table("The attacks of Table 1", columns, table_rows, _BESIDE)
 
 
 def failures(outcomes: Sequence[Outcome]) -> list[str]:

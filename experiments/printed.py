@@ -1,7 +1,7 @@
 """The paper's printed numbers (Huang et al. 2026) as data: references beside our own results, and input of a check.
 
-``paper.csv`` holds Tables 1 to 3, with an asterisk where a number is bold; ``paper_claims.csv`` the numbers of the text
-that follow from them. The numbers are references, never targets.
+``printed/tables.csv`` holds Tables 1 to 3, with an asterisk where a number is bold; ``printed/claims.csv`` the numbers
+of the text that follow from them. The numbers are references, never targets.
 """
 
 import csv
@@ -26,7 +26,7 @@ TARGETS: Final = (SCENE, MESSAGE)
 PSNR: Final = "psnr"
 SCORE: Final = "score"
 ROUNDING: Final = 0.02  # dB: largest error of a Score, from four means rounded to 0.01 dB each
-DATA: Final = Path(__file__).parent
+DATA: Final = Path(__file__).parent / "printed"
 
 Means = Mapping[tuple[str, str, str], float]  # PSNR by scheme, variant and target, mean over scenes
 
@@ -45,7 +45,7 @@ class PrintedRow(NamedTuple):
 
 def read_rows() -> list[PrintedRow]:
     """Return all rows of Tables 1 to 3."""
-    with (DATA / "paper.csv").open(encoding="utf-8", newline="") as stream:
+    with (DATA / "tables.csv").open(encoding="utf-8", newline="") as stream:
         header, *lines = csv.reader(stream)
     rows = []
     for table, label, scheme, variant, target, metric, *cells in lines:
@@ -147,7 +147,7 @@ def check_claims(rows: Sequence[PrintedRow]) -> list[Check]:
             column = display_name(r.scheme) if r.table == 2 else r.target.title()
             words = f"{r.label}, {column} PSNR"
             claims.append(Claim(f"Table {r.table}", words, PSNR, r.scheme, r.variant, r.target, "=", r.values["mean"]))
-    claims += read_table(DATA / "paper_claims.csv", Claim)
+    claims += read_table(DATA / "claims.csv", Claim)
     checks = []
     for claim in claims:
         recompute = QUANTITIES[claim.quantity]
