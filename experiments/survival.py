@@ -1,21 +1,26 @@
 """Keyed patterns of an audit under attacks that no suite has: tables/survival.csv.
 
 gspure audit experiments/survival.yaml
-python -m experiments.survival results
+python -m experiments.survival results [SCENE...]
+
+Rows of other scenes stay in the table.
 """
 
+import csv
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from experiments.keyed_pattern import COLUMNS, TABLES, Result, Trial, colluding, embedding_row, judged
 from gspure.files import write_text
+from gspure.grouping import grouped
 from gspure.metrics.csv_tables import csv_text
 from gspure.model import read_model
 from gspure.public_model import PublicModel
 from gspure.schemes.keyed_pattern.key import KeyedPatternKey
 from gspure.schemes.pair import read_pair
 
+TABLE = TABLES / "survival.csv"
 SCHEME = "keyed_pattern"
 ERASURES = ((0.006, 1), (0.01, 1), (0.015, 2), (0.02, 3), (0.03, 4))  # clip and passes of `unmark`
 DISTILLATION = 1500
@@ -33,17 +38,30 @@ def erasing(trial: Trial, folder: Path) -> Iterator[Result]:
     yield "unmark, distil", f"clip=0.015 passes=2, {DISTILLATION} steps", again
 
 
-def rows(results: Path) -> Iterator[list[str]]:
-    """Yield the rows of all scenes of an audit."""
-    for folder in sorted(path for path in (results / SCHEME).iterdir() if (path / "key").is_dir()):
-        pair = read_pair(results / "pairs" / folder.name)
-        trial = Trial(pair, PublicModel.read(folder / "public"), KeyedPatternKey.read(folder / "key"))
-        print(folder.name, flush=True)
-        yield [folder.name, *embedding_row(trial)]
-        for attack_results in (erasing(trial, folder), colluding(trial)):
-            for row in judged(trial, attack_results):
-                yield [folder.name, *row]
+def rows(folder: Path) -> Iterator[list[str]]:
+    """Yield the rows of the scene in a folder of an audit."""
+    pair = read_pair(folder.parent.parent / "pairs" / folder.name)
+    trial = Trial(pair, PublicModel.read(folder / "public"), KeyedPatternKey.read(folder / "key"))
+    yield [folder.name, *embedding_row(trial)]
+    for attack_results in (erasing(trial, folder), colluding(trial)):
+        for row in judged(trial, attack_results):
+            yield [folder.name, *row]
+
+
+def main(results: Path, scenes: Sequence[str]) -> None:
+    """Put the rows of some scenes, by default all, into the table, in place of older ones."""
+    folders = sorted(path for path in (results / SCHEME).iterdir() if (path / "key").is_dir())
+    known: dict[str, list[list[str]]] = {}
+    if TABLE.is_file():
+        with TABLE.open(newline="", encoding="utf-8") as file:
+            _, *lines = csv.reader(file)
+        known = grouped(lines, lambda line: line[0])
+    for folder in folders:
+        if not scenes or folder.name in scenes:
+            known[folder.name] = [*rows(folder)]
+    ordered = [line for scene in sorted(known) for line in known[scene]]
+    write_text(TABLE, csv_text(("scene", *COLUMNS), ordered))
 
 
 if __name__ == "__main__":
-    write_text(TABLES / "survival.csv", csv_text(("scene", *COLUMNS), rows(Path(sys.argv[1]))))
+    main(Path(sys.argv[1]), sys.argv[2:])
