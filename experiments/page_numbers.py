@@ -220,7 +220,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "from at least # to at most # dB for GS-Hider": gauged("gs_hider"),
         "from # to # for SecureGS": gauged("secure_gs"),
         "and from # to # for KeySS": gauged("keyss"),
-        "is # to #; those judged, # to #, prove": [
+        "is # to #; the one tested per pair, # to #, proves": [
             min(cells("free_attacks", "least_trace", "gs_hider", "gauge")),
             max(cells("free_attacks", "largest_trace", "gs_hider", "gauge")),
             min(cells("free_attacks", "published_trace", "gs_hider", "gauge")),
@@ -299,7 +299,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
-        "clean one, has $p$ # and #,": cells("forgery", "p", "subtracted"),
+        "clean one reach $p$ # and #;": cells("forgery", "p", "subtracted"),
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
         "all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
@@ -377,7 +377,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             wrong_messages("proven", twins="0"),
         ],
         "is right in # of # extractions": [graded_alike(0.8, "readable"), float(len(rows_of("legibility")))],
-        "In # of these, they saw at least traces; # of them have": [
+        "In # of the 40, they saw at least traces; # of these have": [
             float(len(SEEN)),
             float(sum(part < 0.4 for part in SEEN)),
         ],
