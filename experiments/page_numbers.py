@@ -178,15 +178,15 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "`gspure audit` runs the # attacks of the default": [AUDITED],
     },
     "benchmarks/README.md": {
-        "image, `ewa`, 100k Gaussians @960x540 | # | #": on_both(f"views [{SMALL}]", "image (ewa)"),
-        "contributions, `ray`, 100k @960x540 | # | #": on_both(f"views [{SMALL}]", "contributions (ray)"),
-        "image, `ewa`, 1M @1600x1063 | # | #": on_both(f"views [{LARGE}]", "image (ewa)"),
-        "contributions, `ray`, 1M @1600x1063 | # | #": on_both(f"views [{LARGE}]", "contributions (ray)"),
+        "image, `ewa`, 100k Gaussians @960x540, ms | # | #": on_both(f"views [{SMALL}]", "image (ewa)"),
+        "contributions, `ray`, 100k @960x540, ms | # | #": on_both(f"views [{SMALL}]", "contributions (ray)"),
+        "image, `ewa`, 1M @1600x1063, ms | # | #": on_both(f"views [{LARGE}]", "image (ewa)"),
+        "contributions, `ray`, 1M @1600x1063, ms | # | #": on_both(f"views [{LARGE}]", "contributions (ray)"),
         "per second, 100k @320x240 | # | #": on_both(f"iteration [{TRAINED_SMALL}]", *PER_SECOND),
         "per second, 200k @640x480 | # | #": on_both(f"iteration [{TRAINED}]", *PER_SECOND),
         "image, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image, wall"),
         "image and gradients, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image and gradients, wall"),
-        "contributions @1600x1063, rerun, ms | # | # | #": [
+        "contributions @1600x1063, run 2, ms | # | # | #": [
             benchmark("contributions with gaussians", f"{count} Gaussians") for count in COUNTS
         ],
         "CPU seconds per million Gaussians | # | # | #": growth("CPU seconds per million Gaussians", *COUNTS),
