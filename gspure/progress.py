@@ -1,4 +1,4 @@
-"""What people read of a result or of work under way: numbers as text, facts, warnings, progress."""
+"""Terminal output: numbers as text, facts, warnings, progress."""
 
 import json
 import os
