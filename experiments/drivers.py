@@ -1,9 +1,9 @@
 """Agreement of every installed OpenCL driver, in both kernel styles, with the float64 reference.
 
 ``python -m experiments.drivers``, in a checkout, prints a Markdown table of the largest errors over several awkward
-models: of the worst pixel, of the mean contribution, and of the worst centre's gradient, relative to it. Pixels near a
-step of the rules are left out. ``OCL_ICD_VENDORS`` may name a folder with the .icd files of
-further drivers.
+models: of the worst pixel, of the mean contribution, and of the worst centre's gradient, relative to it. Pixels where
+rounding may flip a decision of blending (cut-off of alpha, stop, order) are left out. ``OCL_ICD_VENDORS`` may name a
+folder with the .icd files of further drivers.
 """
 
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ NAMES = ("covering", "inside", "grazing", "flakes", "off_screen", "geographic")
 CASES = [(blobs(200, 1), tilted_camera()), *(AWKWARD[name]() for name in NAMES)]
 
 STEADY = 1e-3
-"""Margin of a centre from a step of the rules; below it, float32 may blend the centre differently."""
+"""Least margin of a centre from such a decision; closer ones are not compared."""
 
 
 def errors(device: Device, style: Style) -> dict[str, float]:

@@ -325,7 +325,7 @@ def thresholds(clean: Sequence[Row]) -> dict[str, float]:
 
 
 def score(row: Row, clean: Sequence[Row]) -> float:
-    """Return the suspicion by the most suspicious statistic of a file alone: minus its share among clean files."""
+    """Return minus the least share of clean files that are as extreme, over statistics that need no cameras."""
     shares = [1.0]
     for s in STATISTICS:
         value = row[s.name]

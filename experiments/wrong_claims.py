@@ -362,7 +362,7 @@ def wrong_evidence(
 ) -> list[ByExtraction]:
     """Return the evidence of each claimed message in extractions of a model and of its twins.
 
-    No message is legible here: legibility tells proven messages apart.
+    Their legibility is set to 0: it only grades proven messages, and here only the proof counts.
     """
     evidence: list[dict[str, Evidence]] = [{} for _ in claimed]
     for name, extraction in images.items():

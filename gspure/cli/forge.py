@@ -31,7 +31,7 @@ Needs a scheme of bits, or a message that `gspure pair` ray-traced. MODEL must b
 Prints claims, and writes neither keys nor models:
 
 own model          the forger's key on the forger's own model, for comparison
-fitted key         a key made for MODEL, which learned to show the message in it, or whose bits are what it reads in it
+fitted key         a key made for MODEL: it learned to show the message there, or claims the bits that it reads there
 copied mark        the forger's mark, copied onto MODEL without a key
 searched key       the best of N random keys
 searched message   the one of N pictures that the forger's key shows best in MODEL

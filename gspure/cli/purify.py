@@ -88,7 +88,7 @@ def add_arguments(parser: Parser) -> None:
     ):
         meaning = f"prune {rows} is below the mean of all rows divided by TAU (default: {value}; anchors: {of_anchors})"
         parser.number(name, "TAU", meaning, FACTOR)
-    meaning = "after pruning, train on renders of MODEL, as the attack `prune_repair` (default: for as long)"
+    meaning = "after pruning, train the rest on renders of MODEL, as `gspure_repair` (default: its iterations)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=0)
     parser.flag("--no-figures", "draw no figures")
     parser.flag(*options.PER_VIEW)
@@ -170,7 +170,7 @@ def _models(
     from gspure.attacks.learning import ITERATIONS
 
     iterations = repair or ITERATIONS
-    teacher = Teacher("prune_repair", public, views, device)
+    teacher = Teacher("gspure_repair", public, views, device)
     rows = teacher.train(pruned, np.random.default_rng(0), iterations, "all")
     rows = rows.with_comment(f"gspure {__version__} repaired iterations={iterations}")
     return {"unattacked": public, "pruned": pruned, "purified": public.with_model(rows)}

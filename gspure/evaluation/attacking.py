@@ -75,7 +75,7 @@ def attacked(public: PublicModel, spec: AttackSpec, context: Context) -> AttackR
     """
     attack = find_attack(spec.name)
     if spec.until is not None:
-        raise NotApplicable(attack.name, "its strength is searched for the end of a message, and there is none")
+        raise NotApplicable(attack.name, "`until` needs a message, and this model has none that can be read")
     measurements = Measurements.read(public, spec.measured)
     known: dict[str, Any] = {"seed": spec.seed, "cameras": [], "device": None}
     if learns(attack):

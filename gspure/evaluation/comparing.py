@@ -103,9 +103,9 @@ def twin_traces(
 
 
 def scene_before(job: Job, public: PublicModel, views: Sequence[Camera], after: Shown) -> Shown:
-    """Return what a `public` model shows before a job's attack, `after` which it shows something else.
+    """Return what the scene of a `public` model shows before a job's attack; `after` is what it shows after it.
 
-    The job without an attack writes it beside its renders, for the jobs that compare theirs with these.
+    The job without an attack writes what its renders cover beside them; jobs with attacks read both.
     """
     renders = job.views.unattacked
     covered_file = renders / "covered.npy"
@@ -121,7 +121,7 @@ def scene_before(job: Job, public: PublicModel, views: Sequence[Camera], after: 
 
 
 def scene_change(job: Job, public: PublicModel, views: Sequence[Camera], after: Shown) -> SceneChange:
-    """Return what an attack did to the scene of a `public` model, and `after` which it shows something else."""
+    """Return what an attack did to the scene of a `public` model; `after` is what the attacked one shows."""
     before = scene_before(job, public, views, after)
     drop = nan
     if SCENE in job.views.photographed:

@@ -94,7 +94,7 @@ def forgeries(forger: Forger, stranger: PublicModel, steps: int, tries: int) -> 
 
 
 def fitted(forger: Forger, stranger: PublicModel, steps: int) -> Claim:
-    """Return the claim by a key that was made for the stranger's model: it learned the message, or reads its own."""
+    """Return the claim by a key made for the stranger's model: it learned the message, or claims the bits it reads."""
     key = forger.key.forged(stranger, forger.lesson(steps))
     tries = 1 if forger.hides_bits else steps
     return Claim("fitted key", tries, *_judged(forger, stranger, key, chooses=True), inf, is_late=True)

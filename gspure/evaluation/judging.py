@@ -120,7 +120,7 @@ def _of_picture(row: Result, o: Outcome, tried: Sequence[str], clean: CleanEvide
 
 
 def proof_of(evidence: Evidence, clean: Sequence[Evidence]) -> Proof:
-    """Return the proof that one extraction gives, with its evidence in clean models, of which few cannot support it."""
+    """Return the proof that one extraction gives; clean models count only if there are at least `LEAST_CLEAN`."""
     traces = Traces(
         message=0.0 if evidence.is_blank else evidence.trace,
         candidates=np.array(evidence.candidates),

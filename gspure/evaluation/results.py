@@ -119,7 +119,7 @@ class Result(NamedTuple):
 
     @property
     def is_decided(self) -> bool:
-        """Whether the message would be proven if it were there: candidates or bits suffice."""
+        """Whether a proof is possible: there are enough candidates or bits for a significant level."""
         return bool(self.word) and not self.level > COARSEST
 
     @property

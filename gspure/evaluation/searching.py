@@ -16,10 +16,10 @@ LEFT: Final[dict[Until, tuple[Word, ...]]] = {"gone": (READABLE, TRACES, PROVEN)
 
 
 def searched(job: Job) -> Evaluation:
-    """Run a job; with `AttackSpec.until`, at the least strength found after which that is so, else at the strongest.
+    """Run a job; with `AttackSpec.until`, at the least strength found that leaves the message gone or unreadable.
 
-    Strengths are bisected as if each did what a weaker one does. What is left is judged without clean models, which
-    other jobs read: the results judge the strength found by all that is known.
+    That is the strongest if none does. The bisection assumes that a stronger attack leaves no more of the message, and
+    judges without clean models, which other jobs read; the results judge the strength found with them.
 
     Raises
     ------

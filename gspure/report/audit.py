@@ -137,7 +137,7 @@ def _verdict(rows: Sequence[Result], judged: Sequence[Result], known: Sequence[R
 def _not_present(judged: Sequence[Result]) -> str:
     """Return why a message is not proven before any attack."""
     if any(row.is_proven for row in judged if is_message_free(row.variant)):
-        return "with this key, a model that never held the message shows it, too, and eight are needed for a test"
+        return "with this key, a model that never held the message shows it, too; a test needs eight such models"
     return "before any attack, the message is not proven: look at the extraction"
 
 

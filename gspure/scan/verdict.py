@@ -1,4 +1,4 @@
-"""The verdict about a model: thresholds that at most 1 % of the clean files of the calibration pass."""
+"""The verdict about a model: thresholds beyond which at most 1 % of the calibration's clean files lie."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -81,9 +81,10 @@ class Key(ABC):
         return self
 
     def forged(self, public: PublicModel, lesson: Lesson) -> Key:
-        """Return a forger's key for a stranger's clean model, where it shows the lesson, or the bits that it reads.
+        """Return a forger's key for a stranger's clean model, in which it shows the lesson.
 
-        See `gspure.evaluation.forging`. By default, it learns as the key of an owner who adapts.
+        A key of bits claims as its message the bits that it reads there. See `gspure.evaluation.forging`. By default,
+        the key learns as that of an owner who adapts.
         """
         return self.fitted(public, lesson)
 

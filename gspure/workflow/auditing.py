@@ -134,7 +134,7 @@ def _quiet() -> Iterator[None]:
 
 @contextmanager
 def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tuple[Path, Path]]:
-    """Yield the configuration and the folder of a run, in which the block is, without another run there.
+    """Enter the folder of a run, keep other runs out of it, and yield the configuration and the folder.
 
     A rehearsal leaves no files, and stays in the current folder if the run would make a new one.
     """

@@ -148,7 +148,10 @@ class KeyedPatternKey(Key):
         return reading._replace(p=self.certificate(findings, keys).p)
 
     def forged(self, public: PublicModel, lesson: Lesson) -> KeyedPatternKey:
-        """Return a key whose clean model is the stranger's without a mark of the key, and whose message it reads."""
+        """Return a forged key, whose claimed clean model is the stranger's minus a random mark.
+
+        The claimed message is what this key then reads in the stranger's model.
+        """
         draft = self.random(lesson.rng, len(self.bits), public.model, self.views)
         clean = marked(public.model, draft.grid, draft.pattern, -FORGED)
         forged = KeyedPatternKey(draft.secret, draft.bits, clean, draft.views)
