@@ -95,7 +95,7 @@ def run(args: Arguments) -> None:
         args.data, args.resolution, photographs=args.images, skip_missing=args.skip_missing, seed=args.seed
     )
     images = dataset.read_photographs(track(data.train, "photographs"), background)
-    schedule = schedule_of(args.schedule, args.iterations)
+    schedule = schedule_of(args.schedule, args.iterations).of_photographs()
     if schedule.needs_surfaces:
         data = dataset.with_agreed_points(data, images, args.seed)
     max_gaussians = args.max_gaussians or data.max_gaussians(schedule.pixels_per_gaussian)

@@ -120,13 +120,19 @@ class TrainableModel:
         self._photographs = upload_photographs(self.engine, images)
 
     def step(
-        self, camera: Camera, target: int, rates: LearningRates, *, background: Sequence[float] = (0.0, 0.0, 0.0)
+        self,
+        camera: Camera,
+        target: int,
+        rates: LearningRates,
+        *,
+        background: Sequence[float] = (0.0, 0.0, 0.0),
+        ssim_weight: float = SSIM_WEIGHT,
     ) -> float:
         """Render `camera`, compare with photograph number `target`, and move every parameter; return the loss.
 
         The photograph has the camera's size. The view counts in the statistics (statistics.cl).
         """
-        loss, rendered, gradients = self.differentiate(camera, target, background)
+        loss, rendered, gradients = self.differentiate(camera, target, background, ssim_weight)
         self.engine.program("vector", "layout", "statistics").launch(
             "accumulate_statistics",
             self.count,
@@ -142,11 +148,11 @@ class TrainableModel:
         return loss
 
     def differentiate(
-        self, camera: Camera, target: int, background: Sequence[float]
+        self, camera: Camera, target: int, background: Sequence[float], ssim_weight: float = SSIM_WEIGHT
     ) -> tuple[float, Rendered, DeviceGradients]:
         """Return the loss of a view, its frame and gradients; these stay valid until the next view."""
         rendered = self._forward(camera, background)
-        loss, image_gradient = self._photographs[target].compare(rendered.canvas.image, SSIM_WEIGHT)
+        loss, image_gradient = self._photographs[target].compare(rendered.canvas.image, ssim_weight)
         return loss, rendered, backward(rendered, image_gradient)
 
     def update(self, rates: LearningRates, gradients: DeviceGradients) -> None:

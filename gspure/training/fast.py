@@ -29,13 +29,14 @@ STAGES: Final = (Stage(0.1, 4, 0.4), Stage(0.35, 2, 0.8), Stage(1.0, 1, 1.0))
 GROWS: Final = 0.5  # share of the run with densification, into the stage of full size
 DEGREES: Final = (0.2, 0.4, 0.5)  # shares of the run after which the degree of harmonics rises: late, since cheap
 LARGEST_FACTOR: Final = 5.0  # of learning rates, relative to 3DGS's
+SSIM_OF_PHOTOGRAPHS: Final = 0.35  # share of 1 - SSIM in the loss; for renders, 3DGS's is better
 
 
 @dataclass(frozen=True)
 class FastSchedule(Schedule):
     """A schedule in stages; opacities are never reset, which suits points on surfaces."""
 
-    pixels_per_gaussian: ClassVar[int] = 3
+    pixels_per_gaussian: ClassVar[int] = 5
     needs_surfaces: ClassVar[bool] = True
 
     stages: tuple[Stage, ...] = STAGES
@@ -45,6 +46,10 @@ class FastSchedule(Schedule):
         """Return the fast schedule of a run of this length."""
         vanilla = vars(Schedule.scaled(iterations))
         return cls(**vanilla | {"densify_until": round(GROWS * iterations), "reset_every": iterations + 1})
+
+    def of_photographs(self) -> Self:
+        """Return the schedule of a run that learns from photographs, not from renders."""
+        return replace(self, ssim_weight=SSIM_OF_PHOTOGRAPHS)
 
     def rates(self, iteration: int, extent: float) -> LearningRates:
         """Return the learning rates of one iteration; `extent` is the scene's, in world units.

@@ -15,6 +15,7 @@ import numpy as np
 
 from gspure.constants import MAX_SH_DEGREE
 from gspure.opencl.adam import LearningRates
+from gspure.opencl.losses import SSIM_WEIGHT
 
 ITERATIONS: Final = 30_000  # length of 3DGS's own schedule
 MEANS_RATES: Final = (1.6e-4, 1.6e-6)  # first and last one, as a share of the scene's extent; log-linear between them
@@ -54,6 +55,7 @@ class Schedule:
     densify_until: int
     densify_every: int
     reset_every: int
+    ssim_weight: float = SSIM_WEIGHT  # share of 1 - SSIM in the loss
 
     @classmethod
     def scaled(cls, iterations: int) -> Self:
@@ -71,6 +73,10 @@ class Schedule:
             densify_every=densify_every,
             reset_every=densify_every * round(share(RESET_EVERY, LEAST_RESET) / densify_every),
         )
+
+    def of_photographs(self) -> Self:
+        """Return the schedule of a run that learns from photographs, not from renders."""
+        return self
 
     def rates(self, iteration: int, extent: float) -> LearningRates:
         """Return the learning rates of one iteration; `extent` is the scene's, in world units."""

@@ -77,7 +77,13 @@ class Trainer:
             self._pending_views = self._rng.permutation(len(self._views)).tolist()
         view = self._pending_views.pop()
         rates = self.schedule.rates(iteration, self._extent)
-        loss = self.model.step(self._views[view], view, rates, background=self._background)
+        loss = self.model.step(
+            self._views[view],
+            view,
+            rates,
+            background=self._background,
+            ssim_weight=self.schedule.ssim_weight,
+        )
         if self.schedule.densifies(iteration):
             after = densified(
                 [self.model.state()],
