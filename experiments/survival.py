@@ -27,7 +27,7 @@ DISTILLATION = 1500
 
 
 def erasing(trial: Trial, folder: Path) -> Iterator[Result]:
-    """Yield the results of erasing the mark, and of new rows, moved or of an erased model."""
+    """Yield the results of `unmark`, of moving the audit's distilled model, and of `unmark`, then `distil`."""
     for clip, passes in ERASURES:
         yield "unmark", f"clip={clip} passes={passes}", trial.attacked("unmark", clip=clip, passes=passes)
     distilled = read_model(folder / "distil" / "public")

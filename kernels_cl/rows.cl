@@ -1,5 +1,6 @@
-// Values in storage order and blocks (vector.cl), one row after the other in the order of the model, and back: `attributes` of
-// them, from the `first` on, of `all` in a block. A work-item handles a block.
+// Copies between blocks [blocks,all,BLOCK] in storage order (vector.cl) and arrays [K,attributes]: `attributes` of the `all`
+// that a block holds, from the `first` on. `by_row` also restores the model's order of rows; `into_blocks` takes rows in storage
+// order. A work-item handles a block.
 
 #if LANES == 16
 // Exchange lines and columns of a whole block of 16 attributes: each round interleaves its upper and its lower half.

@@ -47,7 +47,7 @@ UNAPPLIED = [outcome(name, failure="not applicable: no rows") for name in ("unat
         (models_of(gof=(1.02, FAINT)), "broken", "gone at 1.0 dB of damage"),
         (models_of(gof=(1.4, FAINT), jpeg=(0.9, PLAIN)), "weak", "WEAK: the message is gone at 1.4 dB of damage (GOF)"),
         (models_of(gof=(2.6, FAINT)), "holds", "HOLDS: the message is gone at 2.6 dB of damage (GOF)"),
-        (models_of(gof=(2.1, PLAIN)), "holds", "gone after no attack of at most 2.1 dB of damage"),
+        (models_of(gof=(2.1, PLAIN)), "holds", "the message is not gone after any attack of at most 2.1 dB of damage"),
         (models_of(gof=(0.3, PLAIN)), "unknown", "no attack was tested with more than 0.3 dB of damage"),
         (KEYLESS, "unknown", NO_KEY),
         (UNAPPLIED, "unknown", "every variant is without results"),
@@ -122,13 +122,13 @@ def test_remarks_name_the_null_a_wrong_key_that_reads_and_attacks_without_effect
     leaking.append(attacked("wrong_key", 0.0, message=PLAIN))
     untouched = replace(attacked("rigid", 0.0, message=PLAIN), affects={"message": False})
     remarks = " ".join(answer_of([*leaking, untouched]).audit.remarks)
-    assert "p ≤ 0.005, the larger of two: by rank among 199 candidates, and by a t-test against 8 " in remarks
+    assert "p ≤ 0.005 by its rank among 199 candidates, and by a t-test against 8 " in remarks
     for text in ("A wrong key shows the message", "one scene", "reads: rigid"):
         assert text in remarks
     others = models_of("vault", gof=(0.4, FAINT))
     assert ("readable in 1 of 2", "with a wrong key") in [*answer_of([*leaking, *others]).key_numbers()]
     many = attacked("gof", 0.4, message=Evidence(0.95, 1.0, 60 * PLAIN.candidates))
-    assert "p ≤ 0.001, the larger of two: by rank among 11940 candidates" in answer_of([many]).audit.remarks[0]
+    assert "p ≤ 0.001 by its rank among 11940 candidates" in answer_of([many]).audit.remarks[0]
 
 
 def test_without_a_key_nothing_is_said_about_a_message() -> None:

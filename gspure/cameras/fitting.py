@@ -38,8 +38,8 @@ _FEWEST_PHOTOGRAPHS: Final = 3  # for a test
 _RECOGNIZED: Final = 0.75  # least share of thumbnails that are most like their own photograph
 _EXACT: Final = 1e-6  # smaller distances count as this
 _GAIN: Final = 2.0  # the least ratio of scores for which views are moved
-_DISTINCT: Final = 1.2  # the least ratio of the score of a fit and of a model that is changed a lot
-_BETTER: Final = 1.1  # the least ratio of the score of a model that is changed a little and of no fit
+_DISTINCT: Final = 1.2  # a fit scores at least this many times as much as after any large change
+_BETTER: Final = 1.1  # nor is it one if a small change makes it score this many times as much
 _LARGE: Final = ((20.0, 1.25, 0.1),)  # changes: degrees, factor, and share of the extent
 _SMALL: Final = ((10.0, 1.1, 0.05), (4.0, 1.04, 0.02))
 

@@ -43,7 +43,7 @@ def normalizations(cameras: Sequence[Camera], xyz: Float64) -> Iterator[tuple[st
     yield "gsplat's normalization by cameras", by_cameras
     if len(xyz) > 3:
         for number, by_points in enumerate(_principal(xyz @ by_cameras[:3, :3].T + by_cameras[:3, 3]), start=1):
-            yield f"gsplat's normalization ({number} of 4 senses of its axes)", by_points @ by_cameras
+            yield f"gsplat's normalization (choice {number} of 4 of its axes' signs)", by_points @ by_cameras
 
 
 def _of_nerfstudio(centres: Float64, up: Float64) -> Iterator[tuple[str, Float64]]:

@@ -68,7 +68,7 @@ def picture_evidence(
             shown[target] = [read_image(pair.image) for pair in pairs[target]]
             size = (shown[target][0].shape[1], shown[target][0].shape[0])
             messages[target] = [read_image(pair.reference, size) for pair in pairs[target]]
-    # A key learns anew from each twin, which takes as long as the attacks: clean models judge those that learn.
+    # A key that learns would have to learn from each twin, which takes as long as the attacks: clean models test it.
     fitted = {ADAPTIVE} if job.owner.photographs else set()
     judged = {target: truth for target, truth in messages.items() if target not in fitted}
     twins = twin_traces(job, exhibit, key, views[MESSAGE], judged)

@@ -21,7 +21,7 @@ READABLE: Final = "readable"  # proven, and a person or a program reads all of i
 TRACES: Final = "traces"  # proven, and a part of it can be recognized
 PROVEN: Final = "proven"  # proven, but nothing of it can be recognized
 KEY_ONLY: Final = "key-only"  # gone: what the extraction shows comes from the key, not from the file
-GONE: Final = "gone"  # neither
+GONE: Final = "gone"  # nothing of the above
 Word = Literal["readable", "traces", "proven", "key-only", "gone", ""]
 
 IN_ORDER: Final[tuple[Word, ...]] = (READABLE, TRACES, PROVEN, KEY_ONLY, GONE)
@@ -124,7 +124,7 @@ class Result(NamedTuple):
 
     @property
     def is_proven(self) -> bool:
-        """Whether the message is proven."""
+        """Whether the message is proven, or without candidates, when no proof is possible, recognized."""
         return self.word in (READABLE, TRACES, PROVEN)
 
 

@@ -73,8 +73,8 @@ def draw_evidence(path: Path, rows: Sequence[Result], known: Sequence[Radius]) -
     lines = "Solid: the owner who adapts; dotted: as published. " if by_owner[ADAPTS] else ""
     return (
         "Evidence that the message is there, against the damage that each attack does to the scene, mean over the "
-        f"scenes. {lines}Filled: proven; open: gone. Grey: nothing is proven. Star: the robust radius; ring: the "
-        "readable radius."
+        f"scenes. {lines}Filled: proven in all; open: not. Grey band: too little evidence for a proof; grey lines: "
+        "further attacks. Star: the robust radius; ring: the readable radius."
     )
 
 

@@ -74,8 +74,8 @@ class ConditionAudit:
         """Return in words where a radius ends: the damage, and the attack that does it."""
         if radius.exceeds:
             if isnan(radius.radius):
-                return f"{end} after no attack"
-            return f"{end} after no attack of at most {decimal(radius.radius, 1)} dB of damage"
+                return f"not {end} after any attack"
+            return f"not {end} after any attack of at most {decimal(radius.radius, 1)} dB of damage"
         killer = self.titles.get(radius.killer, radius.killer)
         if isnan(radius.radius):
             return f"{end} at a fidelity of {decimal(radius.fidelity, 1)} dB ({killer})"
@@ -144,8 +144,10 @@ def _not_present(judged: Sequence[Result]) -> str:
 def _by_radius(radius: Radius) -> tuple[Verdict, str]:
     """Return the verdict that follows from a radius, or why none does."""
     if isnan(radius.radius):
-        end = f"at a fidelity of {decimal(radius.fidelity, 1)} dB" if radius.killer else "after no attack"
-        return "unknown", f"damage needs photographs; the message is gone {end}"
+        is_gone = (
+            f"gone at a fidelity of {decimal(radius.fidelity, 1)} dB" if radius.killer else "not gone after any attack"
+        )
+        return "unknown", f"damage needs photographs; the message is {is_gone}"
     if radius.exceeds and radius.radius < BROKEN:
         return "unknown", f"no attack was tested with more than {decimal(radius.radius, 1)} dB of damage"
     if radius.exceeds or radius.radius > WEAK + DAMAGE_TOLERANCE:
@@ -164,11 +166,10 @@ def _remarks(judged: Sequence[Result]) -> list[str]:
     remarks = []
     if nulls:
         candidates, clean_models, twins, level = min(nulls)
-        models = f"and {clean_models} clean models" if clean_models else "(clean models: too few for a test)"
-        remarks.append(
-            f"Proven means p ≤ {decimal(level, 3)}, the larger of two: by rank among {candidates} candidates, and by a "
-            f"t-test against {twins} redrawn twins {models}."
-        )
+        tests = [f"its rank among {candidates} candidates"]
+        tests += [f"a t-test against {twins} redrawn twins"] if twins else []
+        tests += [f"a t-test against {clean_models} clean models"] if clean_models else []
+        remarks.append(f"Proven means p ≤ {decimal(level, 3)} by {', and by '.join(tests)}.")
     if any(not row.candidates and not isnan(row.trace) for row in attacked):
         remarks.append("There are no candidates of the message's kind: what is said of it is no proof.")
     if wrong_key:
