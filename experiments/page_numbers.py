@@ -185,7 +185,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "per second, 200k @640x480 | # | #": on_both(f"iteration [{TRAINED}]", *PER_SECOND),
         "image, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image, wall"),
         "image and gradients, 100k and 1M | – | #, #": gsplat("gspure / gsplat, image and gradients, wall"),
-        "contributions @1600x1063, run 2, ms | # | # | #": [
+        "contributions, `ray`, @1600x1063 (another benchmark), ms | # | # | #": [
             benchmark("contributions with gaussians", f"{count} Gaussians") for count in COUNTS
         ],
         "CPU seconds per million Gaussians | # | # | #": growth("CPU seconds per million Gaussians", *COUNTS),
