@@ -12,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from gspure.metrics.proof import SIGNIFICANCE
 from gspure.text import p_value
 from gspure.workflow.config import DEFAULT_VARIANTS
 from tests.comparison import FLIP, TIGHT
@@ -71,6 +72,19 @@ def on_both(title: str, name: str, gpu_name: str = "") -> list[float]:
 def patterns(*keys: str) -> list[float]:
     """Return damage and readings of a keyed pattern after an attack."""
     return across("keyed_pattern", "damage|z rows|z clean model|z bank", *keys)
+
+
+def over_scenes(attack: str) -> list[float]:
+    """Return the least and the largest damage of an attack on keyed patterns, and the scenes and fewest bits it leaves.
+
+    `attack` is a variant of the audit, or an attack or its strength in survival.csv.
+    """
+    known = [*rows_of("survival/results"), *rows_of("survival")]
+    rows = [row for row in known if attack in (row.get("variant", row["attack"]), row.get("strength"))]
+    damages = [float(row["damage"]) for row in rows]
+    proven = sum(float(row["p"]) <= SIGNIFICANCE for row in rows)
+    bits = [float(row.get("correct") or row["correct bits of 32"]) for row in rows]
+    return [min(damages), max(damages), proven, min(bits)]
 
 
 def trained_longer(scheme: str) -> float:
@@ -159,6 +173,9 @@ UNRELATED = "30 unrelated models"
 INRIAS = "liruilong940607/gaussian-splatting"
 AUDITED = float(len(DEFAULT_VARIANTS) - 1)
 SEEN = [float(row["legibility"]) for row in rows_of("legibility") if row["viewer_1"] != "nothing"]
+
+INTERLEAVED = "16 copies, interleave,"
+FINER = "bank also of clip=0.005, clip=0.0075"
 
 NUMBERS: dict[str, dict[str, list[float]]] = {
     "README.md": {
@@ -252,46 +269,30 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "and # and # dB above for Marked Clones and GS-Hider": [*map(trained_longer, ("marked_clones", "gs_hider"))],
     },
     "docs/marks-that-survive.md": {
-        "| embedding alone | # | # | # | # |": patterns("embedding"),
-        "| `warp`, 1 % | # | # | # | # |": patterns("warp", "amplitude=0.01"),
-        "| `gspure` | # | # | # | # |": patterns("gspure"),
-        "| `distil`, 2000 steps | # | # | # | # |": patterns("distil", "2000 steps"),
-        "| `distil` on renders after JPEG 50 | # | # | # | # |": patterns("distil", "2000 steps, render=jpeg:50"),
-        "rotated by 30°, scaled by 1.1 | # | # | # | # |": patterns("distil, rigid_transform"),
-        "clip 0.02, three passes | # | # | # | # |": patterns("unmark", "clip=0.02 passes=3"),
-        "two passes, `distil` | # | # | # | # |": patterns("unmark, distil"),
-        "`unmark`, then another mark | # | # | # | # |": patterns("unmark, a second mark"),
-        "collusion) | # | # | # | # |": patterns("16 copies, mean"),
-        "| 16 copies, interleaved | # | # | # | # |": patterns("16 copies, interleave"),
-        "clip 0.007, one pass | # | # | # | # |": patterns("16 copies, interleave, clip=0.007 passes=1"),
-        "clips of 0.006 and 0.007 (#, # dB), $p$ is # and #": [
-            number
-            for column in ("damage", "p")
-            for number in down(
-                "keyed_pattern",
-                column,
-                *(f"16 copies, interleave, clip={clip} passes=1" for clip in ("0.006", "0.007")),
-            )
-        ],
-        "proven again (z # and #)": down(
-            "keyed_pattern",
-            "z bank",
-            *(
-                f"16 copies, interleave, clip={clip} passes=1, bank also of clip=0.005, clip=0.0075"
-                for clip in ("0.006", "0.007")
-            ),
-        ),
-        "A wrong key has at best z #": [max(across("keyed_pattern", "z rows|z clean model|z bank", "wrong key"))],
-        "(z #, damage #)": across("keyed_pattern", "z rows|damage", "crop", "fraction=0.5"),
-        "except for # after interleaving 16 copies, # or # if `unmark` follows": down(
-            "keyed_pattern",
-            "correct bits of 32",
-            "16 copies, interleave",
-            "16 copies, interleave, clip=0.006 passes=1",
-            "16 copies, interleave, clip=0.007 passes=1",
-        ),
-        "and # after the crop": down("keyed_pattern", "correct bits of 32", "fraction=0.5"),
-        "Of # pairs of a key and a model": [
+        **{
+            f"{title} | # to # | # | # |": over_scenes(attack)
+            for title, attack in {
+                "embedding alone": "embedding",
+                "`gspure`": "gspure",
+                "`distil`, 1500 steps": "distil",
+                "the same, then rotated by 30°, scaled by 1.1": "distil, rigid_transform",
+                "`warp` for 2 dB": "warp@2dB",
+                "`crop` to 0.9": "crop",
+                "`gaussian_noise`, until the proof ends": "noise_until_gone",
+                "`unmark`, clip 0.03, four passes": "clip=0.03 passes=4",
+                "`unmark`, clip 0.015, two passes, then `distil`": "unmark, distil",
+                "collusion), mean": "16 copies, mean",
+                "16 copies, interleaved": "16 copies, interleave",
+                "the same, then `unmark`, clip 0.004, one pass": f"{INTERLEAVED} clip=0.004 passes=1",
+                "the same, two more references": f"{INTERLEAVED} clip=0.004 passes=1, {FINER}",
+            }.items()
+        },
+        "noise ends the proof first, at # to # dB": over_scenes("noise_until_gone")[:2],
+        "a weak `unmark` end the proof** at # to # dB": over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
+        "(z # after `distil`)": [abs(patterns("distil", "2000 steps")[1])],
+        "(z #; against the bank's, z #)": patterns("unmark", "clip=0.02 passes=3")[2:],
+        "all but the rows (z #)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
+        "Of # pairs of key and unmarked model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
         "# have $p \\le 0.001$ (95 %, if independent: # to #": [
