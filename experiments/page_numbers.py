@@ -283,15 +283,18 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
                 "`unmark`, clip 0.015, two passes, then `distil`": "unmark, distil",
                 "collusion), mean": "16 copies, mean",
                 "16 copies, interleaved": "16 copies, interleave",
-                "the same, then `unmark`, clip 0.004, one pass": f"{INTERLEAVED} clip=0.004 passes=1",
-                "the same, two more references": f"{INTERLEAVED} clip=0.004 passes=1, {FINER}",
+                "the same, then `unmark`, clip 0.006, one pass": f"{INTERLEAVED} clip=0.006 passes=1",
+                "the same, two more references": f"{INTERLEAVED} clip=0.006 passes=1, {FINER}",
             }.items()
         },
         "noise ends the proof first, at # to # dB": over_scenes("noise_until_gone")[:2],
-        "a weak `unmark` end the proof** at # to # dB": over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
+        "a weak `unmark` end the proof** in all scenes at # to # dB, in five at # to # (clip": [
+            *over_scenes(f"{INTERLEAVED} clip=0.006 passes=1")[:2],
+            *over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
+        ],
         "(z # after `distil`)": [abs(patterns("distil", "2000 steps")[1])],
-        "(z #; against the bank's, z #)": patterns("unmark", "clip=0.02 passes=3")[2:],
-        "all but the rows (z #)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
+        "(#; against the bank's #)": patterns("unmark", "clip=0.02 passes=3")[2:],
+        "all but the rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
         "Of # pairs of key and unmarked model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
