@@ -164,7 +164,7 @@ def test_the_least_strength_is_searched_that_ends_the_message(until) -> None:
 
 NO_PHOTOGRAPHS = [("gaussian_noise", {"damage": 0.5}, "a damage is a drop of the PSNR against photographs")]
 NOT_APPLIED = [("opacity_noise", {}, "rows do not store opacity")]
-NO_MESSAGE = [("gaussian_noise", {"until": "gone"}, "its strength is searched for the end of a message")]
+NO_MESSAGE = [("gaussian_noise", {"until": "gone"}, "`until` needs a message")]
 LEFT_NOTHING = [("crop", {"settings": {"fraction": 1e-9}}, "none of 60 rows would remain")]
 
 

@@ -15,10 +15,11 @@ from tests.outcome_cases import write_model
 TABLE = dict(re.findall(r"^\| (.+) \| (\d+) \|$", (ROOT / "docs" / "troubleshooting.md").read_text(), re.MULTILINE))
 FAILED = "jobs failed; the verdict covers the others"
 WRONG = "wrong option, configuration or file; no OpenCL device; full disk; closed standard output"
+RADIUS = "[robust radius](statistics.md#the-robust-radius)"
 CLOSED = "pipe closed, as by `head`"
 SITUATIONS = [
     ("`audit` ended, even if the message is gone", "gspure audit mine.yaml", ""),
-    ("robust radius at least `--fail-under`", "gspure audit mine.yaml --fail-under 0.7dB", ""),
+    (f"{RADIUS} at least `--fail-under`", "gspure audit mine.yaml --fail-under 0.7dB", ""),
     ("robust radius smaller than `--fail-under`", "gspure audit mine.yaml --fail-under 0.9", ""),
     (FAILED, "gspure audit mine.yaml --fail-under 0.9 | grep 'gone at 0.82 dB of damage'", "ended with status 1"),
     (FAILED, "touch results/report.html; PAGE=none gspure audit mine.yaml | (! grep .)", "ended with status 1"),
