@@ -75,7 +75,7 @@ def patterns(*keys: str) -> list[float]:
 
 
 def over_scenes(attack: str) -> list[float]:
-    """Return the least and the largest damage of an attack on keyed patterns, and the scenes and fewest bits it leaves.
+    """Return, over scenes, the least and largest damage of an attack, the number of proven scenes, and the fewest bits.
 
     `attack` is a variant of the audit, or an attack or its strength in survival.csv.
     """

@@ -96,4 +96,4 @@ def beside_table(rows: Sequence[printed.Beside]) -> Table:
 
 
 if __name__ == "__main__":
-    main([row for results in sys.argv[1:] for row in read_results(Path(results))])
+    main(read_results(*map(Path, sys.argv[1:])))

@@ -46,7 +46,8 @@ def compare(source: Path, resolution: str, steps: dict[str, tuple[str, int]], se
             begin = time.process_time()
             renderer, count = trained(data, images, schedule, iterations, seed)
             seconds = time.process_time() - begin
-            first = first or seconds
+            if not first:
+                first = seconds
             renders = [renderer.image(view).clip(0, 1) for view in data.test]
             level = np.mean([psnr(*pair) for pair in zip(renders, truth, strict=True)])
             likeness = np.mean([ssim(*pair) for pair in zip(renders, truth, strict=True)])

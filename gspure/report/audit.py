@@ -144,15 +144,17 @@ def _not_present(judged: Sequence[Result]) -> str:
 def _by_radius(radius: Radius) -> tuple[Verdict, str]:
     """Return the verdict that follows from a radius, or why none does."""
     if isnan(radius.radius):
-        is_gone = (
-            f"gone at a fidelity of {decimal(radius.fidelity, 1)} dB" if radius.killer else "not gone after any attack"
-        )
-        return "unknown", f"damage needs photographs; the message is {is_gone}"
+        if not radius.killer:
+            return "unknown", "damage needs photographs; the message is not gone after any attack"
+        fidelity = decimal(radius.fidelity, 1)
+        return "unknown", f"damage needs photographs; the message is gone at a fidelity of {fidelity} dB"
     if radius.exceeds and radius.radius < BROKEN:
         return "unknown", f"no attack was tested with more than {decimal(radius.radius, 1)} dB of damage"
     if radius.exceeds or radius.radius > WEAK + DAMAGE_TOLERANCE:
         return "holds", ""
-    return ("broken" if radius.radius <= BROKEN + DAMAGE_TOLERANCE else "weak"), ""
+    if radius.radius > BROKEN + DAMAGE_TOLERANCE:
+        return "weak", ""
+    return "broken", ""
 
 
 def _remarks(judged: Sequence[Result]) -> list[str]:
