@@ -143,6 +143,13 @@ def graded_alike(least: float, word: str) -> float:
     return sum((float(row["legibility"]) >= least) == (row["viewer_1"] == word) for row in rows_of("legibility"))
 
 
+def whole_bits(attack: str) -> list[float]:
+    """Return the numbers of the strengths after which held-out views show all bits of both schemes."""
+    columns = [f"{scheme}: held-out views, %" for scheme in ("marked_clones", "rendered_bits")]
+    whole = [row for row in rows_of("image-attacks") if all(row[column] == "100.0" for column in columns)]
+    return [float(NUMBER.findall(row["strength"])[0]) for row in whole if row["attack"] == attack]
+
+
 SMALL, LARGE = "100k @960x540", "1M @1600x1063"
 TRAINED_SMALL, TRAINED = "100k @320x240", "200k @640x480"
 CASES, TRAININGS = (SMALL, LARGE), (TRAINED_SMALL, TRAINED)
@@ -236,6 +243,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "from at least # to at most # dB for GS-Hider": gauged("gs_hider"),
         "from # to # for SecureGS": gauged("secure_gs"),
         "and from # to # for KeySS": gauged("keyss"),
+        "cropping to # % of the area, or # times the": [
+            100 * min(whole_bits("resized_crop")),
+            max(whole_bits("brightness")),
+        ],
         "is # to #; the one tested per pair, # to #, proves": [
             min(cells("free_attacks", "least_trace", "gs_hider", "gauge")),
             max(cells("free_attacks", "largest_trace", "gs_hider", "gauge")),
@@ -302,7 +313,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
+        "message read from the model, has $p = #$": [max(cells("forgery", "p", "keyed_pattern", "searched key"))],
         "clean one reach $p$ # and #;": cells("forgery", "p", "subtracted"),
+        "keys ignored the clean model, $#$": [max(cells("forgery", "p", "subtracted, keys without digest"))],
+        "shows that owner's key ($p = #$)": [max(cells("forgery", "p", "keyed_pattern", "copied mark"))],
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
         "all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],

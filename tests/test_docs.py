@@ -6,6 +6,7 @@ import importlib
 import inspect
 import json
 import re
+from collections.abc import Iterator
 from math import inf, nan
 from operator import attrgetter
 from pathlib import Path
@@ -16,6 +17,7 @@ import yaml
 
 import gspure
 from experiments import leaderboard_page, results_page
+from experiments.page_constants import CONSTANTS
 from experiments.page_numbers import NUMBERS
 from gspure.attacks import BUILT_IN, Measurements, attacks
 from gspure.codec import plain
@@ -170,16 +172,25 @@ def plain_numbers(text: str) -> str:
     digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
     text = re.sub(r"·10(?=[⁻⁰-⁹¹²³])", "e", " ".join(text.split()))
     text = re.sub(r"\b10(?=[⁻⁰-⁹¹²³])", "1e", text)
+    text = re.sub(r"\b10\^\{(-\d+)\}", r"1e\1", text)
     return text.translate(digits)
 
 
-@pytest.mark.parametrize(("page", "text"), [(page, text) for page, texts in NUMBERS.items() for text in texts])
-def test_a_measured_number_of_a_page_is_that_of_its_table(page: str, text: str) -> None:
+def numbers_of_pages() -> Iterator[tuple[str, str, list[float]]]:
+    """Yield the numbers of the pages: page, the text around them, and what tables and code say."""
+    for source in (NUMBERS, CONSTANTS):
+        for page, texts in source.items():
+            for text, numbers in texts.items():
+                yield page, text, numbers
+
+
+@pytest.mark.parametrize(("page", "text", "numbers"), [*numbers_of_pages()])
+def test_a_number_of_a_page_is_that_of_a_table_or_of_the_code(page: str, text: str, numbers: list[float]) -> None:
     parts = [re.escape(part) for part in plain_numbers(text).split("#")]
     found = re.findall(r"(-?[\d,]*\.?\d+(?:e-?\d+)?)".join(parts), plain_numbers((ROOT / page).read_text()))
     assert len(found) == 1, found
     shown = [*found[0]] if isinstance(found[0], tuple) else found
-    for number, value in zip(shown, NUMBERS[page][text], strict=True):
+    for number, value in zip(shown, numbers, strict=True):
         mantissa, _, power = number.replace(",", "").partition("e")
         last_place = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
         assert float(number.replace(",", "")) == pytest.approx(value, abs=0.5001 * last_place, rel=0)

@@ -1,0 +1,222 @@
+"""The constants that the pages name: the text around them, where ``#`` stands for each, and what the code says.
+
+A test compares them with the pages, as it does the measured numbers of `page_numbers`.
+"""
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from gspure import constants
+from gspure.attacks import pruning
+from gspure.attacks.strength import EVALUATIONS
+from gspure.cli.audit import LOST
+from gspure.images import MOST_PIXELS
+from gspure.method import features
+from gspure.method.weights import HEAVY_SHARE
+from gspure.metrics import legibility, proof
+from gspure.metrics.detection import FALSE_POSITIVES
+from gspure.metrics.image_metrics import DAMAGE_TOLERANCE
+from gspure.metrics.sign_ranks import KEYS
+from gspure.metrics.statistics import LEVEL
+from gspure.model.compressed import CHUNK
+from gspure.model.summary import BULK
+from gspure.opencl.losses import SSIM_WEIGHT
+from gspure.report.audit import BROKEN, WEAK
+from gspure.schemes import keyed_pattern, matching
+from gspure.schemes.keyed_pattern import pattern, registration
+from gspure.schemes.scheme import FIT_STEPS
+from gspure.schemes.splats_in_splats.bits import SHIFT
+from gspure.training import dataset, densification, fast, initialization, schedule
+from gspure.workflow.config import ProofConfig
+
+ROOT = Path(__file__).parents[1]
+
+
+def number_after(text: str, path: str) -> float:
+    """Return the number that follows a text in a file, as of modules that need PyTorch."""
+    source = (ROOT / path).read_text(encoding="utf-8")
+    (number,) = re.findall(re.escape(text) + r"\s*([\d._e-]+)", source)
+    return float(number)
+
+
+def settings(path: str) -> dict[str, Any]:
+    """Return a YAML file of the repository."""
+    read: dict[str, Any] = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+    return read
+
+
+def resources() -> list[float]:
+    """Return the least and the largest memory, GB, and time, h, of device jobs on a cluster, then those of others."""
+    profile = settings("profiles/slurm/config.yaml")
+    numbers = []
+    for resource, unit in (("mem_mb", 1000), ("runtime", 60)):
+        amounts = [rule[resource] / unit for rule in profile["set-resources"].values()]
+        numbers += [min(amounts), max(amounts)]
+    default = profile["default-resources"]
+    return [*numbers, default["mem_mb"] / 1000, default["runtime"] / 60]
+
+
+def of_survival() -> list[float]:
+    """Return width, height, rows and bits of the experiment on marks that survive."""
+    run = settings("experiments/survival.yaml")
+    ((width, height),) = {(pair["width"], pair["height"]) for pair in run["pairs"].values()}
+    bits = inspect.signature(keyed_pattern.embed).parameters["bits"].default
+    return [width, height, run["schemes"]["keyed_pattern"]["max_gaussians"], bits]
+
+
+FLOAT = 4  # bytes
+ROW = 59  # numbers of a Gaussian with harmonics of degree 3
+COLOUR = 48  # those of its colour
+TAUS = [constants.TAU_N, constants.TAU_C]
+CUT_OFF = 1 / constants.ALPHA_MIN
+ROTATIONS = registration.STARTS + 3 * 12  # those about the axes
+
+CONSTANTS: dict[str, dict[str, list[float]]] = {
+    "README.md": {
+        "proof) is at most #. Photographed": [1 / (1 + ProofConfig().candidates)],
+        "exit-status) #. `gspure embed": [LOST],
+    },
+    "benchmarks/README.md": {
+        "random reads of # bytes per visible": [FLOAT * constants.FOOTPRINT_FLOATS],
+        "memory: # bytes per Gaussian, # of them colours": [FLOAT * ROW, FLOAT * COLOUR],
+        "every image reads # bytes per Gaussian": [FLOAT * ROW],
+        "instructions per row of # pixels": [constants.TILE],
+    },
+    "config/README.md": {
+        "over strengths, with # [candidates]": [
+            settings("gspure/workflow/suites/standard-1.yaml")["proof"]["candidates"]
+        ],
+    },
+    "docs/ablations.md": {
+        "`eom_capped`, `min_samples` #, `min_cluster_size` #.": [constants.MIN_SAMPLES, constants.MIN_CLUSTER_SIZE],
+    },
+    "docs/architecture.md": {
+        "into tiles of #×# pixels": [constants.TILE, constants.TILE],
+        "processes a tile in rows of # pixels": [constants.TILE],
+        "a work-group of # does": [constants.TILE**2],
+    },
+    "docs/attacks.md": {
+        "The search renders at most # attacked models": [EVALUATIONS + 1],
+        "at most # dB above it": [DAMAGE_TOLERANCE],
+        "default, #, matches GOF's boxes": [pruning.TOLERANCE],
+        "= #$ standard deviations in front": [np.sqrt(2 * np.log(2))],
+        "for more than # Gaussians of an opacity above #, the surface": [
+            number_after("MOST_OPAQUE =", "rules/steps/surface.py"),
+            number_after("OPAQUE: Final =", "gspure/surface/meshing.py"),
+        ],
+        "where α crosses 1/# or two": [CUT_OFF],
+    },
+    "docs/cluster.md": {
+        "# to # GB and # to # h; all others a CPU, # GB and # h.": resources(),
+        "of the configuration, or # (1 for": [number_after("subject.has_small_images else", "rules/common.smk")],
+    },
+    "docs/formats.md": {
+        "(colour = 0.5 + # ·": [constants.SH_DC],
+        "A compressed PLY stores # rows at a time": [CHUNK],
+        "per channel and at most 2^# pixels": [np.log2(MOST_PIXELS)],
+    },
+    "docs/gradients.md": {
+        r"$\lambda = #$": [SSIM_WEIGHT],
+        r"f_i f_i^\top + #\,I$": [constants.EWA_DILATION],
+        "is clamped, below 1/#, or behind": [CUT_OFF],
+    },
+    "docs/marks-that-survive.md": {
+        "Six ray-traced scenes (#x#, # rows, # bits": of_survival(),
+    },
+    "docs/method.md": {
+        "`min_samples` is # and `min_cluster_size` #.": [constants.MIN_SAMPLES, constants.MIN_CLUSTER_SIZE],
+        "`max_cluster_share` (#)": [constants.MAX_CLUSTER_SHARE],
+        r"$(\tau_n, \tau_c)$ is (#, #) for": TAUS,
+        "and (#, #) for SecureGS. **O** Otherwise (#, #).": [constants.ANCHOR_TAU_N, constants.ANCHOR_TAU_C, *TAUS],
+        "clustering changes less than # % of": [
+            100 * number_after("_CHANGED_SHARE_WARNED =", "gspure/method/diagnosis.py")
+        ],
+        "each row with more than # % of all weight": [100 * HEAVY_SHARE],
+        "Outlying rows are over # extents": [features.OUTLYING],
+        "between their # % and # % quantiles": [100 * share for share in BULK],
+        "their features are clipped to ±#.": [features.LARGEST],
+    },
+    "docs/numerics.md": {
+        r"\min(#,~o E)$, and 0 where that is below 1/#.": [constants.ALPHA_MAX, CUT_OFF],
+        r"\Sigma_c\,J^\top + #\,I": [constants.EWA_DILATION],
+        "widened by # of its half extent": [constants.EWA_FRUSTUM_MARGIN],
+        "still rounds means there to #.": [np.spacing(np.float32(5e5))],
+        r"T - w < #: \text{ stop": [constants.TRANSMITTANCE_MIN],
+        "spherical harmonics of degree 0 to #": [constants.MAX_SH_DEGREE],
+        "at which $T$ falls to # or": [constants.MEDIAN_TRANSMITTANCE],
+        r"whose region $\alpha \ge 1/#$": [CUT_OFF],
+        "widened by # px for rounding": [number_after("#else\n#define FOOTPRINT_MARGIN", "kernels_cl/layout.cl")],
+        "The near plane is #, as in 3DGS": [constants.NEAR_PLANE],
+    },
+    "docs/schemes.md": {
+        "in the low # bits (`shift`)": [SHIFT],
+        "and loss weight (#) are": [number_after("message_weight: Amount =", "gspure_torch/gs_hider/__init__.py")],
+        "compute # Gaussians per anchor": [
+            number_after("GAUSSIANS_PER_ANCHOR: Final =", "gspure_torch/secure_gs/initialization.py")
+        ],
+        "reads it with the # numbers of a Gaussian": [ROW],
+        "falls from # to zero": [number_after("RATE: Final =", "gspure_torch/keyss/network.py")],
+        "(within # of the model's extent)": [matching.NEAR],
+        "one of the # nearest rows of the key": [matching.NEIGHBOURS],
+        "explains at least # % of their change": [100 * (1 - matching.MIXED)],
+        "private networks for # steps": [FIT_STEPS],
+        "with `tau` = `hardened` (#) would": [number_after("hardened=", "gspure/schemes/splats_in_splats/__init__.py")],
+        "their keys hold # public rows": [number_after("ROWS: Final =", "gspure_torch/reference.py")],
+        "into cells, # along the radius that holds # % of the rows": [pattern.PER_RADIUS, 100 * pattern.INNER],
+        "`message_weight` dB (#).": [inspect.signature(keyed_pattern.embed).parameters["message_weight"].default],
+        "closest points from # rotations": [ROTATIONS],
+    },
+    "docs/statistics.md": {
+        "below # pixels, it has fewer scales": [constants.SSIM_WINDOW * 2 ** (len(constants.MS_SSIM_WEIGHTS) - 1)],
+        "The level** is # or, with fewer than # candidates": [proof.SIGNIFICANCE, 1 / proof.SIGNIFICANCE - 1],
+        "if that exceeds #, nothing is proven": [proof.COARSEST],
+        "correlates with the message's by at least #. Of # × # blocks": [
+            legibility.MATCH,
+            *reversed(legibility.BLOCKS),
+        ],
+        r"proven and $R \ge #$; of bits": [legibility.READABLE],
+        r"**traces**: proven and $R \ge #$": [legibility.TRACES],
+        r"*key-only* is $R \ge #$": [legibility.TRACES],
+        "The level is #, or $2^{-n}$ if larger": [proof.SIGNIFICANCE],
+        "among those of # random keys": [KEYS],
+        "exceed a threshold that # % of": [100 * FALSE_POSITIVES],
+        "*broken* up to # dB, *weak* up to # dB": [BROKEN, WEAK],
+        "and none cost # dB or more": [BROKEN],
+        "**Intervals** (# %": [100 * LEVEL],
+    },
+    "docs/training.md": {
+        "Gaussian of opacity # at each": [initialization.OPACITY],
+        "# · L1 + # · (1 − SSIM)": [1 - SSIM_WEIGHT, SSIM_WEIGHT],
+        "every # of # steps (1);": [schedule.SH_EVERY, schedule.ITERATIONS],
+        "densification after # steps (#), every # (#), until #;": [
+            schedule.DENSIFY_FROM,
+            schedule.LEAST_FROM,
+            schedule.DENSIFY_EVERY,
+            schedule.LEAST_EVERY,
+            schedule.DENSIFY_UNTIL,
+        ],
+        "opacities every # steps (#).": [schedule.RESET_EVERY, schedule.LEAST_RESET],
+        "log-linearly from # to # of the *extent*, # times": [*schedule.MEANS_RATES, dataset.EXTENT_MARGIN],
+        "quaternions #, logarithms of scales #, logits of opacity #, colours #": [
+            schedule.QUATS_RATE,
+            schedule.SCALES_RATE,
+            schedule.OPACITIES_RATE,
+            schedule.SH_DC_RATE,
+        ],
+        "weighs SSIM by # instead of #.": [fast.SSIM_OF_PHOTOGRAPHS, SSIM_WEIGHT],
+        "where this mean is at least #.": [densification.GRADIENT_THRESHOLD],
+        "largest scale is at most # % of": [100 * densification.DENSE_SHARE],
+        "with scales divided by #.": [densification.SPLIT_SHRINK],
+        "**Prune** opacities below #; after the first reset also scales above # % of": [
+            densification.OPACITY_MIN,
+            100 * densification.BIG_SHARE,
+        ],
+        "**reset** opacities to at most #,": [densification.RESET_OPACITY],
+        "training starts from # random ones": [initialization.RANDOM_POINTS],
+    },
+}
