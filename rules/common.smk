@@ -95,7 +95,8 @@ def logged(program):
     job = "GSPURE_JOB={log:q}"  # by which `gspure audit` knows the job that reports its progress
     # glibc keeps the memory of large arrays for the next ones: fresh pages take a fifth of a job's processor time.
     memory = "MALLOC_MMAP_THRESHOLD_=1073741824 MALLOC_TRIM_THRESHOLD_=1073741824"
-    return f"{job} {memory} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
+    algebra = "OPENBLAS_NUM_THREADS=1"  # matrices of NumPy have few columns here, and a second thread only waits busily
+    return f"{job} {memory} {algebra} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
 
 
 def step(name, version=None, **settings):

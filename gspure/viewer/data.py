@@ -229,7 +229,7 @@ def _view(
 
 def _preset(name: str, camera: Camera, means: Float32, centre: NDArray[np.floating]) -> Data:
     """Return a camera, with the median depth of what it shows: the view is turned around a point at this depth."""
-    depths = project(means, camera)[1][in_view(means, camera)]
+    depths = project(means[in_view(means, camera)], camera)[1]
     cx, cy = camera.K[:2, 2]
     return {
         "name": name,

@@ -94,11 +94,11 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     from gspure.cameras import GENERATED, read_cameras
     from gspure.cameras.worlds import in_world_of
     from gspure.files import write_text
-    from gspure.model import model_file, read_model
+    from gspure.model import model_file
     from gspure.schemes.registry import read_public_model, recognized
 
     model = model_file(wanted.source)
-    rows = read_model(wanted.source)
+    public = read_public_model(wanted.source)
     asset = _asset(wanted, model)
     if asset["cameras"] not in GENERATED:
         source = Path(asset["cameras"])
@@ -106,12 +106,12 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     elif draws:
         from gspure.figures.panels import mention_up
 
-        public = read_public_model(wanted.source).drawable(wanted.source)
-        if public.visible:
-            scene = public.scene(background=public.model.background)
-            mention_up(public.model, scene, wanted.up, RESULTS)
+        shown = public.drawable(wanted.source)
+        if shown.visible:
+            scene = shown.scene(background=shown.model.background)
+            mention_up(shown.model, scene, wanted.up, RESULTS)
     content: Json = {"assets": {wanted.scene: asset}}
-    scheme = recognized(rows)
+    scheme = recognized(public.model)
     if scheme:
         content["method"] = {"tau_c": scheme.tau_c, "tau_n": scheme.tau_n}
     if wanted.suite_name:
