@@ -26,6 +26,7 @@ from gspure.metrics.statistics import LEVEL
 from gspure.model.compressed import CHUNK
 from gspure.model.summary import BULK
 from gspure.opencl.losses import SSIM_WEIGHT
+from gspure.renderer import CONTRIBUTION
 from gspure.report.audit import BROKEN, WEAK
 from gspure.schemes import keyed_pattern, matching
 from gspure.schemes.keyed_pattern import pattern, registration
@@ -74,6 +75,7 @@ ROW = 59  # numbers of a Gaussian with harmonics of degree 3
 COLOUR = 48  # those of its colour
 TAUS = [constants.TAU_N, constants.TAU_C]
 CUT_OFF = 1 / constants.ALPHA_MIN
+STEPS_OF_PROGRAMS = number_after("\nITERATIONS =", "experiments/programs.py")
 ROTATIONS = registration.STARTS + 3 * 12  # those about the axes
 
 CONSTANTS: dict[str, dict[str, list[float]]] = {
@@ -88,6 +90,7 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "instructions per row of # pixels": [constants.TILE],
     },
     "config/README.md": {
+        "caches contributions, # bytes per Gaussian and view": [CONTRIBUTION.itemsize],
         "over strengths, with # [candidates]": [
             settings("gspure/workflow/suites/standard-1.yaml")["proof"]["candidates"]
         ],
@@ -110,10 +113,16 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
             number_after("OPAQUE: Final =", "gspure/surface/meshing.py"),
         ],
         "where α crosses 1/# or two": [CUT_OFF],
+        "Over # seeds of `gauge`": [number_after("SEEDS =", "experiments/free_attacks.py")],
     },
     "docs/cluster.md": {
         "# to # GB and # to # h; all others a CPU, # GB and # h.": resources(),
         "of the configuration, or # (1 for": [number_after("subject.has_small_images else", "rules/common.smk")],
+    },
+    "docs/cuda-free.md": {
+        "unchanged, after # steps": [STEPS_OF_PROGRAMS],
+        "scales its schedule to the # iterations": [STEPS_OF_PROGRAMS],
+        "After # of the # steps of INRIA's": [STEPS_OF_PROGRAMS, schedule.ITERATIONS],
     },
     "docs/formats.md": {
         "(colour = 0.5 + # ·": [constants.SH_DC],
@@ -152,6 +161,9 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         r"whose region $\alpha \ge 1/#$": [CUT_OFF],
         "widened by # px for rounding": [number_after("#else\n#define FOOTPRINT_MARGIN", "kernels_cl/layout.cl")],
         "The near plane is #, as in 3DGS": [constants.NEAR_PLANE],
+    },
+    "docs/scan.md": {
+        "together flag at most # % of": [100 * number_after("\nRATE =", "experiments/scan.py")],
     },
     "docs/schemes.md": {
         "in the low # bits (`shift`)": [SHIFT],

@@ -265,12 +265,13 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         "iterations, reaches # dB in # CPU s": across("programs", "psnr|cpu_seconds", "room", "gspure, own schedule"),
         "(in the fork with gsplat) reaches # dB": [cell("programs", "psnr", "room", INRIAS)],
         "takes [# to # times]": sorted(cells(PROGRAMS, "step")),
-        "room and # dB on 84 photographs": [cell("programs", "psnr", "plush", INRIAS)],
+        "room and # dB on photographs of a figure": [cell("programs", "psnr", "plush", INRIAS)],
         "(../experiments/inria_schedule.py) # and #": [
             cell("programs", "psnr", scene, "gspure, INRIA's schedule") for scene in ("room", "plush")
         ],
     },
     "docs/limits.md": {
+        "`distil` for #, #, # and # iterations": cells("price", "iterations", "splats_in_splats")[1:],
         "4000 iterations (# to # CPU seconds)": [
             least_or_most(cells("price", "CPU-s", "4000")) for least_or_most in (min, max)
         ],
