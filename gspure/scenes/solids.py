@@ -62,8 +62,10 @@ class Box:
         local = self._turned(points - np.array(self.centre), -self.yaw) / self.size + 0.5
         outward = np.abs(local - 0.5)
         axis = np.argmax(outward, axis=1)
-        uv = np.take_along_axis(local, np.array(_IN_FACE_AXES)[axis], axis=1)
-        return 2 * axis + (local[np.arange(len(points)), axis] > 0.5), np.clip(uv, 0.0, 1.0)
+        coordinates = local.ravel()
+        first = np.arange(0, coordinates.size, 3)  # of each point
+        uv = coordinates.take(first[:, None] + np.array(_IN_FACE_AXES).take(axis, axis=0))
+        return 2 * axis + (coordinates.take(first + axis) > 0.5), np.clip(uv, 0.0, 1.0)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:
         """Return points [N,3] and outward unit normals [N,3] at unit coordinates [N,2] of a face."""
