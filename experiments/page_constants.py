@@ -1,9 +1,8 @@
 """The constants that the pages name: the text around them, where ``#`` stands for each, and what the code says.
 
-A test compares them with the pages, as it does the measured numbers of `page_numbers`.
+A test compares them with the pages: unlike the measured numbers of `page_numbers`, they are exact.
 """
 
-import inspect
 import re
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from experiments import free_attacks, scan
 from gspure import constants
 from gspure.attacks import pruning
 from gspure.attacks.strength import EVALUATIONS
 from gspure.cli.audit import LOST
 from gspure.images import MOST_PIXELS
-from gspure.method import features
+from gspure.method import diagnosis, features
 from gspure.method.weights import HEAVY_SHARE
 from gspure.metrics import legibility, proof
 from gspure.metrics.detection import FALSE_POSITIVES
@@ -28,32 +28,42 @@ from gspure.model.summary import BULK
 from gspure.opencl.losses import SSIM_WEIGHT
 from gspure.renderer import CONTRIBUTION
 from gspure.report.audit import BROKEN, WEAK
-from gspure.schemes import keyed_pattern, matching
+from gspure.schemes import matching
 from gspure.schemes.keyed_pattern import pattern, registration
+from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import FIT_STEPS
 from gspure.schemes.splats_in_splats.bits import SHIFT
+from gspure.surface import meshing
 from gspure.training import dataset, densification, fast, initialization, schedule
-from gspure.workflow.config import ProofConfig
+from gspure_torch import reference
+from gspure_torch.keyss import network
+from gspure_torch.secure_gs.initialization import GAUSSIANS_PER_ANCHOR
 
 ROOT = Path(__file__).parents[1]
 
 
 def number_after(text: str, path: str) -> float:
-    """Return the number that follows a text in a file, as of modules that need PyTorch."""
+    """Return the number that follows a text in a file that cannot be imported without more, such as a kernel."""
     source = (ROOT / path).read_text(encoding="utf-8")
-    (number,) = re.findall(re.escape(text) + r"\s*([\d._e-]+)", source)
-    return float(number)
+    numbers = re.findall(re.escape(text) + r" ([\d_.]+)f?(?=[,)]|\s*(?:#|//|$))", source, re.MULTILINE)
+    if len(numbers) != 1:
+        raise ValueError(f"{path}: {len(numbers)} numbers after {text!r}")
+    return float(numbers[0])
 
 
-def settings(path: str) -> dict[str, Any]:
-    """Return a YAML file of the repository."""
-    read: dict[str, Any] = yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
-    return read
+def setting(scheme: str, name: str) -> float:
+    """Return the default of a setting of a scheme."""
+    return float(find_scheme(scheme).settings[name])
 
 
-def resources() -> list[float]:
+def yaml_of(path: str) -> Any:
+    """Return the content of a YAML file of the repository."""
+    return yaml.safe_load((ROOT / path).read_text(encoding="utf-8"))
+
+
+def cluster_resources() -> list[float]:
     """Return the least and the largest memory, GB, and time, h, of device jobs on a cluster, then those of others."""
-    profile = settings("profiles/slurm/config.yaml")
+    profile = yaml_of("profiles/slurm/config.yaml")
     numbers = []
     for resource, unit in (("mem_mb", 1000), ("runtime", 60)):
         amounts = [rule[resource] / unit for rule in profile["set-resources"].values()]
@@ -62,37 +72,42 @@ def resources() -> list[float]:
     return [*numbers, default["mem_mb"] / 1000, default["runtime"] / 60]
 
 
-def of_survival() -> list[float]:
+def survival_run() -> list[float]:
     """Return width, height, rows and bits of the experiment on marks that survive."""
-    run = settings("experiments/survival.yaml")
+    run = yaml_of("experiments/survival.yaml")
     ((width, height),) = {(pair["width"], pair["height"]) for pair in run["pairs"].values()}
-    bits = inspect.signature(keyed_pattern.embed).parameters["bits"].default
-    return [width, height, run["schemes"]["keyed_pattern"]["max_gaussians"], bits]
+    settings = find_scheme("keyed_pattern").settings | run["schemes"]["keyed_pattern"]
+    return [width, height, settings["max_gaussians"], settings["bits"]]
+
+
+def taus(*schemes: str) -> list[float]:
+    """Return the pruning factors of noise and of clusters that schemes share."""
+    ((tau_n, tau_c),) = {(scheme.tau_n, scheme.tau_c) for scheme in map(find_scheme, schemes)}
+    return [tau_n, tau_c]
 
 
 FLOAT = 4  # bytes
-ROW = 59  # numbers of a Gaussian with harmonics of degree 3
-COLOUR = 48  # those of its colour
-TAUS = [constants.TAU_N, constants.TAU_C]
+NUMBERS_OF_COLOUR = 3 * (constants.MAX_SH_DEGREE + 1) ** 2
+NUMBERS_OF_GAUSSIAN = constants.GEOMETRY_ATTRIBUTES + NUMBERS_OF_COLOUR
 CUT_OFF = 1 / constants.ALPHA_MIN
+ROTATIONS = registration.STARTS + 3 * registration.TURNS
 STEPS_OF_PROGRAMS = number_after("\nITERATIONS =", "experiments/programs.py")
-ROTATIONS = registration.STARTS + 3 * 12  # those about the axes
+HARDENED = {setting(f"{scheme}_hardened", "hardened") for scheme in ("splats_in_splats", "gs_hider", "secure_gs")}
 
 CONSTANTS: dict[str, dict[str, list[float]]] = {
     "README.md": {
-        "proof) is at most #. Photographed": [1 / (1 + ProofConfig().candidates)],
         "exit-status) #. `gspure embed": [LOST],
     },
     "benchmarks/README.md": {
         "random reads of # bytes per visible": [FLOAT * constants.FOOTPRINT_FLOATS],
-        "memory: # bytes per Gaussian, # of them colours": [FLOAT * ROW, FLOAT * COLOUR],
-        "every image reads # bytes per Gaussian": [FLOAT * ROW],
+        "memory: # bytes per Gaussian, # of them colours": [FLOAT * NUMBERS_OF_GAUSSIAN, FLOAT * NUMBERS_OF_COLOUR],
+        "every step reads # bytes per Gaussian": [FLOAT * NUMBERS_OF_GAUSSIAN],
         "instructions per row of # pixels": [constants.TILE],
     },
     "config/README.md": {
         "caches contributions, # bytes per Gaussian and view": [CONTRIBUTION.itemsize],
         "over strengths, with # [candidates]": [
-            settings("gspure/workflow/suites/standard-1.yaml")["proof"]["candidates"]
+            yaml_of("gspure/workflow/suites/standard-1.yaml")["proof"]["candidates"]
         ],
     },
     "docs/ablations.md": {
@@ -107,16 +122,16 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "The search renders at most # attacked models": [EVALUATIONS + 1],
         "at most # dB above it": [DAMAGE_TOLERANCE],
         "default, #, matches GOF's boxes": [pruning.TOLERANCE],
-        "= #$ standard deviations in front": [np.sqrt(2 * np.log(2))],
+        "= #$ standard deviations in front": [round(np.sqrt(-2 * np.log(meshing.LEVEL)), 2)],
         "for more than # Gaussians of an opacity above #, the surface": [
             number_after("MOST_OPAQUE =", "rules/steps/surface.py"),
-            number_after("OPAQUE: Final =", "gspure/surface/meshing.py"),
+            meshing.OPAQUE,
         ],
         "where α crosses 1/# or two": [CUT_OFF],
-        "Over # seeds of `gauge`": [number_after("SEEDS =", "experiments/free_attacks.py")],
+        "Over # seeds of `gauge`": [free_attacks.SEEDS],
     },
     "docs/cluster.md": {
-        "# to # GB and # to # h; all others a CPU, # GB and # h.": resources(),
+        "# to # GB and # to # h; all others a CPU, # GB and # h.": cluster_resources(),
         "of the configuration, or # (1 for": [number_after("subject.has_small_images else", "rules/common.smk")],
     },
     "docs/cuda-free.md": {
@@ -125,7 +140,7 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "After # of the # steps of INRIA's": [STEPS_OF_PROGRAMS, schedule.ITERATIONS],
     },
     "docs/formats.md": {
-        "(colour = 0.5 + # ·": [constants.SH_DC],
+        "(colour = 0.5 + # ·": [round(constants.SH_DC, 4)],
         "A compressed PLY stores # rows at a time": [CHUNK],
         "per channel and at most 2^# pixels": [np.log2(MOST_PIXELS)],
     },
@@ -135,16 +150,14 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "is clamped, below 1/#, or behind": [CUT_OFF],
     },
     "docs/marks-that-survive.md": {
-        "Six ray-traced scenes (#x#, # rows, # bits": of_survival(),
+        "Six ray-traced scenes (#x#, # rows, # bits": survival_run(),
     },
     "docs/method.md": {
         "`min_samples` is # and `min_cluster_size` #.": [constants.MIN_SAMPLES, constants.MIN_CLUSTER_SIZE],
         "`max_cluster_share` (#)": [constants.MAX_CLUSTER_SHARE],
-        r"$(\tau_n, \tau_c)$ is (#, #) for": TAUS,
-        "and (#, #) for SecureGS. **O** Otherwise (#, #).": [constants.ANCHOR_TAU_N, constants.ANCHOR_TAU_C, *TAUS],
-        "clustering changes less than # % of": [
-            100 * number_after("_CHANGED_SHARE_WARNED =", "gspure/method/diagnosis.py")
-        ],
+        r"$(\tau_n, \tau_c)$ is (#, #) for": taus("splats_in_splats", "gs_hider"),
+        "and (#, #) for SecureGS. **O** Otherwise (#, #).": [*taus("secure_gs"), constants.TAU_N, constants.TAU_C],
+        "clustering changes less than # % of": [100 * diagnosis.CHANGED_SHARE_WARNED],
         "each row with more than # % of all weight": [100 * HEAVY_SHARE],
         "Outlying rows are over # extents": [features.OUTLYING],
         "between their # % and # % quantiles": [100 * share for share in BULK],
@@ -154,7 +167,6 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         r"\min(#,~o E)$, and 0 where that is below 1/#.": [constants.ALPHA_MAX, CUT_OFF],
         r"\Sigma_c\,J^\top + #\,I": [constants.EWA_DILATION],
         "widened by # of its half extent": [constants.EWA_FRUSTUM_MARGIN],
-        "still rounds means there to #.": [np.spacing(np.float32(5e5))],
         r"T - w < #: \text{ stop": [constants.TRANSMITTANCE_MIN],
         "spherical harmonics of degree 0 to #": [constants.MAX_SH_DEGREE],
         "at which $T$ falls to # or": [constants.MEDIAN_TRANSMITTANCE],
@@ -163,24 +175,22 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "The near plane is #, as in 3DGS": [constants.NEAR_PLANE],
     },
     "docs/scan.md": {
-        "together flag at most # % of": [100 * number_after("\nRATE =", "experiments/scan.py")],
+        "together flag at most # % of": [100 * scan.RATE],
     },
     "docs/schemes.md": {
         "in the low # bits (`shift`)": [SHIFT],
-        "and loss weight (#) are": [number_after("message_weight: Amount =", "gspure_torch/gs_hider/__init__.py")],
-        "compute # Gaussians per anchor": [
-            number_after("GAUSSIANS_PER_ANCHOR: Final =", "gspure_torch/secure_gs/initialization.py")
-        ],
-        "reads it with the # numbers of a Gaussian": [ROW],
-        "falls from # to zero": [number_after("RATE: Final =", "gspure_torch/keyss/network.py")],
+        "and loss weight (#) are": [setting("gs_hider", "message_weight")],
+        "compute # Gaussians per anchor": [GAUSSIANS_PER_ANCHOR],
+        "reads it with the # numbers of a Gaussian": [network.ROW],
+        "falls from # to zero": [network.RATE],
         "(within # of the model's extent)": [matching.NEAR],
         "one of the # nearest rows of the key": [matching.NEIGHBOURS],
         "explains at least # % of their change": [100 * (1 - matching.MIXED)],
         "private networks for # steps": [FIT_STEPS],
-        "with `tau` = `hardened` (#) would": [number_after("hardened=", "gspure/schemes/splats_in_splats/__init__.py")],
-        "their keys hold # public rows": [number_after("ROWS: Final =", "gspure_torch/reference.py")],
+        "with `tau` = `hardened` (#) would": [*HARDENED],
+        "their keys hold # public rows": [reference.ROWS],
         "into cells, # along the radius that holds # % of the rows": [pattern.PER_RADIUS, 100 * pattern.INNER],
-        "`message_weight` dB (#).": [inspect.signature(keyed_pattern.embed).parameters["message_weight"].default],
+        "`message_weight` dB (#).": [setting("keyed_pattern", "message_weight")],
         "closest points from # rotations": [ROTATIONS],
     },
     "docs/statistics.md": {

@@ -33,7 +33,7 @@ def rows_of(table: str) -> list[dict[str, str]]:
 
 
 def cells(table: str, column: str, *keys: str, place: int = 0) -> list[float]:
-    """Return the numbers of a column in the rows that have all keys among their cells; `place` counts within a cell."""
+    """Return the numbers of a column, by their place in its cells, in the rows that have all keys among their cells."""
     texts = [row[column] for row in rows_of(table) if {*keys} <= {*row.values()}]
     return [float(NUMBER.findall(text)[place].replace(",", "")) for text in texts]
 
@@ -54,9 +54,15 @@ def down(table: str, column: str, *keys: str) -> list[float]:
     return [cell(table, column, key) for key in keys]
 
 
+def same(numbers: list[float]) -> list[float]:
+    """Return the number that all numbers are."""
+    (number,) = {*numbers}
+    return [number]
+
+
 @cache
 def benchmark(title: str, name: str, kind: str = "") -> float:
-    """Return a time of a benchmark, in ms (of GPUs: on the clock), or, if it has none of this name, a figure."""
+    """Return a time of a benchmark in ms (CPU time per core; of GPUs, wall time), else its figure of this name."""
     found: list[dict[str, Any]] = json.loads((ROOT / "benchmarks" / f"results{kind}.json").read_text())["found"]
     (benchmark,) = [one for one in found if one["title"] == title]
     if name in benchmark["times_ms"]:
@@ -115,7 +121,7 @@ def finetuned() -> list[float]:
 
 
 def wrong_messages(column: str, twins: str) -> float:
-    """Return the sum of a column over the wrong messages as published, compared with so many twins."""
+    """Return the sum of a column over the wrong messages in published extractions, tested with this many twins."""
     published = [row for row in rows_of("wrong_claims") if (row["owner"], row["twins"]) == ("published", twins)]
     return sum(float(row[column]) for row in published if row["group"] == "wrong message")
 
@@ -139,12 +145,12 @@ def attacks_of(suite: str) -> float:
 
 
 def graded_alike(least: float, word: str) -> float:
-    """Return the number of extractions that are at least so legible if, and only if, the first viewer gave the word."""
+    """Return the number of extractions for which a least legibility and the word of the first viewer agree."""
     return sum((float(row["legibility"]) >= least) == (row["viewer_1"] == word) for row in rows_of("legibility"))
 
 
 def whole_bits(attack: str) -> list[float]:
-    """Return the numbers of the strengths after which held-out views show all bits of both schemes."""
+    """Return the strengths of an attack after which held-out views show all bits of both schemes."""
     columns = [f"{scheme}: held-out views, %" for scheme in ("marked_clones", "rendered_bits")]
     whole = [row for row in rows_of("image-attacks") if all(row[column] == "100.0" for column in columns)]
     return [float(NUMBER.findall(row["strength"])[0]) for row in whole if row["attack"] == attack]
@@ -186,6 +192,9 @@ FINER = "bank also of clip=0.005, clip=0.0075"
 
 NUMBERS: dict[str, dict[str, list[float]]] = {
     "README.md": {
+        "proof) is at most #. Photographed": same(
+            [float(row["level"]) for row in rows_of("demo/results") if row["level"]]
+        ),
         "`audit` runs # [attacks](docs/attacks.md) (# with a key)": [AUDITED, attacks_of("small-1")],
         "GOF # # #% # traces": shown_by_the_demo("gof"),
         "feature scaling # # #% # gone": shown_by_the_demo("feature_scaling"),
@@ -247,7 +256,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             100 * min(whole_bits("resized_crop")),
             max(whole_bits("brightness")),
         ],
-        "is # to #; the one tested per pair, # to #, proves": [
+        "is # to #; at the audited seed, # to #, it proves": [
             min(cells("free_attacks", "least_trace", "gs_hider", "gauge")),
             max(cells("free_attacks", "largest_trace", "gs_hider", "gauge")),
             min(cells("free_attacks", "published_trace", "gs_hider", "gauge")),
@@ -304,9 +313,9 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *over_scenes(f"{INTERLEAVED} clip=0.006 passes=1")[:2],
             *over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
         ],
-        "(z # after `distil`)": [abs(patterns("distil", "2000 steps")[1])],
-        "(#; against the bank's #)": patterns("unmark", "clip=0.02 passes=3")[2:],
-        "all but the rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
+        "blinds the reading of rows (z #)": [abs(patterns("distil", "2000 steps")[1])],
+        "clean model (#; against the bank #)": patterns("unmark", "clip=0.02 passes=3")[2:],
+        "all but that of rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
         "Of # pairs of key and unmarked model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
@@ -314,10 +323,10 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             cell("keyed_pattern-keys", "value", "false positives at p <= 0.001"),
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
-        "message read from the model, has $p = #$": [max(cells("forgery", "p", "keyed_pattern", "searched key"))],
+        "message read from the model, has $p = #$": same(cells("forgery", "p", "keyed_pattern", "searched key")),
         "clean one reach $p$ # and #;": cells("forgery", "p", "subtracted"),
-        "keys ignored the clean model, $#$": [max(cells("forgery", "p", "subtracted, keys without digest"))],
-        "shows that owner's key ($p = #$)": [max(cells("forgery", "p", "keyed_pattern", "copied mark"))],
+        "keys ignored the clean model, $#$": same(cells("forgery", "p", "subtracted, keys without digest")),
+        "shows that owner's key ($p = #$)": same(cells("forgery", "p", "keyed_pattern", "copied mark")),
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
         "all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],

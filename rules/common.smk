@@ -68,6 +68,8 @@ if workflow.deployment_settings.deployment_method:
     prefix += f"export PYTHONPATH={shlex.quote(os.path.dirname(os.path.dirname(gspure.__file__)))}; "
 else:
     prefix += f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; "
+# Most matrix products are of points and 3 x 3 matrices, for which a second thread of OpenBLAS only waits, busily.
+prefix += "export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}; "
 shell.prefix(prefix)
 
 
@@ -95,8 +97,7 @@ def logged(program):
     job = "GSPURE_JOB={log:q}"  # by which `gspure audit` knows the job that reports its progress
     # glibc keeps the memory of large arrays for the next ones: fresh pages take a fifth of a job's processor time.
     memory = "MALLOC_MMAP_THRESHOLD_=1073741824 MALLOC_TRIM_THRESHOLD_=1073741824"
-    algebra = "OPENBLAS_NUM_THREADS=1"  # matrices of NumPy have few columns here, and a second thread only waits busily
-    return f"{job} {memory} {algebra} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
+    return f"{job} {memory} POCL_MAX_PTHREAD_COUNT={threads} {program} > {{log:q}} 2>&1 || {failed}"
 
 
 def step(name, version=None, **settings):

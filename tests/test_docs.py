@@ -6,7 +6,6 @@ import importlib
 import inspect
 import json
 import re
-from collections.abc import Iterator
 from math import inf, nan
 from operator import attrgetter
 from pathlib import Path
@@ -172,25 +171,28 @@ def plain_numbers(text: str) -> str:
     digits = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
     text = re.sub(r"·10(?=[⁻⁰-⁹¹²³])", "e", " ".join(text.split()))
     text = re.sub(r"\b10(?=[⁻⁰-⁹¹²³])", "1e", text)
-    text = re.sub(r"\b10\^\{(-\d+)\}", r"1e\1", text)
+    text = re.sub(r"\s*\\cdot\s*10\^\{(-?\d+)\}", r"e\1", text)
+    text = re.sub(r"\b10\^\{(-?\d+)\}", r"1e\1", text)
     return text.translate(digits)
 
 
-def numbers_of_pages() -> Iterator[tuple[str, str, list[float]]]:
-    """Yield the numbers of the pages: page, the text around them, and what tables and code say."""
-    for source in (NUMBERS, CONSTANTS):
-        for page, texts in source.items():
-            for text, numbers in texts.items():
-                yield page, text, numbers
-
-
-@pytest.mark.parametrize(("page", "text", "numbers"), [*numbers_of_pages()])
-def test_a_number_of_a_page_is_that_of_a_table_or_of_the_code(page: str, text: str, numbers: list[float]) -> None:
+def numbers_shown(page: str, text: str) -> list[str]:
+    """Return the numbers at the places of ``#`` in a text that occurs once in a page."""
     parts = [re.escape(part) for part in plain_numbers(text).split("#")]
     found = re.findall(r"(-?[\d,]*\.?\d+(?:e-?\d+)?)".join(parts), plain_numbers((ROOT / page).read_text()))
     assert len(found) == 1, found
-    shown = [*found[0]] if isinstance(found[0], tuple) else found
-    for number, value in zip(shown, numbers, strict=True):
+    return [*found[0]] if isinstance(found[0], tuple) else found
+
+
+@pytest.mark.parametrize(("page", "text"), [(page, text) for page, texts in NUMBERS.items() for text in texts])
+def test_a_measured_number_of_a_page_is_that_of_its_table(page: str, text: str) -> None:
+    for number, value in zip(numbers_shown(page, text), NUMBERS[page][text], strict=True):
         mantissa, _, power = number.replace(",", "").partition("e")
         last_place = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
         assert float(number.replace(",", "")) == pytest.approx(value, abs=0.5001 * last_place, rel=0)
+
+
+@pytest.mark.parametrize(("page", "text"), [(page, text) for page, texts in CONSTANTS.items() for text in texts])
+def test_a_constant_on_a_page_is_that_of_the_code(page: str, text: str) -> None:
+    shown = [float(number.replace(",", "")) for number in numbers_shown(page, text)]
+    assert shown == pytest.approx(CONSTANTS[page][text], rel=1e-9)

@@ -88,7 +88,7 @@ def add_arguments(parser: Parser) -> None:
     ):
         meaning = f"prune {rows} is below the mean of all rows divided by TAU (default: {value}; anchors: {of_anchors})"
         parser.number(name, "TAU", meaning, FACTOR)
-    meaning = "after pruning, train the rest on renders of MODEL, as `gspure_repair` (default: its number)"
+    meaning = "after pruning, train the rest on renders of MODEL, as `gspure_repair` (default: as many as that attack)"
     parser.number("--repair", "ITERATIONS", meaning, STEPS, nargs="?", const=0)
     parser.flag("--no-figures", "draw no figures")
     parser.flag(*options.PER_VIEW)

@@ -15,7 +15,7 @@ from gspure.model.finite import listed
 from gspure.text import decimal, percent
 
 _LARGEST_SHARE_WARNED = 0.5
-_CHANGED_SHARE_WARNED = 0.05
+CHANGED_SHARE_WARNED = 0.05
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Diagnosis:
             sentences.append("every row is pruned: nothing remains to be written; larger factors prune less")
         if not self.clusters:
             sentences.append("there is no cluster: the noise rule applies to every row")
-        elif self.changed_share < _CHANGED_SHARE_WARNED:
+        elif self.changed_share < CHANGED_SHARE_WARNED:
             sentences.append(
                 "clustering changes little: the rule without it prunes nearly the same rows "
                 f"({percent(self.changed_share)} differ)"

@@ -63,7 +63,7 @@ class Box:
         outward = np.abs(local - 0.5)
         axis = np.argmax(outward, axis=1)
         coordinates = local.ravel()
-        first = np.arange(0, coordinates.size, 3)  # of each point
+        first = np.arange(0, coordinates.size, 3)  # index of each point's x; `take` is faster than `take_along_axis`
         uv = coordinates.take(first[:, None] + np.array(_IN_FACE_AXES).take(axis, axis=0))
         return 2 * axis + (coordinates.take(first + axis) > 0.5), np.clip(uv, 0.0, 1.0)
 

@@ -95,10 +95,10 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     from gspure.cameras.worlds import in_world_of
     from gspure.files import write_text
     from gspure.model import model_file
-    from gspure.schemes.registry import read_public_model, recognized
+    from gspure.schemes.registry import made_by, read_public_model, recognized
 
     model = model_file(wanted.source)
-    public = read_public_model(wanted.source)
+    public = read_public_model(model, made_by(wanted.key)[0] if wanted.key else None)
     asset = _asset(wanted, model)
     if asset["cameras"] not in GENERATED:
         source = Path(asset["cameras"])
@@ -106,7 +106,7 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     elif draws:
         from gspure.figures.panels import mention_up
 
-        shown = public.drawable(wanted.source)
+        shown = public.drawable(model)
         if shown.visible:
             scene = shown.scene(background=shown.model.background)
             mention_up(shown.model, scene, wanted.up, RESULTS)

@@ -15,7 +15,8 @@ from gspure.schemes.matching import adaptive_matches, least_squares, registered
 LEAST: Final = 4  # rows that fix a motion
 OPAQUE: Final = 0.3  # least opacity of the rows that are compared; ours
 POINTS: Final = 2500  # of them at most; ours
-STARTS: Final = 24  # random rotations, besides twelfths of a turn about each axis; ours
+STARTS: Final = 24  # random rotations, besides those about the axes; ours
+TURNS: Final = 12  # rotations about each axis, evenly spaced; ours
 TRIAL_STEPS: Final = 8  # from each start; ours
 STEPS: Final = 200  # from the best one; ours
 KEPT: Final = 0.8  # share of the points, the nearest, that a step fits; ours
@@ -81,7 +82,9 @@ def _starts(source: Float64, target: Float64) -> Iterator[Similarity]:
     source_centre = np.median(source, axis=0)
     target_centre = np.median(target, axis=0)
     scale = _size(target, target_centre) / _size(source, source_centre)
-    about_axes = [axis * angle for axis in np.eye(3) for angle in np.arange(-5, 7) * np.pi / 6]
+    about_axes = [
+        axis * angle for axis in np.eye(3) for angle in np.arange(1 - TURNS // 2, 1 + TURNS // 2) * 2 * np.pi / TURNS
+    ]
     rotations = Rotation.concatenate([Rotation.from_rotvec(about_axes), Rotation.random(STARTS, random_state=0)])
     for rotation in rotations.as_matrix():
         yield Similarity(scale, rotation, target_centre - scale * rotation @ source_centre)
