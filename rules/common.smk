@@ -69,7 +69,7 @@ if workflow.deployment_settings.deployment_method:
 else:
     prefix += f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; "
 # Most matrix products are of points and 3 x 3 matrices, for which a second thread of OpenBLAS only waits, busily.
-prefix += "export OPENBLAS_NUM_THREADS=${OPENBLAS_NUM_THREADS:-1}; "
+prefix += "export OPENBLAS_NUM_THREADS=${{OPENBLAS_NUM_THREADS:-1}}; "
 shell.prefix(prefix)
 
 
