@@ -72,12 +72,14 @@ def cluster_resources() -> list[float]:
     return [*numbers, default["mem_mb"] / 1000, default["runtime"] / 60]
 
 
-def survival_run() -> list[float]:
-    """Return width, height, rows and bits of the experiment on marks that survive."""
-    run = yaml_of("experiments/survival.yaml")
-    ((width, height),) = {(pair["width"], pair["height"]) for pair in run["pairs"].values()}
-    settings = find_scheme("keyed_pattern").settings | run["schemes"]["keyed_pattern"]
-    return [width, height, settings["max_gaussians"], settings["bits"]]
+def survival_of(*names: str) -> list[float]:
+    """Return the settings of pairs or scheme, each once, in the runs on marks that survive."""
+    runs = [yaml_of(f"experiments/{run}.yaml") for run in ("survival", "survival_weaker")]
+    defaults = find_scheme("keyed_pattern").settings
+    settings = [
+        {**defaults, **run["schemes"]["keyed_pattern"], **pair} for run in runs for pair in run["pairs"].values()
+    ]
+    return [float(number) for name in names for number in dict.fromkeys(each[name] for each in settings)]
 
 
 def taus(*schemes: str) -> list[float]:
@@ -150,7 +152,8 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
         "is clamped, below 1/#, or behind": [CUT_OFF],
     },
     "docs/marks-that-survive.md": {
-        "Six ray-traced scenes (#x#, # rows, # bits": survival_run(),
+        "Six ray-traced scenes (#x#, # rows, # bits": survival_of("width", "height", "max_gaussians", "bits"),
+        "embedding allows # in training views, in three scenes #.": survival_of("message_weight"),
     },
     "docs/method.md": {
         "`min_samples` is # and `min_cluster_size` #.": [constants.MIN_SAMPLES, constants.MIN_CLUSTER_SIZE],

@@ -85,7 +85,7 @@ def over_scenes(attack: str) -> list[float]:
 
     `attack` is a variant of the audit, or an attack or its strength in survival.csv.
     """
-    known = [*rows_of("survival/results"), *rows_of("survival")]
+    known = [*rows_of("survival/results"), *rows_of("survival_weaker/results"), *rows_of("survival")]
     rows = [row for row in known if attack in (row.get("variant", row["attack"]), row.get("strength"))]
     damages = [float(row["damage"]) for row in rows]
     proven = sum(float(row["p"]) <= SIGNIFICANCE for row in rows)

@@ -1,6 +1,6 @@
 """Keyed patterns of an audit under attacks that no suite has: tables/survival.csv.
 
-gspure audit experiments/survival.yaml
+gspure audit experiments/survival.yaml  # or survival_weaker.yaml
 python -m experiments.survival results [SCENE...]
 
 Rows of other scenes stay in the table.
