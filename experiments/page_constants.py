@@ -73,7 +73,7 @@ def cluster_resources() -> list[float]:
 
 
 def survival_of(*names: str) -> list[float]:
-    """Return the settings of pairs or scheme, each once, in the runs on marks that survive."""
+    """Return the distinct values of these settings in the runs on marks that survive."""
     runs = [yaml_of(f"experiments/{run}.yaml") for run in ("survival", "survival_weaker")]
     defaults = find_scheme("keyed_pattern").settings
     settings = [

@@ -55,7 +55,7 @@ def down(table: str, column: str, *keys: str) -> list[float]:
 
 
 def same(numbers: list[float]) -> list[float]:
-    """Return the number that all numbers are."""
+    """Return the one number that all share."""
     (number,) = {*numbers}
     return [number]
 
@@ -256,7 +256,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             100 * min(whole_bits("resized_crop")),
             max(whole_bits("brightness")),
         ],
-        "is # to #; at the audited seed, # to #, it proves": [
+        "is # to #; that of the audited seed (# to #) proves": [
             min(cells("free_attacks", "least_trace", "gs_hider", "gauge")),
             max(cells("free_attacks", "largest_trace", "gs_hider", "gauge")),
             min(cells("free_attacks", "published_trace", "gs_hider", "gauge")),
@@ -314,8 +314,8 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
         ],
         "blinds the reading of rows (z #)": [abs(patterns("distil", "2000 steps")[1])],
-        "clean model (#; against the bank #)": patterns("unmark", "clip=0.02 passes=3")[2:],
-        "all but that of rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
+        "clean model (#; the bank's has #)": patterns("unmark", "clip=0.02 passes=3")[2:],
+        "spares only that of rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
         "Of # pairs of key and unmarked model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
