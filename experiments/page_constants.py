@@ -153,7 +153,7 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
     },
     "docs/marks-that-survive.md": {
         "Six ray-traced scenes (#x#, # rows, # bits": survival_of("width", "height", "max_gaussians", "bits"),
-        "embedding allows # in training views, in three scenes #.": survival_of("message_weight"),
+        "embedding may cost # in training views (three scenes: #).": survival_of("message_weight"),
     },
     "docs/method.md": {
         "`min_samples` is # and `min_cluster_size` #.": [constants.MIN_SAMPLES, constants.MIN_CLUSTER_SIZE],

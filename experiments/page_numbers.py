@@ -314,8 +314,8 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
         ],
         "blinds the reading of rows (z #)": [abs(patterns("distil", "2000 steps")[1])],
-        "clean model (#; the bank's has #)": patterns("unmark", "clip=0.02 passes=3")[2:],
-        "spares only that of rows (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
+        "clean model (#), not that against the bank (#)": patterns("unmark", "clip=0.02 passes=3")[2:],
+        "only the reading of rows survives (#)": [cell("keyed_pattern", "z rows", "fraction=0.5")],
         "Of # pairs of key and unmarked model": [
             cell("keyed_pattern-keys", "value", "models without a mark") * cell("keyed_pattern-keys", "value", "keys")
         ],
