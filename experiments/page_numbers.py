@@ -308,7 +308,7 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
                 "the same, two more references": f"{INTERLEAVED} clip=0.006 passes=1, {FINER}",
             }.items()
         },
-        "noise ends the proof first, at # to # dB": over_scenes("noise_until_gone")[:2],
+        "noise ends the proof at the least damage, # to # dB": over_scenes("noise_until_gone")[:2],
         "a weak `unmark` end the proof** in all scenes at # to # dB, in five at # to # (clip": [
             *over_scenes(f"{INTERLEAVED} clip=0.006 passes=1")[:2],
             *over_scenes(f"{INTERLEAVED} clip=0.004 passes=1")[:2],
@@ -324,17 +324,17 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
             *(cell("keyed_pattern-keys", "value", "their rate", place=place) for place in (1, 2)),
         ],
         "message read from the model, has $p = #$": same(cells("forgery", "p", "keyed_pattern", "searched key")),
-        "clean one reach $p$ # and #;": cells("forgery", "p", "subtracted"),
+        "forger's mark reach $p$ # and #;": cells("forgery", "p", "subtracted"),
         "keys ignored the clean model, $#$": same(cells("forgery", "p", "subtracted, keys without digest")),
         "shows that owner's key ($p = #$)": same(cells("forgery", "p", "keyed_pattern", "copied mark")),
         "damage-and-fidelity) # and # dB": cells("forgery", "fidelity dB", "keyed_pattern", "copied mark"),
         "resist this ($p$ #, #)": cells("forgery", "p", "rendered_bits", "copied mark"),
-        "all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
-        "of # from # unrelated models, # and # are below 1 %": [
+        "in all # held-out ones": [cell("bits-renders", "renders", "keyed_pattern", "32", "the marked model")],
+        "of # from # unrelated models, # and # have $p < 0.01$": [
             *(cell("bits-renders", column, "keyed_pattern", "32", UNRELATED) for column in ("renders", "renders of")),
             *cells("bits-renders", "above 0.01", "keyed_pattern", UNRELATED),
         ],
-        "# and # are below 0.1 %, # and # below $10^{-6}$": [
+        "has $p < 0.001$ in # and #, $p < 10^{-6}$ in # and #;": [
             number
             for rate in ("0.001", "1e-06")
             for number in cells("bits-renders", f"above {rate}", "rendered_bits", "the marked model")
