@@ -103,7 +103,7 @@ CONSTANTS: dict[str, dict[str, list[float]]] = {
     "benchmarks/README.md": {
         "random reads of # bytes per visible": [FLOAT * constants.FOOTPRINT_FLOATS],
         "memory: # bytes per Gaussian, # of them colours": [FLOAT * NUMBERS_OF_GAUSSIAN, FLOAT * NUMBERS_OF_COLOUR],
-        "every step reads # bytes per Gaussian": [FLOAT * NUMBERS_OF_GAUSSIAN],
+        "per Gaussian, every step reads # bytes": [FLOAT * NUMBERS_OF_GAUSSIAN],
         "instructions per row of # pixels": [constants.TILE],
     },
     "config/README.md": {
