@@ -79,7 +79,10 @@ def survival_of(*names: str) -> list[float]:
     settings = [
         {**defaults, **run["schemes"]["keyed_pattern"], **pair} for run in runs for pair in run["pairs"].values()
     ]
-    return [float(number) for name in names for number in dict.fromkeys(each[name] for each in settings)]
+    found: list[float] = []
+    for name in names:
+        found += dict.fromkeys(float(each[name]) for each in settings)
+    return found
 
 
 def taus(*schemes: str) -> list[float]:

@@ -64,7 +64,8 @@ class Box:
         axis = np.argmax(outward, axis=1)
         coordinates = local.ravel()
         first = np.arange(0, coordinates.size, 3)  # index of each point's x; `take` is faster than `take_along_axis`
-        uv = coordinates.take(first[:, None] + np.array(_IN_FACE_AXES).take(axis, axis=0))
+        in_face = np.array(_IN_FACE_AXES).take(axis, axis=0)
+        uv = coordinates.take(first[:, None] + in_face)
         return 2 * axis + (coordinates.take(first + axis) > 0.5), np.clip(uv, 0.0, 1.0)
 
     def chart(self, face: int, uv: Float64) -> tuple[Float64, Float64]:

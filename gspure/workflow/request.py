@@ -98,8 +98,13 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     from gspure.schemes.registry import made_by, read_public_model, recognized
 
     model = model_file(wanted.source)
-    public = read_public_model(model, made_by(wanted.key)[0] if wanted.key else None)
-    asset = _asset(wanted, model)
+    owners_scheme = None
+    pairs = []
+    if wanted.key:
+        owners_scheme, pair = made_by(wanted.key)
+        pairs = [pair]
+    public = read_public_model(model, owners_scheme)
+    asset = _asset(wanted, model, pairs)
     if asset["cameras"] not in GENERATED:
         source = Path(asset["cameras"])
         in_world_of(model, read_cameras(source), source)  # for its warnings, before the workflow runs
@@ -120,13 +125,11 @@ def write_configuration(wanted: AuditRequest, target: Path, *, draws: bool) -> P
     return target
 
 
-def _asset(wanted: AuditRequest, model: Path) -> Json:
+def _asset(wanted: AuditRequest, model: Path, pairs: Sequence[Path]) -> Json:
     """Return the model's entry: with its views and, for its owner, the key and the photographs of the message."""
     from gspure.cameras.reading import default_cameras, place_in
     from gspure.schemes.pair import message_folder
-    from gspure.schemes.registry import made_by
 
-    pairs = [made_by(wanted.key)[1]] if wanted.key else []
     message = wanted.message or next(filter(place_in, map(message_folder, pairs)), None)
     cameras = wanted.cameras or default_cameras(model, *pairs)
     owner = f", key {wanted.key}, message {message or 'as before the attacks'}" if wanted.key else ""

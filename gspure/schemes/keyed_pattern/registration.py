@@ -82,9 +82,8 @@ def _starts(source: Float64, target: Float64) -> Iterator[Similarity]:
     source_centre = np.median(source, axis=0)
     target_centre = np.median(target, axis=0)
     scale = _size(target, target_centre) / _size(source, source_centre)
-    about_axes = [
-        axis * angle for axis in np.eye(3) for angle in np.arange(1 - TURNS // 2, 1 + TURNS // 2) * 2 * np.pi / TURNS
-    ]
+    angles = np.arange(1 - TURNS // 2, 1 + TURNS // 2) * 2 * np.pi / TURNS
+    about_axes = [axis * angle for axis in np.eye(3) for angle in angles]
     rotations = Rotation.concatenate([Rotation.from_rotvec(about_axes), Rotation.random(STARTS, random_state=0)])
     for rotation in rotations.as_matrix():
         yield Similarity(scale, rotation, target_centre - scale * rotation @ source_centre)
