@@ -12,6 +12,7 @@ from gspure.errors import InputError
 from gspure.evaluation.plan import CONFIGURATION, PLAN_FILE
 from gspure.files import write_json, write_text
 from gspure.metrics.names import CLEAN, clean_seed
+from gspure.model.copies import COPIES, STORED
 from gspure.plugins import require_packages
 from gspure.schemes.registry import find_scheme
 from gspure.workflow.config_reading import read_config
@@ -61,7 +62,7 @@ scattergather:
 
 # Jobs use the Python of Snakemake, even if it is not on PATH, unless --sdm provides an environment.
 STEPS = Path(workflow.basedir) / "rules" / "steps"
-prefix = f"export GSPURE_STEPS={shlex.quote(str(STEPS))}; "
+prefix = f"export GSPURE_STEPS={shlex.quote(str(STEPS))} {COPIES}={STORED}; "
 if CONFIG.device:
     prefix += f"export GSPURE_DEVICE={shlex.quote(CONFIG.device)}; "
 if workflow.deployment_settings.deployment_method:

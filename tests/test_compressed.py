@@ -2,16 +2,20 @@
 
 import gzip
 import json
+import os
 import shutil
 import struct
 import sys
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from PIL import Image
 
+import gspure
 from gspure.errors import InputError
 from gspure.model import read_model, write_model
+from gspure.model.copies import copies_in
 from tests.compressed_cases import SPLAT_TRANSFORM, model, unpacked_sog, write_all
 from tests.models import blobs, covariances
 
@@ -62,6 +66,22 @@ def test_a_model_in_every_format_is_read_nearly_as_it_was(tmp_path, name):
     assert_near(after, before, PRECISION[path.suffix])
     visible = np.abs(before.sh_coeffs[:, 0]) < 1.7  # other colours are beyond 0 to 1
     np.testing.assert_allclose(after.sh_coeffs[:, 0][visible], before.sh_coeffs[:, 0][visible], atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["model.sog", "unpacked/meta.json"])
+def test_a_model_is_decoded_once_for_each_content(tmp_path, monkeypatch, name):
+    path = write_all(tmp_path)[name]
+    before = read_model(path)
+    reader = Mock(return_value=before.with_comment("decoded"))
+    monkeypatch.setitem(gspure.model._READERS, path.name if path.name == "meta.json" else path.suffix, reader)
+    with copies_in(tmp_path / "copies"):
+        models = [read_model(path) for _ in range(3)]
+        assert reader.call_count == 1
+        os.utime(path)
+        models.append(read_model(path))
+    assert reader.call_count == 2
+    assert all(model.table.tobytes() == before.table.tobytes() for model in models)
+    assert {model.comments for model in models} == {(*before.comments, "decoded")}
 
 
 @pytest.mark.parametrize("suffix", [".compressed.ply", ".spz"])

@@ -91,12 +91,10 @@ def bounding_sphere(means: Floats, opacities: Floats) -> tuple[Float64, float]:
     change neither. Rows that are not finite are ignored. A single point gets radius 1.
     """
     points, weights = _finite(means, opacities)
-    low = np.array([_quantile(axis, weights, 1 - _BULK) for axis in points.T])
-    high = np.array([_quantile(axis, weights, _BULK) for axis in points.T])
+    low, high = np.array([_quantiles(axis, weights, 1 - _BULK, _BULK) for axis in points.T]).T
     centre = (low + high) / 2
     distances = np.linalg.norm(points - centre, axis=1)
-    bulk = _quantile(distances, weights, _BULK)
-    framed = _quantile(distances, weights, _FRAMED)
+    bulk, framed = _quantiles(distances, weights, _BULK, _FRAMED)
     return centre, min(framed, _WIDER * bulk) or framed or 1.0
 
 
@@ -109,10 +107,10 @@ def _finite(means: Floats, opacities: Floats) -> tuple[Float64, Float64]:
     return points[finite], weights[finite]
 
 
-def _quantile(values: Float64, weights: Float64, q: float) -> float:
+def _quantiles(values: Float64, weights: Float64, *levels: float) -> list[float]:
     order = np.argsort(values, kind="stable")
     share = np.cumsum(weights[order])
-    return float(values[order[np.searchsorted(share, q * share[-1])]])
+    return [float(values[order[np.searchsorted(share, level * share[-1])]]) for level in levels]
 
 
 def _views(
@@ -128,7 +126,7 @@ def _views(
     """Place one view at each (elevation, azimuth, radius); angles in degrees, radius 1 fills the view."""
     centre, radius = bounding_sphere(model.means, model.opacities)
     if up is None:
-        guess = up_of(model)
+        guess = _up_inside(model, centre, radius)
         say(f"up direction {guess}, guessed from the model's shape; --up X Y Z sets another")
         up = guess.direction.tolist()
     frame = _frame(Entry(f"{kind} views", "", {"up": up}))
@@ -149,8 +147,12 @@ def _views(
 
 def up_of(model: Gaussians) -> Up:
     """Return `guessed_up` for the rows of a model in its bounding sphere."""
+    return _up_inside(model, *bounding_sphere(model.means, model.opacities))
+
+
+def _up_inside(model: Gaussians, centre: Float64, radius: float) -> Up:
+    """Return `guessed_up` for the rows of a model in a sphere."""
     points, weights = _finite(model.means, model.opacities)
-    centre, radius = bounding_sphere(points, weights)
     inside = np.linalg.norm(points - centre, axis=1) <= radius
     return guessed_up(points[inside], weights[inside])
 

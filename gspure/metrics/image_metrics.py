@@ -67,6 +67,8 @@ def ms_ssim(a: NDArray[Any], b: NDArray[Any]) -> float:
 def ssims(a: NDArray[Any], b: NDArray[Any]) -> tuple[float, float]:
     """Return `ssim` and `ms_ssim`, which share the similarities at full size."""
     _check_same_shape(a, b)
+    if np.array_equal(a, b):
+        return 1.0, 1.0
     scales = int(np.log2(max(min(a.shape[:2]) / SSIM_WINDOW, 1.0))) + 1
     weights = MS_SSIM_WEIGHTS[:scales]
     index = np.ones(a.shape[2])
@@ -125,10 +127,13 @@ def _similarity(a: Float64, b: Float64) -> tuple[Float64, Float64]:
     """Return the two factors of SSIM of every pixel and channel: luminance, and contrast with structure."""
     mean_a = _blur(a)
     mean_b = _blur(b)
-    var_a = _blur(a * a) - mean_a**2
-    var_b = _blur(b * b) - mean_b**2
-    covariance = _blur(a * b) - mean_a * mean_b
-    luminance = (2 * mean_a * mean_b + SSIM_C1) / (mean_a**2 + mean_b**2 + SSIM_C1)
+    square_a = mean_a**2
+    square_b = mean_b**2
+    product = mean_a * mean_b
+    var_a = _blur(a * a) - square_a
+    var_b = _blur(b * b) - square_b
+    covariance = _blur(a * b) - product
+    luminance = (2 * product + SSIM_C1) / (square_a + square_b + SSIM_C1)
     return luminance, (2 * covariance + SSIM_C2) / (var_a + var_b + SSIM_C2)
 
 

@@ -9,6 +9,7 @@ from typing import Final
 from gspure import files
 from gspure.errors import InputError
 from gspure.model.compressed import PACKED_PLY, package, read_splat, write_packed
+from gspure.model.copies import read_copy
 from gspure.model.finite import drawable, require_finite
 from gspure.model.gaussians import Gaussians
 from gspure.model.inria import (
@@ -100,7 +101,8 @@ def read_model(path: str | Path) -> Gaussians:
         found = f"{file.name} of {program}"
         raise InputError(file, "format", expected=".ply, .spz, .sog or .splat", found=found, hint=hint)
     try:
-        model = _reader(file)(file)
+        reader = _reader(file)
+        model = read_ply(file) if reader is read_ply else read_copy(file, reader)
     except InputError as error:
         raise _recognized(file, error) from error
     return model.with_background(trained_background(file))

@@ -28,6 +28,8 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices
     """Return the rows with a not-a-number or a meaningless infinity, for each of the named columns that has any."""
     parts_by_name: dict[str, list[Indices]] = {name: [] for name in names}
     for rows, block in model.blocks():
+        if _is_finite(block):
+            continue
         for name, parts in parts_by_name.items():
             finite = np.isfinite(block[name])
             if not finite.all():
@@ -35,6 +37,15 @@ def non_finite_rows(model: Gaussians, names: Iterable[str]) -> dict[str, Indices
                 parts.append(rows.start + np.flatnonzero(~finite))
     rows_by_name = {name: np.concatenate(parts) for name, parts in parts_by_name.items() if parts}
     return {name: rows for name, rows in rows_by_name.items() if len(rows)}
+
+
+def _is_finite(block: NDArray[np.void]) -> bool:
+    """Return whether rows without gaps, all of float32, are finite: faster than column by column."""
+    names = block.dtype.names or ()
+    is_dense = block.flags.c_contiguous and block.dtype.itemsize == 4 * len(names)
+    if not is_dense or any(block.dtype[name] != np.float32 for name in names):
+        return False
+    return bool(np.isfinite(block.view(np.float32)).all())
 
 
 def undrawable_rows(model: Gaussians) -> Indices:
@@ -52,7 +63,8 @@ def drawable(model: Gaussians, source: str | Path) -> Gaussians:
     Raise `InputError` if no row can be drawn, or if the undrawable rows are anchors, whose opacity a network computes.
     """
     if not model.has_anchors:
-        unturned = np.flatnonzero(~model.quats.any(axis=1))
+        w, x, y, z = model.quats.T
+        unturned = np.flatnonzero((w == 0) & (x == 0) & (y == 0) & (z == 0))
         if len(unturned):
             count = f"{len(unturned)} of {len(model)} rows"
             warn(f"{source}: {count} have a zero quaternion and are not drawn: {listed(unturned)}")

@@ -34,7 +34,8 @@ def depth_distances(public: PublicModel, cameras: Sequence[Camera], device: Devi
         if renderer is None or renderer.model is not gaussians:
             renderer = Renderer(gaussians, device)
             axes = principal_axes(gaussians)
-        deviations = np.linalg.norm(axes @ camera.viewmat[2, :3], axis=1)
+        along_view = np.einsum("kij,j->ik", axes, camera.viewmat[2, :3])
+        deviations = np.sqrt(np.square(along_view).sum(axis=0))
         visible, positions = points_shown(camera, gaussians.means)
         columns, lines = positions[:, :2].astype(np.intp).T
         surface = renderer.depth(camera)[lines, columns]

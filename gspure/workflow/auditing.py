@@ -160,12 +160,14 @@ def prepared(wanted: AuditRequest, *, is_rehearsal: bool = False) -> Iterator[tu
         with TemporaryDirectory() as folder, chdir(place):
             yield write_configuration(wanted, Path(folder) / AUDIT_FILE.name, draws=False), Path()
     else:
+        from gspure.model.copies import STORED, copies_in
+
         place = wanted.out or own_place(wanted)
         if place != Path():
             wanted = wanted.resolved()
             place.mkdir(parents=True, exist_ok=True)
             say(f"all files go to {place}")
-        with chdir(place), alone_in(Path()):
+        with chdir(place), alone_in(Path()), copies_in(STORED):
             yield write_configuration(wanted, AUDIT_FILE, draws=True), place
 
 

@@ -61,6 +61,8 @@ def map_cuda() -> None:
     names |= {"Event": _Event, "Stream": _Stream, "stream": _Stream, "device": _Stream}
     names |= {"current_stream": _Stream, "default_stream": _Stream}
     vars(torch.cuda).update(names)
+    if target == "cpu":  # optimizers of PyTorch 2.14 would ask the driver of CUDA
+        torch.accelerator.current_accelerator = _constant(None)
     choose = torch.set_default_device
     torch.set_default_device = lambda device: choose(_placed(device, target))
     torch.load = _loading(torch.load, target)
