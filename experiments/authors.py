@@ -1,97 +1,188 @@
-"""The authors' GS-Hider beside ours on one pair, by schedule and bound on rows: tables/authors.csv.
+"""Models of authors' programs beside ours, by schedule and bound on rows: tables/authors.csv.
 
-gspure pair room vault --width 208 --height 156 --out pair
-gspure embed gs_hider_authors pair --initialization scene --set iterations=3000 --out FOLDER/authors
-python -m experiments.authors pair FOLDER
+GS-Hider, by the adapter of examples/adapters (``land`` is a pair):
 
-The second command needs the adapter of examples/adapters; the third trains ours in FOLDER, unless it is there: by our
-schedule, which scales that of 3DGS to the run, and by the first steps of 3DGS's, as the authors' program.
+gspure pair landscape-1 interior-3 --width 208 --height 156 --out land
+gspure embed gs_hider_authors land --initialization scene --set iterations=3000 --out FOLDER/gs_hider
+python -m experiments.authors gs_hider land FOLDER
+
+Scaffold-GS, which SecureGS extends, in its checkout, on the COLMAP project that `experiments.programs` writes; it loads
+weights for LPIPS, which no number here depends on:
+
+gspure cuda-free -- python train.py -s CAPTURE -m FOLDER/scaffold_gs --eval --iterations 3000 --save_iterations 3000 \
+    --appearance_dim 0
+python -m experiments.authors scaffold_gs land FOLDER
+
+The last command trains ours in FOLDER, unless they are there: by our schedule, which scales the authors' to the run,
+and by the first steps of the authors'. Rows of other pairs and programs stay in the table.
 """
 
+import csv
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
 
 from experiments.inria_schedule import NO_BOUND, first_of_inrias
+from gspure.arrays import Float32
 from gspure.files import write_text
-from gspure.images import read_back
+from gspure.images import read_back, read_image
 from gspure.metrics.csv_tables import csv_text
 from gspure.metrics.image_metrics import psnr
 from gspure.metrics.targets import MESSAGE
+from gspure.model import read_model
 from gspure.public_model import RenderView
 from gspure.schemes.pair import Capture, Pair, read_pair
 from gspure.schemes.registry import find_scheme
 from gspure.schemes.scheme import hide
 from gspure.training.dataset import read_photographs
 from gspure.training.schedule import ITERATIONS, Schedule
+from gspure_torch.secure_gs.growing import AnchorSchedule
 
 TABLE: Final = Path(__file__).resolve().parent / "tables" / "authors.csv"
 STEPS: Final = 3000
-COLUMNS: Final = ("program", "schedule of 3DGS", "bound on rows", "rows", "scene dB", "message dB")
+
+
+class Row(NamedTuple):
+    """A row of the table: a model, and the PSNR of what it shows in held-out views."""
+
+    pair: str
+    scheme: str
+    program: str
+    schedule: str
+    bound: str  # on rows
+    rows: str
+    scene: str  # dB
+    message: str  # dB; empty without one
 
 
 class Ours(NamedTuple):
-    """A training of ours."""
+    """A training of ours: the place and value of what it runs by, and the settings of its scheme."""
 
     folder: str
-    title: str  # of the schedule
-    schedule: Schedule
-    most: int  # rows
+    schedule: str
+    place: str
+    stand_in: Callable[..., Any]
+    settings: dict[str, Any]
 
+    @property
+    def bound(self) -> str:
+        """The bound on rows; empty without one."""
+        bound = self.settings.get("max_gaussians") or self.settings["max_anchors"]
+        return "" if bound == NO_BOUND else str(bound)
+
+
+OWN: Final = f"scaled to {STEPS}"
+FIRST: Final = f"first {STEPS} of {ITERATIONS}"
 
 SCALED: Final = Schedule.scaled(STEPS)
-FIRST: Final = f"first {STEPS} of {ITERATIONS}"
-OURS: Final = (
-    Ours("scaled", f"scaled to {STEPS}", SCALED, 30_000),
-    Ours("no_resets", f"scaled to {STEPS}, no resets", replace(SCALED, reset_every=STEPS), 30_000),
-    Ours("first_30000", FIRST, first_of_inrias(STEPS), 30_000),
-    Ours("first", FIRST, first_of_inrias(STEPS), NO_BOUND),
-)
+WITHOUT_RESETS: Final = replace(SCALED, reset_every=STEPS)
 
 
-def train(one: Ours, pair: Pair, folder: Path) -> None:
-    """Train ours, with decoders at a constant rate as the authors', and write it to a folder."""
-    scheme = find_scheme("gs_hider")
-    with patch("gspure_torch.rows.schedule_of", lambda *_, **__: one.schedule):
-        public, key = hide(scheme, pair, iterations=STEPS, max_gaussians=one.most, constant_rate=1)
-    assert key is not None
-    for part in ("public", "key"):
-        (folder / part).mkdir(parents=True)
+def gs_hider(folder: str, title: str, schedule: Schedule, most: int) -> Ours:
+    """Return a training of GS-Hider, with decoders at a constant rate as the authors'."""
+    settings = {"max_gaussians": most, "constant_rate": 1}
+    return Ours(folder, title, "gspure_torch.rows.schedule_of", lambda *_, **__: schedule, settings)
+
+
+def secure_gs(folder: str, title: str, iterations: int) -> Ours:
+    """Return a training of SecureGS's clean model, which is one of Scaffold-GS, by the first steps of so many."""
+    settings = {"max_anchors": NO_BOUND, "message_weight": 0}
+    return Ours(
+        folder,
+        title,
+        "gspure_torch.secure_gs.training.AnchorSchedule",
+        lambda *_: AnchorSchedule(iterations),
+        settings,
+    )
+
+
+OURS: Final = {
+    "gs_hider": (
+        gs_hider("scaled", OWN, SCALED, 30_000),
+        gs_hider("no_resets", f"{OWN}, no resets", WITHOUT_RESETS, 30_000),
+        gs_hider("first_30000", FIRST, first_of_inrias(STEPS), 30_000),
+        gs_hider("first", FIRST, first_of_inrias(STEPS), NO_BOUND),
+    ),
+    "secure_gs": (
+        secure_gs("anchors_scaled", OWN, STEPS),
+        secure_gs("anchors_first", FIRST, ITERATIONS),
+    ),
+}
+
+
+def train(scheme: str, ours: Ours, pair: Pair, folder: Path) -> None:
+    """Train ours, and write it to a folder."""
+    with patch(ours.place, ours.stand_in):
+        public, key = hide(find_scheme(scheme), pair, iterations=STEPS, **ours.settings)
+    (folder / "public").mkdir(parents=True)
     public.write(folder / "public" / "point_cloud.ply")
-    key.write(folder / "key")
+    if key:
+        (folder / "key").mkdir()
+        key.write(folder / "key")
 
 
-def measured(folder: Path, pair: Pair) -> list[str]:
+def measured(scheme: str, folder: Path, pair: Pair) -> tuple[str, str, str]:
     """Return the rows of a model, and the PSNR of scene and message in held-out views."""
-    scheme = find_scheme("gs_hider")
-    public = scheme.read_public(folder / "public")
-    message = scheme.read_key(folder / "key").message(public, MESSAGE)
-    levels = [level(public.scene(), pair.scene), level(message, pair.message)]
-    return [str(len(public.model)), *(f"{value:.2f}" for value in levels)]
+    public = find_scheme(scheme).read_public(folder / "public")
+    message = ""
+    if (folder / "key").is_dir():
+        render = find_scheme(scheme).read_key(folder / "key").message(public, MESSAGE)
+        message = rendered_level(render, pair.message)
+    return str(len(public.model)), rendered_level(public.scene(), pair.scene), message
 
 
-def level(render: RenderView, capture: Capture) -> float:
-    """Return the mean PSNR of held-out views, dB."""
-    views = capture.dataset.test
-    pairs = zip(views, read_photographs(views), strict=True)
-    return float(np.mean([psnr(read_back(render(view)), photograph) for view, photograph in pairs]))
+def rendered_level(render: RenderView, capture: Capture) -> str:
+    """Return the mean PSNR of a model in held-out views, dB."""
+    return level([read_back(render(view)) for view in capture.dataset.test], capture)
 
 
-def rows(pair: Pair, folder: Path) -> Iterator[list[str]]:
-    """Yield the rows of the table."""
-    yield ["authors", FIRST, "", *measured(folder / "authors", pair)]
-    for one in OURS:
-        place = folder / one.folder
-        if not place.is_dir():
-            train(one, pair, place)
-        bound = "" if one.most == NO_BOUND else str(one.most)
-        yield ["gspure", one.title, bound, *measured(place, pair)]
+def level(images: list[Float32], capture: Capture) -> str:
+    """Return the mean PSNR of images of held-out views, dB."""
+    photographs = read_photographs(capture.dataset.test)
+    return f"{np.mean([psnr(*both) for both in zip(images, photographs, strict=True)]):.2f}"
+
+
+def measured_scaffold_gs(folder: Path, pair: Pair) -> tuple[str, str, str]:
+    """Return the anchors of a model of Scaffold-GS, and the PSNR of its own images of held-out views."""
+    anchors = read_model(folder / f"point_cloud/iteration_{STEPS}/point_cloud.ply")
+    files = sorted((folder / f"test/ours_{STEPS}/renders").glob("*.png"))
+    return str(len(anchors)), level([read_image(file) for file in files], pair.scene), ""
+
+
+THEIRS: Final[dict[str, tuple[str, Callable[[Path, Pair], tuple[str, str, str]]]]] = {
+    "gs_hider": ("gs_hider", partial(measured, "gs_hider")),
+    "scaffold_gs": ("secure_gs", measured_scaffold_gs),
+}
+"""Programs of authors: the scheme of ours that they stand beside, and how their models are measured."""
+
+
+def compared(program: str, name: str, folder: Path) -> Iterator[Row]:
+    """Yield the rows of a pair: of a program's model in a folder, and of ours."""
+    pair = read_pair(Path(name), "scene")
+    scheme, measure = THEIRS[program]
+    yield Row(Path(name).name, scheme, program, FIRST, "", *measure(folder / program, pair))
+    for ours in OURS[scheme]:
+        if not (folder / ours.folder).is_dir():
+            train(scheme, ours, pair, folder / ours.folder)
+        yield Row(
+            Path(name).name, scheme, "ours", ours.schedule, ours.bound, *measured(scheme, folder / ours.folder, pair)
+        )
+
+
+def main(program: str, name: str, folder: str) -> None:
+    """Put the rows of a pair into the table, in place of older ones."""
+    new = [*compared(program, name, Path(folder))]
+    with TABLE.open(newline="", encoding="utf-8") as file:
+        known = [Row(**row) for row in csv.DictReader(file)]
+    others = [row for row in known if row[:2] != new[0][:2]]
+    write_text(TABLE, csv_text(Row._fields, [*others, *new]))
 
 
 if __name__ == "__main__":
-    write_text(TABLE, csv_text(COLUMNS, rows(read_pair(Path(sys.argv[1]), "scene"), Path(sys.argv[2]))))
+    main(*sys.argv[1:])
