@@ -19,7 +19,7 @@ MODULES = {
 }
 PLUGIN = {
     "__init__": "",
-    "attack": "import numpy\nfrom gspure.unrelated import number\nfrom . import order\n",
+    "attack": '"""\nfrom ... import order\n"""\nimport numpy; import gspure.unrelated\nfrom . import \\\n order\n',
     "order": "from .shares import share\n",
     "shares": "share = 1\nfrom murky.deep import depth\n",
     "deep/__init__": "from .depth import depth\n",

@@ -1,7 +1,7 @@
 """Digests by which the workflow knows what to run again: of the code behind a result, and of the user's files."""
 
-import ast
 import os
+import re
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -18,6 +18,10 @@ from gspure.plugins import installed
 _PACKAGE: Final = Path(__file__).parents[1]
 _DIGESTS: Final = Path(".snakemake") / "gspure-digests.json"  # state and digest of the user's files, by name
 _INPUTS: Final = Path(".snakemake") / "gspure-inputs.json"  # the same of all files of this run, when it began
+_COMMENT: Final = re.compile("#.*")
+_IMPORT: Final = re.compile(
+    r"(?:^|[;:])[ \t]*(?:from[ \t]+([\w.]+)[ \t]+)?import\b[ \t]*(\([^)]*\)|[^\n;]*)", re.MULTILINE
+)
 _SETTLED: Final = 2_000_000_000  # nanoseconds after which a further change gives a file another time; ours
 
 _noted: dict[str, Any] = {}  # state and digest of the files that `note_inputs` noted in this process
@@ -105,13 +109,19 @@ def _imports(module: str) -> frozenset[str]:
 
 
 def _named(source: bytes, parents: list[str]) -> Iterator[str]:
-    """Yield the modules that a source imports, and the names imported from them, which may be modules too."""
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            module = resolve_name("." * node.level + (node.module or ""), ".".join(parents))
-            yield from (module, *(f"{module}.{alias.name}" for alias in node.names))
+    """Yield the modules that a source imports, and the names imported from them, which may be modules too.
+
+    Examples in texts count as well; Python's own parser would take a second for all modules.
+    """
+    code = _COMMENT.sub("", source.decode(errors="replace")).replace("\\\n", " ")
+    for module, imported in _IMPORT.findall(code):
+        names = [words.split()[0] for words in imported.strip("()").split(",") if words.strip()]
+        if not module:
+            yield from names
+            continue
+        with suppress(ImportError):  # `from ... import`, in a text
+            origin = resolve_name(module, ".".join(parents))
+            yield from (origin, *(f"{origin}.{name}" for name in names))
 
 
 @cache
