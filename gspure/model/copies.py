@@ -39,11 +39,8 @@ def read_copy(file: Path, decode: Callable[[Path], Gaussians]) -> Gaussians:
 @contextmanager
 def copies_in(folder: Path) -> Iterator[None]:
     """Let this process, and those that it starts, use copies in a folder during the block."""
-    before = os.environ.get(COPIES)
     os.environ[COPIES] = str(folder)
     try:
         yield
     finally:
-        os.environ.pop(COPIES)
-        if before is not None:
-            os.environ[COPIES] = before
+        del os.environ[COPIES]
