@@ -7,10 +7,11 @@ gspure embed gs_hider_authors land --initialization scene --set iterations=3000 
 python -m experiments.authors gs_hider land FOLDER
 
 Scaffold-GS, which SecureGS extends, in its checkout, on the COLMAP project that `experiments.programs` writes; it loads
-weights for LPIPS, which no number here depends on:
+weights for LPIPS, which no number here depends on. With `--voxel_size 0` its voxels are ours:
 
 gspure cuda-free -- python train.py -s CAPTURE -m FOLDER/scaffold_gs --eval --iterations 3000 --save_iterations 3000 \
     --appearance_dim 0
+gspure cuda-free -- python train.py -s CAPTURE -m FOLDER/scaffold_gs_median --eval ... --voxel_size 0
 python -m experiments.authors scaffold_gs land FOLDER
 
 The last command trains ours in FOLDER, unless they are there: by our schedule, which scales the authors' to the run,
@@ -163,10 +164,11 @@ THEIRS: Final[dict[str, tuple[str, Callable[[Path, Pair], tuple[str, str, str]]]
 
 
 def compared(program: str, name: str, folder: Path) -> Iterator[Row]:
-    """Yield the rows of a pair: of a program's model in a folder, and of ours."""
+    """Yield the rows of a pair: of a program's models in a folder, and of ours."""
     pair = read_pair(Path(name), "scene")
     scheme, measure = THEIRS[program]
-    yield Row(Path(name).name, scheme, program, FIRST, "", *measure(folder / program, pair))
+    for theirs in sorted(folder.glob(f"{program}*")):
+        yield Row(Path(name).name, scheme, theirs.name, FIRST, "", *measure(theirs, pair))
     for ours in OURS[scheme]:
         if not (folder / ours.folder).is_dir():
             train(scheme, ours, pair, folder / ours.folder)

@@ -265,18 +265,28 @@ def capture_facts() -> dict[str, str]:
 
 
 def authors_facts() -> dict[str, str]:
-    """Return what GSPure takes from a model of the authors' GS-Hider, and its radius for the owner who adapts."""
+    """Return what GSPure takes from models of the authors' GS-Hider, and their radii for the owner who adapts."""
     rows = read_results(RESULTS / "authors" / "results.csv")
+    scenes = dict.fromkeys(row.scene for row in rows)
+    drops = [_drops([row for row in rows if row.scene == scene]) for scene in scenes]
+    radii = [one for one in model_radii(rows) if (one.kind, one.owner) == ("message", ADAPTS)]
+    texts = [f"{radius_text(one.radius, exceeds=one.exceeds)} ({display_name(one.killer)})" for one in radii]
+    return {
+        "authors_message": " and ".join(message for message, _ in drops),
+        "authors_scene": " and ".join(scene for _, scene in drops),
+        "authors_radius": " and ".join(dict.fromkeys(texts)),
+    }
+
+
+def _drops(rows: Sequence[Result]) -> tuple[str, str]:
+    """Return what GSPure takes from the message as published, and from the scene, dB."""
     before, after = (
         next(row for row in rows if row.variant == variant and row.extraction == MESSAGE)
         for variant in (UNATTACKED, GSPURE)
     )
-    (radius,) = (one for one in model_radii(rows) if (one.kind, one.owner) == ("message", ADAPTS))
-    return {
-        "authors_message": decimal(before.message_values[printed.PSNR] - after.message_values[printed.PSNR]),
-        "authors_scene": decimal(before.scene_values[printed.PSNR] - after.scene_values[printed.PSNR]),
-        "authors_radius": f"{radius_text(radius.radius, exceeds=radius.exceeds)} ({display_name(radius.killer)})",
-    }
+    message = before.message_values[printed.PSNR] - after.message_values[printed.PSNR]
+    scene = before.scene_values[printed.PSNR] - after.scene_values[printed.PSNR]
+    return decimal(message), decimal(scene)
 
 
 def _table(name: str) -> list[dict[str, str]]:
