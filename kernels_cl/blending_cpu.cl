@@ -8,6 +8,7 @@
 #define CHUNK 32
 #define ROWS 4  // rows of a block; two would spare a tenth of the evaluations and cost more in loads
 #define BLOCKS (TILE / ROWS)
+#define FINISHED (MEDIAN_DEPTH ? MEDIAN_TRANSMITTANCE : 0.0f)  // T of pixels that need no further Gaussian
 
 inline float max16(float16 v) {
     float8 a = MAX(v.lo, v.hi);
@@ -138,7 +139,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
                 for (int i = 0; i < CHANNELS; i++) channels[(ROWS * b + r) * CHANNELS + i] = c[r * CHANNELS + i];
 #endif
             }
-            if (!any(most > (float16)0.0f)) live &= ~(1u << b);
+            if (!any(most > (float16)FINISHED)) live &= ~(1u << b);
         }
 #if CONTRIBUTIONS
         for (uint j = 0; j < count; j++) {

@@ -6,6 +6,7 @@
 
 #define STAGED (SPLAT_CHANNELS + CHANNELS)
 #define FIXED_POINT 8388608.0f
+#define FINISHED (MEDIAN_DEPTH ? MEDIAN_TRANSMITTANCE : 0.0f)  // T of pixels that need no further Gaussian
 
 __kernel __attribute__((reqd_work_group_size(TILE * TILE, 1, 1)))
 void blend_tiles(int width, int height, int tiles_x, int first_tile,
@@ -39,7 +40,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
     for (uint first = begin; first < end; first += BATCH) {
         if (item == 0) unfinished = 0;
         barrier(CLK_LOCAL_MEM_FENCE);
-        if (T > 0.0f) atomic_inc(&unfinished);
+        if (T > FINISHED) atomic_inc(&unfinished);
         barrier(CLK_LOCAL_MEM_FENCE);
         bool finished = unfinished == 0;  // the same for the whole group
         uint count = min((uint)BATCH, end - first);
@@ -52,7 +53,7 @@ void blend_tiles(int width, int height, int tiles_x, int first_tile,
 #endif
         barrier(CLK_LOCAL_MEM_FENCE);
         for (uint j = 0; j < count && !finished; j++) {
-            if (T <= 0.0f) break;
+            if (T <= FINISHED) break;
             float s[STAGED], terms[ROW_TERMS], depth;
             for (int i = 0; i < STAGED; i++) s[i] = staged[j * STAGED + i];
 #if MEDIAN_DEPTH

@@ -20,7 +20,7 @@ class Traversal:
     """0 to 3: colours of spherical harmonics, and 1 / depth and 1 if channels are 4 or 5; -1: stored features"""
 
     contributions: bool = False
-    median_depth: bool = False
+    median_depth: bool = False  # pixels end at it, so that their transmittance is not final
     stored_sh_degree: int | None = None  # of the stored coefficients, if higher than sh_degree
     points: bool = False  # for points in space instead of pixel centres (energy "ray")
 
