@@ -7,11 +7,10 @@ gspure embed gs_hider_authors land --initialization scene --set iterations=3000 
 python -m experiments.authors gs_hider land FOLDER
 
 Scaffold-GS, which SecureGS extends, in its checkout, on the COLMAP project that `experiments.programs` writes; it loads
-weights for LPIPS, which no number here depends on. With `--voxel_size 0` its voxels are ours:
+weights for LPIPS, which no number here depends on:
 
 gspure cuda-free -- python train.py -s CAPTURE -m FOLDER/scaffold_gs --eval --iterations 3000 --save_iterations 3000 \
     --appearance_dim 0
-gspure cuda-free -- python train.py -s CAPTURE -m FOLDER/scaffold_gs_median --eval ... --voxel_size 0
 python -m experiments.authors scaffold_gs land FOLDER
 
 The last command trains ours in FOLDER, unless they are there: by our schedule, which scales the authors' to the run,
@@ -21,6 +20,7 @@ and by the first steps of the authors'. Rows of other pairs and programs stay in
 import csv
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from unittest.mock import patch
 import numpy as np
 
 from experiments.inria_schedule import NO_BOUND, first_of_inrias
-from gspure.arrays import Float32
+from gspure.arrays import Float32, Float64
 from gspure.files import write_text
 from gspure.images import read_back, read_image
 from gspure.metrics.csv_tables import csv_text
@@ -47,6 +47,7 @@ from gspure_torch.secure_gs.growing import AnchorSchedule
 
 TABLE: Final = Path(__file__).resolve().parent / "tables" / "authors.csv"
 STEPS: Final = 3000
+VOXEL: Final = 1e-3  # side, world units
 
 
 class Row(NamedTuple):
@@ -58,17 +59,16 @@ class Row(NamedTuple):
     schedule: str
     bound: str  # on rows
     rows: str
-    scene: str  # dB
-    message: str  # dB; empty without one
+    scene_psnr: str  # dB
+    message_psnr: str  # dB; empty without a message
 
 
 class Ours(NamedTuple):
-    """A training of ours: the place and value of what it runs by, and the settings of its scheme."""
+    """A training of ours: what it runs by, in place of parts of ours, and the settings of its scheme."""
 
     folder: str
     schedule: str
-    place: str
-    stand_in: Callable[..., Any]
+    parts: dict[str, Callable[..., Any]]  # by their place
     settings: dict[str, Any]
 
     @property
@@ -88,19 +88,21 @@ WITHOUT_RESETS: Final = replace(SCALED, reset_every=STEPS)
 def gs_hider(folder: str, title: str, schedule: Schedule, most: int) -> Ours:
     """Return a training of GS-Hider, with decoders at a constant rate as the authors'."""
     settings = {"max_gaussians": most, "constant_rate": 1}
-    return Ours(folder, title, "gspure_torch.rows.schedule_of", lambda *_, **__: schedule, settings)
+    return Ours(folder, title, {"gspure_torch.rows.schedule_of": lambda *_, **__: schedule}, settings)
 
 
-def secure_gs(folder: str, title: str, iterations: int) -> Ours:
+def secure_gs(folder: str, title: str, iterations: int, **parts: Callable[..., Any]) -> Ours:
     """Return a training of SecureGS's clean model, which is one of Scaffold-GS, by the first steps of so many."""
+    schedule = {"training.AnchorSchedule": lambda *_: AnchorSchedule(iterations)}
     settings = {"max_anchors": NO_BOUND, "message_weight": 0}
     return Ours(
-        folder,
-        title,
-        "gspure_torch.secure_gs.training.AnchorSchedule",
-        lambda *_: AnchorSchedule(iterations),
-        settings,
+        folder, title, {f"gspure_torch.secure_gs.{place}": part for place, part in (schedule | parts).items()}, settings
     )
+
+
+def voxels(xyz: Float64, _: int) -> tuple[Float64, float]:
+    """Return the occupied voxels [C,3] of points [P,3], in units of their side, and the side: Scaffold-GS's default."""
+    return np.unique(np.rint(xyz / VOXEL), axis=0), VOXEL
 
 
 OURS: Final = {
@@ -113,13 +115,16 @@ OURS: Final = {
     "secure_gs": (
         secure_gs("anchors_scaled", OWN, STEPS),
         secure_gs("anchors_first", FIRST, ITERATIONS),
+        secure_gs("anchors_fine", f"{FIRST}, their voxels", ITERATIONS, **{"initialization._voxels": voxels}),
     ),
 }
 
 
 def train(scheme: str, ours: Ours, pair: Pair, folder: Path) -> None:
     """Train ours, and write it to a folder."""
-    with patch(ours.place, ours.stand_in):
+    with ExitStack() as stack:
+        for place, part in ours.parts.items():
+            stack.enter_context(patch(place, part))
         public, key = hide(find_scheme(scheme), pair, iterations=STEPS, **ours.settings)
     (folder / "public").mkdir(parents=True)
     public.write(folder / "public" / "point_cloud.ply")
@@ -164,11 +169,10 @@ THEIRS: Final[dict[str, tuple[str, Callable[[Path, Pair], tuple[str, str, str]]]
 
 
 def compared(program: str, name: str, folder: Path) -> Iterator[Row]:
-    """Yield the rows of a pair: of a program's models in a folder, and of ours."""
+    """Yield the rows of a pair: of a program's model in a folder, and of ours."""
     pair = read_pair(Path(name), "scene")
     scheme, measure = THEIRS[program]
-    for theirs in sorted(folder.glob(f"{program}*")):
-        yield Row(Path(name).name, scheme, theirs.name, FIRST, "", *measure(theirs, pair))
+    yield Row(Path(name).name, scheme, "authors", FIRST, "", *measure(folder / program, pair))
     for ours in OURS[scheme]:
         if not (folder / ours.folder).is_dir():
             train(scheme, ours, pair, folder / ours.folder)

@@ -80,6 +80,11 @@ def patterns(*keys: str) -> list[float]:
     return across("keyed_pattern", "damage|z rows|z clean model|z bank", *keys)
 
 
+def messages_of(*keys: str) -> list[float]:
+    """Return the PSNR of GS-Hider's messages in two pairs, of the authors' program or of ours."""
+    return [cell("authors", "message_psnr", pair, "gs_hider", *keys) for pair in ("room", "land")]
+
+
 def over_scenes(attack: str) -> list[float]:
     """Return, over scenes, the least and largest damage of an attack, the number of proven scenes, and the fewest bits.
 
@@ -183,6 +188,7 @@ PURIFIED = ("purify [1M]", "purify [6M]")
 OWNERS = "GS-Hider, own poses"
 PROGRAMS = "benchmarks/cuda_free"
 UNRELATED = "30 unrelated models"
+FIRST_STEPS = "first 3000 of 30000"
 INRIAS = "liruilong940607/gaussian-splatting"
 AUDITED = float(len(DEFAULT_VARIANTS) - 1)
 SEEN = [float(row["legibility"]) for row in rows_of("legibility") if row["viewer_1"] != "nothing"]
@@ -385,10 +391,19 @@ NUMBERS: dict[str, dict[str, list[float]]] = {
         ],
     },
     "docs/schemes.md": {
-        "message has # dB after the first": [cell("authors", "message dB", "authors")],
-        "and # to # dB after the same steps": sorted(cells("authors", "message dB", "gspure", "first 3000 of 30000")),
-        "scaled to 3000 steps, gives # dB": [cell("authors", "message dB", "scaled to 3000")],
-        "(# without resets": [cell("authors", "message dB", "scaled to 3000, no resets")],
+        "messages have # and # dB after the first": messages_of("authors"),
+        "program, and # to # and # to # dB after the same steps": [
+            extreme(cells("authors", "message_psnr", pair, "ours", FIRST_STEPS))
+            for pair in ("room", "land")
+            for extreme in (min, max)
+        ],
+        "scaled to 3000 steps, gives # and # dB": messages_of("ours", "scaled to 3000"),
+        "the room has # dB by Scaffold-GS": [cell("authors", "scene_psnr", "secure_gs", "authors")],
+        "# dB by the same steps of SecureGS's base": [
+            cell("authors", "scene_psnr", "secure_gs", FIRST_STEPS + ", their voxels")
+        ],
+        "(# with larger voxels": [cell("authors", "scene_psnr", "secure_gs", "ours", FIRST_STEPS)],
+        "and # dB by its default schedule": [cell("authors", "scene_psnr", "secure_gs", "scaled to 3000")],
         "costs it # to # dB": [min(finetuned()), max(finetuned())],
         "from # to # dB after GSPure": [cell("owners-adaptive", OWNERS, "gspure", place=i) for i in (1, 2)],
         "from # to # dB on the clean model": [cell("owners-adaptive", OWNERS, "clean model", place=i) for i in (1, 2)],
