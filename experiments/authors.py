@@ -91,9 +91,17 @@ def gs_hider(folder: str, title: str, schedule: Schedule, most: int) -> Ours:
     return Ours(folder, title, {"gspure_torch.rows.schedule_of": lambda *_, **__: schedule}, settings)
 
 
+class EndedEarly(AnchorSchedule):
+    """The first steps of a schedule; Scaffold-GS's model is evaluated before it grows."""
+
+    def adjusts(self, iteration: int) -> bool:
+        """Return whether anchors grow and are pruned after this iteration."""
+        return iteration < STEPS and super().adjusts(iteration)
+
+
 def secure_gs(folder: str, title: str, iterations: int, **parts: Callable[..., Any]) -> Ours:
     """Return a training of SecureGS's clean model, which is one of Scaffold-GS, by the first steps of so many."""
-    schedule = {"training.AnchorSchedule": lambda *_: AnchorSchedule(iterations)}
+    schedule = {"training.AnchorSchedule": lambda *_: EndedEarly(iterations)}
     settings = {"max_anchors": NO_BOUND, "message_weight": 0}
     return Ours(
         folder, title, {f"gspure_torch.secure_gs.{place}": part for place, part in (schedule | parts).items()}, settings
