@@ -27,7 +27,7 @@ def read_copy(file: Path, decode: Callable[[Path], Gaussians]) -> Gaussians:
         return decode(file)
     states = [f"{part} {file_state(part.stat())}" for part in model_parts(file.absolute())]
     copy = Path(folder) / digest(*states)
-    if copy.is_dir():
+    if (copy / _ROWS).is_file():  # it comes last: a killed writer leaves none
         return Gaussians(np.load(copy / _ROWS, allow_pickle=False), tuple(read_json(copy / _COMMENTS)))
     model = decode(file)
     with filling(copy) as temporary:
